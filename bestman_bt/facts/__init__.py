@@ -1,1 +1,1 @@
-"""What can be said of the world, a fact in a file: what the robot believes of it, and what is true."""
+"""Facts about the world, one file each: their belief and their ground truth."""

@@ -1,4 +1,4 @@
-"""``accessible``, ``behind``, ``in_the_way``, ``drawer``, ``blocked``: what stands between the robot and a place."""
+"""``accessible``, ``behind``, ``in_the_way``, ``drawer``, ``blocked``: what blocks access to a place."""
 
 from __future__ import annotations
 

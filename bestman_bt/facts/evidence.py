@@ -1,4 +1,4 @@
-"""What a run is judged by, whatever it ran on, and what a judgement says."""
+"""Evidence and verdicts of judging a run, independent of the backend."""
 
 from __future__ import annotations
 
@@ -19,37 +19,37 @@ if TYPE_CHECKING:
 
 
 class Truth(Protocol):
-    """What is true at the end of a run; poses in the map frame."""
+    """Ground truth at the end of a run; poses in the map frame."""
 
     @property
     def object_names(self) -> tuple[str, ...]:
         """The movable objects."""
 
     def object_pose(self, name: str) -> Pose:
-        """Of an object."""
+        """Return the pose of an object."""
 
     def articulation_position(self, name: str) -> float:
         """Return how far a door or drawer is open, radians or metres from closed."""
 
     def base_pose(self) -> Pose:
-        """Of the robot's base frame."""
+        """Return the pose of the robot's base frame."""
 
     def frame_pose(self, frame: str) -> Pose:
-        """Of a frame of the robot."""
+        """Return the pose of a frame of the robot."""
 
     def touches_robot(self, name: str) -> bool:
         """Return whether the robot presses on an object."""
 
     def supports(self, name: str) -> tuple[str, ...]:
-        """Names of the bodies other than the robot that an object touches."""
+        """Return the names of the bodies other than the robot that touch an object."""
 
 
 @dataclass(frozen=True)
 class DrawnTask:
-    """A task in the world that the seed has drawn. ``world_model``: what the robot is given of it at the start.
+    """A task in a drawn world. ``world_model``: the robot's initial knowledge.
 
-    ``absent``: objects that the scene leaves out. ``registry``: of the nodes that there are, or None if they could not
-    be loaded, or nobody asks.
+    ``absent``: objects that the scene leaves out. ``registry``: of the nodes, or None if they could not be loaded or
+    are not needed.
     """
 
     config: RunConfig
@@ -62,10 +62,10 @@ class DrawnTask:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a fact is judged by, after the rest time.
+    """The evidence for facts, after the rest time.
 
-    ``before``: name → position at the beginning of the rest, of each object that the task names and that is there.
-    ``driven``: metres that the base has driven. ``tool_frame``: of the arm that skills move.
+    ``before``: name → position at the beginning of the rest, of each existing object of the task. ``driven``: metres
+    driven by the base. ``tool_frame``: of the arm.
     """
 
     task: DrawnTask
@@ -77,7 +77,7 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Verdict:
-    """``holds``: whether it is true. ``why``: in words where it is not. ``metrics``: what was measured."""
+    """``holds``: whether it is true. ``why``: the reason if not. ``metrics``: measured values."""
 
     holds: bool
     why: str = ""
@@ -85,13 +85,13 @@ class Verdict:
 
     @staticmethod
     def on(thing: str, faults: Iterable[str], metrics: dict[str, float] | None = None) -> Verdict:
-        """True where there are no faults; else ``the cup is not let go, still moving``."""
+        """Return a true verdict without faults; else one with ``the cup is not let go, still moving``."""
         why = ", ".join(faults)
         return Verdict(not why, f"the {thing} is {why}" if why else "", metrics or {})
 
 
 def joined(verdicts: Iterable[Verdict]) -> Verdict:
-    """Return all of them hold, or what is wrong with any."""
+    """Return the conjunction of verdicts, with the reasons of the false ones."""
     told = list(verdicts)
     metrics = {name: value for verdict in told for name, value in verdict.metrics.items()}
     return Verdict(all(v.holds for v in told), "; ".join(v.why for v in told if not v.holds), metrics)

@@ -1,4 +1,4 @@
-"""``holding``, ``hand_empty``: what the hand holds, if anything."""
+"""``holding``, ``hand_empty``: the held object, if any."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from bestman_bt.facts.predicate import Beliefs, Predicate
 
 
 def is_held(evidence: Evidence, name: str) -> bool:
-    """Return whether the robot presses on an object, and that stands on nothing."""
+    """Return whether the robot presses on an object that has no other support."""
     return evidence.truth.touches_robot(name) and not evidence.truth.supports(name)
 
 

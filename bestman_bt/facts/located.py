@@ -1,4 +1,4 @@
-"""``located``, ``unseen``: whether it is known where an object is, and where else it may be."""
+"""``located``, ``unseen``: whether the place of an object is known, and where it may be."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``near``, ``tucked``: where the base stands, and whether it may drive."""
+"""``near``, ``tucked``: the place of the base, and whether it may drive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``open``, ``closed``: how far a door or drawer is open, by the openings that skills go by; ``locked``, ``stuck``."""
+"""``open``, ``closed``: by the thresholds of the skills; ``locked``, ``stuck``."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""What can be said of the world in a goal or a declaration: how the robot finds out whether it believes it, and a judge
-whether it is true.
+"""Predicates of goals and declarations: their evaluation by belief, and by ground truth.
 
-The robot's belief decides, never the world: of what has not been seen nothing is true but ``unseen``.
+Execution uses only the belief: nothing but ``unseen`` is true of an unseen object.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from bestman_bt.world_model.world_model import WorldModel
 
 @dataclass(frozen=True)
 class Beliefs:
-    """What predicates are asked of. ``tucked``: whether the arm is in its posture for driving, by encoders."""
+    """The input of predicates. ``tucked``: whether the arm is in its driving posture, by encoders."""
 
     world: WorldModel
     tucked: bool = True
@@ -25,19 +24,15 @@ class Beliefs:
 
 @dataclass(frozen=True)
 class Predicate:
-    """``parameters``: name → type. ``words``: what it says, with its parameters in braces.
+    """A predicate. ``parameters``: name → type. ``words``: its meaning, with parameters in braces.
 
-    ``holds``: decides by beliefs, its arguments in the order of the parameters; None: it holds once an ability has
-    brought it about. ``means``: the condition that it is short for, if it is.
-
-    What goals may say of it, with its parameters in braces. ``excludes``: facts other than itself that cannot hold
-    together with it; ``_`` is anything: ``on({object}, _)``. ``known_if``: the fact without which its negation is only
-    not known: that something is not on the table says nothing while it was never seen. ``negatable``: whether that it
-    does not hold is anything to aim at.
-
-    By ``Evidence``, after a run, in words, empty where nothing does: ``why_not`` returns what keeps it from being true,
-    ``why_still`` what keeps its negation from being true, by a measure of its own: ``not on`` wants a thing off the
-    surface, not just badly put down. None: it is about the robot's beliefs alone, so its own word counts.
+    ``holds``: evaluates the belief, arguments in the order of the parameters; None: true once an ability has achieved
+    it. ``means``: the condition that it abbreviates, if any. ``excludes``: facts that exclude it; ``_`` is a wildcard:
+    ``on({object}, _)``. ``known_if``: the fact without which its negation is merely unknown: an unseen object is not
+    known to be off the table. ``negatable``: whether its negation can be a goal.
+    ``why_not``, ``why_still``: from ``Evidence``, why it, or its negation, is not true, or empty; the negation has its
+    own criterion: ``not on`` requires that the object is off the surface, not just misplaced. None: it is only about
+    beliefs, which then count.
     """
 
     name: str
@@ -58,7 +53,7 @@ class Predicate:
 
 
 def shipped_predicates() -> dict[str, Predicate]:
-    """Those that the files of this folder make, by name."""
+    """Return the predicates of this folder, by name."""
     files = [found.name for found in iter_modules(facts.__path__, "bestman_bt.facts.") if not found.ispkg]
     modules = map(import_module, files)
     made = [value for module in modules for value in vars(module).values() if isinstance(value, Predicate)]

@@ -1,4 +1,4 @@
-"""Whether an object was let go and rests where it is: what all facts about objects ask."""
+"""Checks whether an object is released and at rest, shared by all facts about objects."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def is_moving(evidence: Evidence, name: str) -> bool:
 
 
 def tilt_fault(evidence: Evidence, pose: Pose) -> list[str]:
-    """Nothing, or that it is tilted."""
+    """Return the tilt as a fault, or nothing."""
     tolerated = evidence.task.config.task.tolerances.tilt
     return [f"tilted by {math.degrees(pose.tilt):.0f}°"] if pose.tilt > tolerated else []
 
 
 def rest_faults(evidence: Evidence, name: str, surface: str) -> list[str]:
-    """What keeps an object from having been put down on the furniture of ``surface``."""
+    """Return why an object does not rest on the furniture of ``surface``."""
     truth = evidence.truth
     faults = ["still moving"] if is_moving(evidence, name) else []
     if truth.touches_robot(name):
@@ -49,10 +49,9 @@ def is_over(evidence: Evidence, name: str, surface: str) -> bool:
 
 
 def surface_pose(evidence: Evidence, name: str) -> tuple[PlacedFurniture, Pose, tuple[float, float], float]:
-    """Return the piece, the true pose in the map of a surface of it (open drawers are where they are), its size, and
-    its room.
+    """Return the piece, the true pose of its surface (drawers at their opening), its size, and its clear height.
 
-    The room is what there is up to the next surface above, metres; infinite without one.
+    The clear height is that up to the next surface, metres; infinite without one.
     """
     wanted, _, part = name.partition("/")
     piece = next(p for p in evidence.task.world.furniture if p.name == wanted)
@@ -65,9 +64,7 @@ def surface_pose(evidence: Evidence, name: str) -> tuple[PlacedFurniture, Pose, 
 
 
 def moved_by_drawer(evidence: Evidence, name: str) -> Pose:
-    """Return how far the drawer that a surface belongs to is open, in the furniture frame; nothing for other
-    surfaces.
-    """
+    """Return the displacement of a surface's drawer, in the furniture frame; identity for other surfaces."""
     wanted, _, part = name.partition("/")
     piece = next(p for p in evidence.task.world.furniture if p.name == wanted)
     leaf = piece.model.leaf_of(part)

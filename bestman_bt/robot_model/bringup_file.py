@@ -1,4 +1,4 @@
-"""The file in which the bring-up of a real robot is signed: beside the robot's own, under its name."""
+"""The bring-up file, with the signed commissioning of a real robot: beside the robot's file, under its name."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ADDRESSED = ("address", "port", "token", "driver")
 
 @dataclass(frozen=True)
 class SignedStep:
-    """How a step of the bring-up went, ``when`` (UTC) and for ``who``; ``measured``: figure by name, in SI units."""
+    """The result of a bring-up step, ``when`` (UTC) and by ``who``; ``measured``: values by name, in SI units."""
 
     outcome: Literal["passed", "failed", "does not apply"]
     when: str
@@ -46,10 +46,10 @@ class Signature:
 
 @dataclass(frozen=True)
 class BringUpFile:
-    """What was found out about one robot: that with these controllers and this content of its file.
+    """The bring-up results of one robot, valid for these controllers and this content of its file.
 
-    ``content``: as ``RobotModel.content``. ``serial_numbers``, ``firmware``: of the controllers that tell them, by
-    connection. ``twin``: those were twins. ``signed``: None while steps are left.
+    ``content``: as ``RobotModel.content``. ``serial_numbers``, ``firmware``: of the controllers that report them, by
+    connection. ``twin``: the controllers were twins. ``signed``: None while steps are missing.
     """
 
     robot: str
@@ -62,11 +62,11 @@ class BringUpFile:
 
     @classmethod
     def read(cls, path: Path) -> BringUpFile:
-        """ConfigurationError with file, line and field where it is none."""
+        """Read a bring-up file. Raises ConfigurationError with file, line and field if it is invalid."""
         return check(read_document(path), cls)
 
     def write(self, path: Path) -> None:
-        """In place of what is there, at once or not at all."""
+        """Write the file atomically."""
         path.parent.mkdir(parents=True, exist_ok=True)
         draft = path.with_name(f".{path.name}.{os.getpid()}")
         draft.write_text(yaml.safe_dump(asdict(self), sort_keys=False, allow_unicode=True), encoding="utf-8")
@@ -74,14 +74,14 @@ class BringUpFile:
 
 
 def bringup_path(robot_file: Path, twin: bool = False) -> Path:
-    """Where the bring-up of a robot is signed: beside its file; of a shipped one among the user's robots."""
+    """Return the path of a robot's bring-up file: beside its file; for a shipped robot in the user's folder."""
     shipped = data_root() in robot_file.resolve().parents
     folder = user_folders()["robot"] if shipped else robot_file.parent
     return folder / f"{robot_file.stem}{TWIN_SUFFIX if twin else SUFFIX}"
 
 
 def content_of(document: Document) -> str:
-    """Return a digest of what a robot's file and those of its parts say, but not of where its controllers are."""
+    """Return a digest of the content of a robot's file and its parts' files, without the addresses of controllers."""
     data = {key: value for key, value in document.data.items() if key != "bringup"}
     data["connections"] = {
         name: {key: value for key, value in connection.items() if key not in _ADDRESSED}
@@ -94,10 +94,10 @@ def content_of(document: Document) -> str:
 
 
 def as_brought_up(model: RobotModel) -> tuple[RobotModel, str]:
-    """``model`` as a real robot may move now, and why its arms are slow, or nothing.
+    """Return ``model`` with the limits that a real robot has now, and the reason if its arms are slow.
 
-    Arms are slow until the bring-up is signed; then the controllers have to tell the serial numbers that were signed.
-    ConfigurationError where the file that is there was signed for another content of the robot's file, or for a twin.
+    Arms are slow until the bring-up is signed; then the controllers must have the signed serial numbers. Raises
+    ConfigurationError if the file was signed for another content of the robot's file, or for a twin.
     """
     path = model.bringup
     if path is None or not path.is_file():

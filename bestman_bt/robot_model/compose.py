@@ -1,4 +1,4 @@
-"""Robots from parts: one URDF, and beside it everything that a program must know about the robot."""
+"""Composition of robots from parts: one URDF, and everything else that programs need to know."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _gripper_limits(part: PlacedPart, config: GripperPart) -> dict[str, tuple[fl
 
 
 def load_robot_model(name_or_path: str | Path, overrides: Mapping[str, Any] | None = None) -> RobotModel:
-    """Compose the robot that a YAML of parts describes.
+    """Compose the robot of a YAML of parts.
 
     A bare name means a shipped robot. ``overrides``: dotted keys → values, for example
     ``{"parts.mast.set.dimensions.mass": "2 kg"}``. Raises ConfigurationError with file, line and field.
@@ -132,7 +132,7 @@ def load_robot_model(name_or_path: str | Path, overrides: Mapping[str, Any] | No
 
 
 def compose_robot(name: str, document: Document) -> RobotModel:
-    """Compose a robot from the document of a ``RobotConfig``; ConfigurationError tells all faults that can be found."""
+    """Compose a robot from the document of a ``RobotConfig``. Raises ConfigurationError listing every fault."""
     faults = ProblemCollector()
     config, faults.problems = salvage(document, RobotConfig)
     written = document.data.get("parts")
@@ -365,11 +365,9 @@ def load_problems(model: RobotModel, placed: Mapping[str, PlacedPart], document:
 
 
 def with_calibration(document: Document, folder: Path, faults: ProblemCollector) -> Document:
-    """Return a robot's document with the ``parts`` of its ``calibration`` files laid over its own, one file after the
-    other.
+    """Return a robot's document with the ``parts`` of its ``calibration`` files applied, in order.
 
-    ``folder``: where relative names begin. Files that cannot be read and parts of another robot are left out, and added
-    to ``faults``.
+    ``folder``: for relative names. Unreadable files and parts of another robot are left out, and added to ``faults``.
     """
     names = document.data.get("calibration", [])
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
@@ -397,9 +395,10 @@ def with_calibration(document: Document, folder: Path, faults: ProblemCollector)
 
 
 def combine(base: str, arm: str, hand: str, column: str = "column") -> RobotModel:
-    """Return the robot ``<base>+<arm>+<hand>``, its parts called ``base``, ``column``, ``arm`` and ``gripper``.
+    """Return the robot ``<base>+<arm>+<hand>``, with parts called ``base``, ``column``, ``arm`` and ``gripper``.
 
-    Names or paths of part descriptions. Raises ConfigurationError if one is unknown or has no place for the next one.
+    The arguments are names or paths of part descriptions. Raises ConfigurationError if one is unknown or cannot carry
+    the next one.
     """
     parts = {
         "base": {"part": base},

@@ -1,4 +1,4 @@
-"""The parts of a robot's YAML that only hardware needs: who speaks to which controller, and what it may do at most."""
+"""The hardware sections of a robot's YAML: connections to controllers, and safety limits."""
 
 from __future__ import annotations
 
@@ -20,11 +20,10 @@ from bestman_bt.configuration.secret import Secret
 
 @dataclass(frozen=True)
 class ConnectionConfig:
-    """One controller: ``driver`` names the class that speaks to it, ``parts`` the robot's parts behind it.
+    """One controller: ``driver``: name of the connection class; ``parts``: the robot's parts behind it.
 
-    ``address`` and ``token`` never show in a text made of this; ``${NAME}`` is what the environment says of them.
-    ``options``: what the driver wants to know besides;
-    in a robot model, checked: an instance of the driver's own dataclass.
+    ``address`` and ``token`` are hidden in all texts; ``${NAME}`` is replaced from the environment. ``options``: of the
+    driver; in a robot model an instance of the driver's own dataclass.
     """
 
     driver: str
@@ -45,9 +44,9 @@ class WorkspaceConfig:
 
 @dataclass(frozen=True)
 class StopInputConfig:
-    """Where datagrams (UDP) say ``run`` or ``stop``; ``silence``: seconds without one that stop the robot, too.
+    """A source of datagrams (UDP) with ``run`` or ``stop``; ``silence``: seconds without one that also stop the robot.
 
-    ``address``: ``HOST:PORT`` of this machine to listen at.
+    ``address``: ``HOST:PORT`` of this machine to listen on.
     """
 
     address: str
@@ -65,15 +64,14 @@ def host_and_port(address: str) -> tuple[str, int]:
 
 @dataclass(frozen=True)
 class SafetyConfig:
-    """What the robot may do at most, enforced above the vendors' own limits.
+    """Limits of the robot, enforced above the vendors' own limits.
 
-    ``joint_speed``: share of the arms' speed limits, 1 if nothing is said; real arms of which neither this nor
-    ``tool_speed`` is said begin slowly. ``base_speed``, ``base_turn``, ``gripper_force``: at most, in place of the
-    parts' own where those are higher. These are written into the robot model, so planners and the simulation keep them,
-    too. ``tool_speed`` bounds the arms' tools, ``workspace`` their elbows, too. ``watchdog``: seconds without a sign of
-    life after which a controller counts as lost and everything else is stopped; ``heartbeat``: of the process that
-    plans, or of the one that holds the connections, after which the robot brakes. ``stop_input``: what stops it from
-    outside.
+    ``joint_speed``: fraction of the arms' speed limits, default 1; real arms without this and ``tool_speed`` start
+    slowly. ``base_speed``, ``base_turn``, ``gripper_force``: upper limits, replacing higher ones of the parts. They are
+    part of the robot model, so that planners and the simulation respect them. ``tool_speed`` limits the arms' tools,
+    ``workspace`` tools and elbows. ``watchdog``: seconds without a sign of life after which a controller counts as lost
+    and everything else is stopped; ``heartbeat``: the same for the planning process, or the one with the connections,
+    after which the robot brakes. ``stop_input``: an external stop signal.
     """
 
     joint_speed: Share | None = None

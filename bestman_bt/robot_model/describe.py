@@ -59,8 +59,8 @@ def describe(
     postures: Mapping[str, Mapping[str, float]],
     ignored_pairs: list[tuple[str, str]],
 ) -> RobotModel:
-    """Return the model of ``urdf``; ``placed``: its parts by name, ``ignored_pairs``: links that need no collision
-    check.
+    """Return the model of ``urdf``; ``placed``: its parts by name, ``ignored_pairs``: excluded from collision
+    checks.
     """
     hand_of = _hands(urdf, placed)
     tools = {arm: placed[gripper].config for gripper, arm in hand_of.items()}
@@ -223,7 +223,7 @@ Places = dict[str, NDArray[np.float64]]
 
 
 def legs(base: LeggedBasePart, urdf: ET.Element) -> tuple[LegModel, ...]:
-    """Front right, front left, rear right, rear left."""
+    """Return the legs: front right, front left, rear right, rear left."""
     child = {joint.get("name", ""): child_of(joint) for joint in urdf.findall("joint")}
     links = [child[joint] for joint in base.joints]
     poses = link_poses(list(urdf), {}, [base.root or "", *links, *base.feet])
@@ -255,10 +255,10 @@ def _leg(base: LeggedBasePart, index: int, links: list[str], places: Places) -> 
 def allowed_self_pairs(
     robot: ET.Element, locked_joints: frozenset[str], declared: Iterable[tuple[str, str]]
 ) -> frozenset[frozenset[str]]:
-    """Pairs of links with collision shapes that need no check.
+    """Return the pairs of links with collision shapes that need no check.
 
-    Links that fixed or ``locked_joints`` (wheels) join move as one; a link and its nearest ancestor with a shape
-    are neighbours; ``declared`` pairs are taken as they are.
+    These are links connected rigidly or by ``locked_joints`` (wheels), a link and its nearest ancestor with a shape,
+    and the ``declared`` pairs.
     """
     solid = {link.get("name", "") for link in robot.findall("link") if link.find("collision") is not None}
     parents: dict[str, tuple[str, bool]] = {}

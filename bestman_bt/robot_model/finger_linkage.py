@@ -28,7 +28,7 @@ class MimicJoint:
 
 
 def all_positions(driven: Mapping[str, float], mimics: Iterable[MimicJoint]) -> dict[str, float]:
-    """Return the positions of driven joints, and of all that follow them directly or by way of another follower."""
+    """Return the positions of driven joints and of all joints that mimic them, directly or indirectly."""
     positions = dict(driven)
     waiting = list(mimics)
     while waiting:
@@ -53,11 +53,11 @@ def opening_table(
     travel: tuple[float, float],
     min_width: float,
 ) -> tuple[tuple[float, float], ...]:
-    """Pairs (position of each of ``joints``, opening width), from the widest to the closed hand.
+    """Return pairs (position of each of ``joints``, opening width), from the widest to the closed hand.
 
     ``travel``: the position where the hand is open, and where it is closed to ``min_width``. The width is that of the
     gap between the middles of the first two ``fingers`` along y of the frame ``tool``, by forward kinematics; pads do
-    not turn in a parallel hand, so that their thickness is a constant.
+    not rotate in a parallel hand, so their thickness is constant.
     """
     middles = [_middle(elements, finger) for finger in fingers[:2]]
     opened, closed = travel
@@ -102,7 +102,7 @@ def _middle(elements: list[ET.Element], link: str) -> NDArray[np.float64]:
 
 
 def joint_pose(joint: ET.Element, positions: Mapping[str, float]) -> Pose:
-    """Of a joint's child link in its parent link; a joint without a position is at zero."""
+    """Return the pose of a joint's child link in its parent link; missing joints are at zero."""
     placed = origin_pose(joint)
     position = positions.get(joint.get("name", ""), 0.0)
     if position == 0.0 or joint.get("type") == "fixed":

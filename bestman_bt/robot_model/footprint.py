@@ -19,7 +19,7 @@ _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
 
 
 def outline(geometry: ET.Element | None) -> NDArray[np.float64]:
-    """Points whose hull is the shape's, (N, 3) metres in its own frame."""
+    """Return points whose hull is that of the shape, (N, 3) metres in its own frame."""
     shape = geometry[0] if geometry is not None and len(geometry) else None
     if shape is None:
         return np.zeros((0, 3))

@@ -37,13 +37,12 @@ class _Tube:
 
 @dataclass(frozen=True)
 class OffsetWristArm:
-    """Six joints, of which 2, 3 and 4 are parallel and 5 and 6 stand across, each beside the one before.
+    """Six joints, of which 2, 3 and 4 are parallel and 5 and 6 perpendicular, each with an offset.
 
     ``shoulder_height`` d1, ``upper_arm`` -a2, ``forearm`` -a3, ``wrist_1_offset`` d4, ``wrist_2_offset`` d5,
-    ``wrist_3_offset`` d6: as their maker gives them. ``masses``, ``centres``: of the six moving links, kg and metres
-    in the frames of the Denavit-Hartenberg convention turned to the joint before. ``upper_arm_beside``,
-    ``forearm_beside``: of the tubes' middles along the axis of joint 2; ``radii``: of shoulder and upper arm, of the
-    forearm, of the wrists.
+    ``wrist_3_offset`` d6: as given by the manufacturer. ``masses``, ``centres``: of the six moving links, kg and metres
+    in the Denavit-Hartenberg frames rotated to the previous joint. ``upper_arm_beside``, ``forearm_beside``: offsets of
+    the tubes along the axis of joint 2; ``radii``: of shoulder and upper arm, of the forearm, of the wrists.
     """
 
     shoulder_height: PositiveLength
@@ -62,9 +61,10 @@ class OffsetWristArm:
 
 
 def offset_wrist_arm(name: str, d: OffsetWristArm) -> list[ET.Element]:
-    """Links ``<name>_base_link``, ``<name>_shoulder_link`` … ``<name>_wrist_3_link``, and ``<name>_tool0``, the flange.
+    """Return links ``<name>_base_link``, ``<name>_shoulder_link`` … ``<name>_wrist_3_link``, and the flange
+    ``<name>_tool0``.
 
-    The root's x and y point the other way round than in the maker's base frame, as in URDFs of such arms.
+    The root's x and y are opposite to those of the manufacturer's base frame, as usual in URDFs of such arms.
     """
     upper, lower, wrist = d.radii
     root = f"{name}_base_link"

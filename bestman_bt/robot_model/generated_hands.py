@@ -29,7 +29,7 @@ class ParallelHand:
     """A housing with two fingers that slide along y; z leaves the hand.
 
     ``housing`` and ``finger``: extents (x, y, z); ``tip``: from the tool frame to the ends of the fingers.
-    ``housing_mesh``: what is drawn instead of the housing's box, ``PACKAGE:FILE``, its fingers sliding along x.
+    ``housing_mesh``: visual mesh of the housing, ``PACKAGE:FILE``, its fingers sliding along x.
     """
 
     housing: Size3
@@ -78,10 +78,9 @@ def parallel_hand(name: str, d: ParallelHand) -> list[ET.Element]:
 class SwingingHand:
     """A palm with two fingers on parallel linkages: they swing about x, their pads stay parallel; z leaves the hand.
 
-    ``pivot``: (y, z) of a finger's axis at the palm, ``tip``: (y, z) of its pad's axis beyond that, both for the left
-    finger pointing straight ahead. ``pad``: extents of the pad, ``pad_face``: how far inside the pad's axis its face
-    lies. ``finger_mesh``, ``tip_mesh``: what is drawn instead of boxes, ``PACKAGE:FILE``, x leaving the hand and y to
-    the left.
+    ``pivot``: (y, z) of a finger's axis at the palm, ``tip``: (y, z) from there to its pad's axis, both for the left
+    finger pointing straight ahead. ``pad``: extents of the pad, ``pad_face``: distance of its face inside the pad's
+    axis. ``finger_mesh``, ``tip_mesh``: visual meshes, ``PACKAGE:FILE``, x leaving the hand and y to the left.
     """
 
     palm: Size3

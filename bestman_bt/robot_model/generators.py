@@ -50,9 +50,9 @@ class Chassis:
 
 @dataclass(frozen=True)
 class DifferentialBase(Chassis):
-    """Two driven wheels on the axis through the base frame, ball casters on the middle line before and behind.
+    """Two driven wheels on the axis through the base frame, ball casters on the centre line in front and behind.
 
-    ``caster_drop``: how much lower than the wheels the casters reach.
+    ``caster_drop``: height of the wheels' contact above that of the casters.
     """
 
     caster_radius: PositiveLength

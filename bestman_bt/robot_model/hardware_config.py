@@ -1,4 +1,4 @@
-"""Connections and safety limits of a robot's YAML, checked and brought into its model."""
+"""Connections and safety limits of a robot's YAML, checked and added to its model."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _AS_A_GRIPPER = ("suction",)
 
 
 def with_hardware(model: RobotModel, connections: Mapping[str, ConnectionConfig], safety: SafetyConfig) -> RobotModel:
-    """``model`` with its connections, and no faster or stronger than ``safety`` allows."""
+    """Return ``model`` with its connections, limited by ``safety``."""
     return dataclasses.replace(
         model,
         parts={name: _within(safety, part) for name, part in model.parts.items()},
@@ -41,7 +41,7 @@ FIRST_JOINT_SPEED, FIRST_TOOL_SPEED = 0.1, 0.25
 
 
 def with_first_limits(model: RobotModel) -> RobotModel:
-    """As ``model``, with arms no faster than a real robot's first motions should be."""
+    """Return ``model`` with arms limited to the speed of a real robot's first motions."""
     if not model.of(ArmModel):
         return model
     safety = model.safety
@@ -159,7 +159,7 @@ def _payload_problems(
 
 
 def wider_limits(name: str, part: ArmPart, described: ArmPart, document: Document) -> Iterator[Problem]:
-    """Where the robot's file lets an arm do more than its ``described`` part, which has the vendor's limits."""
+    """Yield problems where the robot's file exceeds the vendor's limits of the ``described`` arm."""
     for field in ("lower", "upper", "velocity", "acceleration", "effort"):
         of_file, of_part = getattr(part.limits, field), getattr(described.limits, field)
         for joint, asked, most in zip(part.joints, of_file, of_part, strict=False):

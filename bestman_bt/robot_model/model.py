@@ -62,14 +62,14 @@ class JointedModel:
 
     @cached_property
     def path_tolerance(self) -> NDArray[np.float64]:
-        """How far each may be from its set-point on the way."""
+        """Return the path tolerance of each joint (n,), rad or m."""
         constraints = self.part.constraints
         each = (constraints.joints.get(name) for name in self.joint_names)
         return _fixed(tuple((one and one.trajectory) or constraints.trajectory for one in each))
 
     @cached_property
     def goal_tolerance(self) -> NDArray[np.float64]:
-        """How far each may be from its target at rest."""
+        """Return the goal tolerance of each joint (n,), rad or m."""
         constraints = self.part.constraints
         each = (constraints.joints.get(name) for name in self.joint_names)
         return _fixed(tuple((one and one.goal) or constraints.goal for one in each))
@@ -107,11 +107,11 @@ class JointGroupModel(JointedModel):
 
 @dataclass(frozen=True, eq=False)
 class GripperModel:
-    """A gripper: its ``part``, with what the URDF tells of its hand.
+    """A gripper: its ``part``, with the properties of its hand from the URDF.
 
-    ``hand_link``: the parent of the fingers; ``linkage``: knuckles and what else moves between. ``opening``: of fingers
-    on a linkage pairs (position of each of ``part.joints``, width) from the widest to the closed hand; sliding ones
-    share the width equally. ``followers``: joints that a mechanism couples to these.
+    ``hand_link``: the parent of the fingers; ``linkage``: moving links in between. ``opening``: for fingers on a
+    linkage, pairs (position of each of ``part.joints``, width) from the widest to the closed hand; sliding ones share
+    the width equally. ``followers``: mechanically coupled joints.
     """
 
     part: GripperPart | SuctionPart
@@ -122,7 +122,7 @@ class GripperModel:
 
     @property
     def max_width(self) -> float:
-        """Of the open hand, metres; of a linkage what its joints reach."""
+        """The width of the open hand, metres; for a linkage as far as its joints reach."""
         return self.opening[0][1] if self.opening else self.part.max_width
 
     def joint_positions(self, width: float) -> dict[str, float]:
@@ -135,8 +135,8 @@ class GripperModel:
         return all_positions(dict.fromkeys(self.part.joints, position), self.followers)
 
     def width(self, positions: ArrayLike) -> float:
-        """Return the opening width where ``part.joints`` are at ``positions`` (n,); a linkage: the mean of what they
-        say.
+        """Return the opening width for ``part.joints`` at ``positions`` (n,), metres; for a linkage the mean of the
+        joints.
         """
         if not self.opening:
             return float(np.sum(positions))
@@ -145,7 +145,7 @@ class GripperModel:
         return float(np.mean(np.interp(np.asarray(positions, float), q[::order], widths[::order])))
 
     def transmission(self, width: float) -> float:
-        """Return how far each joint moves per metre of opening width, rad/m or 1; positive."""
+        """Return the motion of each joint per metre of opening width, rad/m or 1; positive."""
         positions, widths = self._table
         index = int(np.clip(np.searchsorted(widths, width), 1, len(widths) - 1))
         return abs(float((positions[index] - positions[index - 1]) / (widths[index] - widths[index - 1])))
@@ -176,8 +176,8 @@ class GripperModel:
 class LegModel:
     """A leg; metres in the frame of the trunk. Its hip turns about x, its thigh and its knee about y.
 
-    ``joint_names``: hip, thigh, knee; limits (3,) in radians, rad/s and N m. ``hip``: where the hip's axis is,
-    ``thigh_offset``: from there sideways (y) to the thigh. ``foot_link``: a ball of ``foot_radius``.
+    ``joint_names``: hip, thigh, knee; limits (3,) in radians, rad/s and N m. ``hip``: point on the hip's axis,
+    ``thigh_offset``: from there sideways (y) to the thigh. ``foot_link``: a sphere of ``foot_radius``.
     """
 
     joint_names: tuple[str, str, str]
@@ -230,14 +230,12 @@ Kind = TypeVar("Kind", bound=Part)
 class RobotModel:
     """A composed robot.
 
-    ``urdf``: the text, meshes by absolute path. ``base_frame``: on the floor, x forward. ``parts``: by name (``base``,
-    ``arm``, ``gripper``, ``head``, …), kind by kind; a kind's own in the order of the robot's YAML.
-    ``postures``: name → joint name → position. ``hand_of``: name of a gripper or another
-    hand → name of the arm that carries it. ``default_arm``: of several arms the one that skills use which name none.
-    ``allowed_self_pairs``: pairs of links that always or never touch, left out of self-collision checks.
-    ``connections``, ``safety``: of the real robot; the simulation has no use for the former. ``bringup``: where its
-    bring-up is signed; ``content``: digest of what its files say; ``serial_numbers``: connection → which controller has
-    to be there.
+    ``urdf``: the text, with absolute mesh paths. ``base_frame``: on the floor, x forward. ``parts``: by name (``base``,
+    ``arm``, ``gripper``, ``head``, …), grouped by kind; within a kind in the order of the robot's YAML. ``postures``:
+    name → joint name → position. ``hand_of``: name of a gripper or other hand → its arm. ``default_arm``: the arm of
+    skills that do not name one of several. ``allowed_self_pairs``: pairs of links left out of self-collision checks.
+    ``connections``, ``safety``: of the real robot; the simulation ignores the former. ``bringup``: path of the bring-up
+    file; ``content``: digest of its files; ``serial_numbers``: connection → expected controller.
     """
 
     name: str
@@ -260,7 +258,7 @@ class RobotModel:
 
     @property
     def arm_names(self) -> tuple[str, ...]:
-        """Names of the arms, in the order of the robot's file."""
+        """The names of the arms, in the order of the robot's file."""
         return tuple(self.of(ArmModel))
 
     def arm_named(self, name: str = "") -> str:
@@ -284,7 +282,7 @@ class RobotModel:
         return next((name for name in self.of(GripperModel) if self.hand_of.get(name) == arm), None)
 
     def posture(self, name: str, joint_names: tuple[str, ...]) -> NDArray[np.float64]:
-        """Positions (n,) of ``joint_names`` in a posture. Raises KeyError naming what there is."""
+        """Return the positions (n,) of ``joint_names`` in a posture. Raises KeyError listing the known postures."""
         if name not in self.postures:
             raise KeyError(f"robot {self.name!r} has no posture {name!r}; it has {', '.join(self.postures) or 'none'}")
         missing = [joint for joint in joint_names if joint not in self.postures[name]]

@@ -1,4 +1,4 @@
-"""Where parts are mounted: on a link of an earlier part, or simply on that part."""
+"""The mounts of parts: on a link of an earlier part, or on the part itself."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ Places = dict[str, tuple[str, Pose]]
 
 
 def without_bare_frames(urdf: str) -> tuple[str, Places]:
-    """``urdf`` without the links that have no shape and hang on a fixed joint, and where these frames are.
+    """Return ``urdf`` without the links that have no shape and a fixed joint, and the poses of these frames.
 
-    What hung on such a link then hangs on the link before it. Their masses go: RobotModel gives frames tiny ones.
+    Their children are attached to the previous link. Their masses are dropped: RobotModel gives frames tiny ones.
     """
     robot = ET.fromstring(urdf)
     joint_above = {child_of(joint): joint for joint in robot.findall("joint")}
@@ -71,7 +71,7 @@ Place = tuple[str, Vector, Vector]
 
 
 def mount_place(mounted: MountedPart, part: PlacedPart | None, placed: Mapping[str, PlacedPart]) -> Place | None:
-    """Where ``part`` goes, or None if its ``mount`` is neither a link nor a part that carries others.
+    """Return the mount of ``part``, or None if ``mount`` is neither a link nor a part that can carry others.
 
     The name of a part means its ``tip`` (of an arm), ``top`` (of a structure) or ``deck`` (of a base).
     """
@@ -97,9 +97,9 @@ def mount_problems(
     placed: Mapping[str, PlacedPart],
     unread: bool = False,
 ) -> list[Problem]:
-    """What is wrong with where ``part`` (None: it could not be read) is mounted; ``placed``: the parts before it.
+    """Return the faults of the mount of ``part`` (None: it could not be read); ``placed``: the parts before it.
 
-    ``unread``: there are others before it that could not be read, and it may be mounted on one of those.
+    ``unread``: earlier parts could not be read, and it may be mounted on one of those.
     """
     field = ("parts", name, "mount")
     links = [link for earlier in placed.values() for link in earlier.links]

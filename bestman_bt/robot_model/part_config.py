@@ -1,4 +1,4 @@
-"""The YAML of a part that moves or carries: what a program must know about it, one dataclass per kind."""
+"""The YAML of a part that moves or carries others, one dataclass per kind."""
 
 from __future__ import annotations
 
@@ -40,11 +40,10 @@ from bestman_bt.robot_model.part_fields import (
 
 @dataclass(frozen=True, kw_only=True)
 class MobilePart(PartConfig):
-    """What all bases share: limits, 0 for a ``max_vy`` of one that cannot go sideways.
+    """Fields of all bases: limits, with ``max_vy`` 0 for a base that cannot move sideways.
 
-    ``max_jerk``, ``max_angular_jerk``: m/s³ and rad/s³ that local planners keep to; drivers do not check them.
-    ``payload``: what it may carry by its maker's word. ``turning_drift``: metres that the base frame may wander while
-    it turns on the spot.
+    ``max_jerk``, ``max_angular_jerk``: m/s³ and rad/s³ for local planners; drivers do not check them. ``payload``: as
+    given by the manufacturer. ``turning_drift``: metres that the base frame may move during a turn in place.
     """
 
     payload: MassLimit | None = None
@@ -67,13 +66,12 @@ class MobilePart(PartConfig):
 class BasePart(MobilePart):
     """A wheeled base.
 
-    ``drive``: ``differential`` and ``skid`` have wheels that cannot be steered, left and right in turns; a skid drive
-    drags some of them over the floor when it turns: ``turning_slip`` is how much wider its track then seems (Mandow
-    2007). ``turning_centre``: metres ahead of the URDF's root, about which it turns on the spot with its load; the root
-    is moved there, and so is the base frame.
-    ``steered``: each wheel has a joint of ``steering_joints`` above it, and the base moves any way at once.
-    ``rotor_inertia``: of the drives, as it is felt at the wheels behind the reduction. ``deck``: where a column for an
-    arm stands on it.
+    ``drive``: ``differential`` and ``skid`` have wheels that cannot be steered, left and right alternating; a
+    skid-steered drive drags some of them when it turns: ``turning_slip`` is the factor on its apparent track (Mandow
+    2007). ``turning_centre``: metres ahead of the URDF's root, about which it turns in place with its load; the root
+    and the base frame are moved there. ``steered``: each wheel has a joint of ``steering_joints`` above it, and the
+    base is omnidirectional. ``rotor_inertia``: of the drives, at the wheels after the reduction. ``deck``: mount of a
+    column for an arm.
     """
 
     kind: Literal["base"]
@@ -103,9 +101,9 @@ class BasePart(MobilePart):
 class LeggedBasePart(MobilePart):
     """A base on four legs: a trunk, the link ``root``, with legs of three joints: hip, thigh, knee.
 
-    ``joints``: of the front right, front left, rear right and rear left leg in turns; ``feet``: the link at the end of
-    each, a ball of ``foot_radius``. ``stand_height``: of the trunk's frame above the floor: below it the composer adds
-    the link ``base_footprint``. ``limits``, ``states``, ``rotor_inertia``: as of a joint group.
+    ``joints``: of the front right, front left, rear right and rear left leg in order; ``feet``: the link at the end of
+    each, a sphere of ``foot_radius``. ``stand_height``: of the trunk's frame above the floor, where the link
+    ``base_footprint`` is added. ``limits``, ``states``, ``rotor_inertia``: as for a joint group.
     """
 
     kind: Literal["legged_base"]
@@ -120,7 +118,7 @@ class LeggedBasePart(MobilePart):
 
     @property
     def driven_joints(self) -> tuple[str, ...]:
-        """Those of the legs."""
+        """The joints of the legs."""
         return self.joints
 
 
@@ -136,9 +134,8 @@ class StructurePart(PartConfig):
 class ArmPart(PartConfig):
     """An arm from its root link to the link ``tip``, which carries the hand.
 
-    ``payload``: what it may carry beyond ``tip`` by its maker's word, hand and sensors included. ``states``:
-    joint positions by name; they are postures of robots that say nothing else. ``home`` should be among them: the hand
-    in front, looking down.
+    ``payload``: beyond ``tip`` as given by the manufacturer, hand and sensors included. ``states``: joint positions by
+    name, the default postures of robots. ``home`` should be among them: the hand in front, looking down.
     """
 
     kind: Literal["arm"]
@@ -156,11 +153,10 @@ class GripperPart(PartConfig):
     """A parallel gripper; ``tool``: the link between the pads, z out of the hand, y along the closing direction.
 
     ``max_speed`` and the widths are of the opening; ``max_force`` is per finger. Sliding fingers share the width
-    equally. Fingers on a linkage say at which position of ``joints`` they are ``open_at`` ``max_width`` and
-    ``closed_at`` ``min_width``; what lies between, and the joints that the URDF lets mimic these, is derived.
-    ``rotor_inertia``: of the drive, as it is felt at each of its joints behind the reduction. ``finger_links``: those
-    that may touch a grasped object. ``finger_depth``: from the tool back to the palm; ``pad_size``: width across,
-    height along z.
+    equally. For fingers on a linkage, ``open_at`` and ``closed_at`` are the positions of ``joints`` at ``max_width``
+    and ``min_width``; the rest, including the URDF's mimic joints, is derived. ``rotor_inertia``: of the drive, at each
+    of its joints after the reduction. ``finger_links``: links that may touch a grasped object. ``finger_depth``: from
+    the tool back to the palm; ``pad_size``: width across, height along z.
     """
 
     kind: Literal["gripper"]
@@ -183,9 +179,9 @@ class GripperPart(PartConfig):
 class SuctionPart(PartConfig):
     """A suction cup: ``tool``: in the middle of the rim of the link ``cup``, z out of it.
 
-    ``max_force``: with which a full vacuum holds, perpendicular to the cup. ``seal_gap``: how far off a surface may be.
-    It is commanded as a gripper without joints is, with nominal widths: at ``min_width`` it sucks, at ``max_width`` it
-    lets go.
+    ``max_force``: holding force of a full vacuum, perpendicular to the cup. ``seal_gap``: largest distance of a sealed
+    surface. It is commanded like a gripper without joints, with nominal widths: ``min_width`` sucks, ``max_width``
+    releases.
     """
 
     joints: ClassVar[tuple[str, ...]] = ()
@@ -203,7 +199,7 @@ class SuctionPart(PartConfig):
 
     @property
     def finger_links(self) -> tuple[str, ...]:
-        """What may touch a grasped object: the cup."""
+        """The links that may touch a grasped object: the cup."""
         return (self.cup,)
 
     @property
@@ -213,12 +209,12 @@ class SuctionPart(PartConfig):
 
     @property
     def finger_depth(self) -> float:
-        """From the tool back to the flange."""
+        """The distance from the tool back to the flange, metres."""
         return self.cup_depth
 
     @property
     def pad_size(self) -> tuple[float, float]:
-        """Of the rim, across and along."""
+        """The size of the rim, across and along, metres."""
         return 2 * self.cup_radius, 2 * self.cup_radius
 
 
@@ -226,8 +222,8 @@ class SuctionPart(PartConfig):
 class JointGroupPart(PartConfig):
     """Other joints that move together: a pan-tilt head, a torso, the fingers of a hand.
 
-    ``tool``: of a hand, the frame where it grasps, as a gripper's. ``states``: as an arm's. ``rotor_inertia``: of the
-    drives, as it is felt at each joint behind its reduction.
+    ``tool``: the grasp frame of a hand, as for a gripper. ``states``: as for an arm. ``rotor_inertia``: of the drives,
+    at each joint after its reduction.
     """
 
     kind: Literal["joint_group"]

@@ -1,4 +1,4 @@
-"""What descriptions of parts have in common: where links come from, shapes, frames, contacts, joint limits."""
+"""Common fields of part descriptions: sources of links, shapes, frames, contacts, joint limits."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class PadConfig:
 
 @dataclass(frozen=True)
 class SeatConfig:
-    """A place on what carries a part: metres, radians."""
+    """A place on the carrier of a part: metres, radians."""
 
     xyz: Lengths3 = (0.0, 0.0, 0.0)
     rpy: Angles3 = (0.0, 0.0, 0.0)
@@ -45,7 +45,7 @@ class SeatConfig:
 
 @dataclass(frozen=True)
 class FrameConfig:
-    """A frame that the source of a part lacks, for example where a hand grasps; fixed on ``link``, metres, radians."""
+    """An additional frame, for example for grasping, fixed on ``link``; metres, radians."""
 
     link: str
     xyz: Lengths3 = (0.0, 0.0, 0.0)
@@ -54,7 +54,7 @@ class FrameConfig:
 
 @dataclass(frozen=True)
 class ContactConfig:
-    """How a link touches: lateral and spinning friction, contact stiffness (N/m) and damping (N s/m)."""
+    """Contact parameters of a link: lateral and spinning friction, stiffness (N/m) and damping (N s/m)."""
 
     lateral_friction: Friction
     spinning_friction: Friction = 0.0
@@ -83,10 +83,10 @@ class JointConstraint:
 
 @dataclass(frozen=True)
 class ConstraintsConfig:
-    """How far joints may be from where they are sent, as ROS's joint_trajectory_controller has it.
+    """Tolerances of joints, as in ROS's joint_trajectory_controller.
 
-    ``trajectory``: off the set-point on the way; ``goal``: off the target at rest, which is below ``stopped_velocity``
-    and comes within ``goal_time`` of the last set-point. ``joints``: of single ones, by name.
+    ``trajectory``: from the set-point during a motion; ``goal``: from the target at rest, which is below
+    ``stopped_velocity`` and reached within ``goal_time`` of the last set-point. ``joints``: of single ones, by name.
     """
 
     trajectory: JointTolerance = 0.15
@@ -98,10 +98,10 @@ class ConstraintsConfig:
 
 @dataclass(frozen=True)
 class EncodersConfig:
-    """What a part tells of its joints or wheels; nothing said: exact, at once, whenever it is asked.
+    """The encoders of joints or wheels; by default exact and immediate.
 
-    ``noise``, ``noise_speed``: standard deviations of each reading of a position and of a speed. ``rate``: how often
-    joints are read; ``latency``: until the reading can be had. Motors have their own encoders and do not err.
+    ``noise``, ``noise_speed``: standard deviations of position and speed readings. ``rate``: of the readings;
+    ``latency``: until a reading is available. Motors have separate, exact encoders.
     """
 
     rate: Rate | None = None
@@ -112,14 +112,14 @@ class EncodersConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class PartConfig:
-    """What all parts share.
+    """Fields of all parts.
 
     Links come from ``urdf`` (``PACKAGE:FILE`` or a path beside this description) from its link ``root`` down without
-    the subtrees ``cut``; ``packages``: folders that hold what its ``package://`` names; or from the generator
-    ``generated`` with its ``dimensions``. ``frames``: frames to add. ``mass``: link → its mass, where the source lies
-    or is silent; its inertia is that of its collision shape. ``collision``: link → boxes that replace its collision
-    shape. ``contact``: link → friction and stiffness. ``may_touch``: pairs of links whose shapes overlap by
-    construction or may touch. ``seat``: where the root lies on what carries the part, before ``xyz`` and ``rpy``.
+    the subtrees ``cut``; ``packages``: folders for its ``package://`` names; or from the generator ``generated`` with
+    its ``dimensions``. ``frames``: frames to add. ``mass``: link → its mass, where the source is wrong or silent; its
+    inertia is that of its collision shape. ``collision``: link → boxes that replace its collision shape. ``contact``:
+    link → friction and stiffness. ``may_touch``: pairs of links whose shapes overlap by construction or may touch.
+    ``seat``: pose of the root on the carrier, before ``xyz`` and ``rpy``.
     """
 
     kind: str

@@ -1,4 +1,4 @@
-"""What a link carries: the mass beyond it and where its centre lies, from the URDF's inertials."""
+"""The payload of a link: mass and centre of everything beyond it, from the URDF's inertials."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Payload:
 
 
 def payload(model: RobotModel, link: str, positions: Mapping[str, float] | None = None) -> Payload:
-    """Return all that hangs on ``link``, itself included, its joints at ``positions`` by name, all others at zero.
+    """Return the mass of ``link`` and everything beyond it, with joints at ``positions`` by name, others at zero.
 
-    Joints of a parallel hand open to both sides alike and leave the centre where it is.
+    Joints of a parallel hand open symmetrically and do not move the centre.
     """
     robot = ET.fromstring(model.urdf)
     children = _children(robot, positions or {})
@@ -48,9 +48,10 @@ def payload(model: RobotModel, link: str, positions: Mapping[str, float] | None 
 def arm_payload(
     model: RobotModel, arm: str, mass: float = 0.0, centre: ArrayLike = (0.0, 0.0, 0.0), hand: Payload | None = None
 ) -> Payload:
-    """What an arm's flange carries: its hand, and what that holds: ``mass`` kg with its ``centre`` in the tool frame.
+    """Return the payload of an arm's flange: its hand, and an object of ``mass`` kg with its ``centre`` in the tool
+    frame.
 
-    ``hand``: what it carries always, in the flange's frame; by default what the URDF's inertials say.
+    ``hand``: permanent payload in the flange's frame; by default from the URDF's inertials.
     """
     flange = flange_of(model, arm)
     hand = hand or payload(model, flange)

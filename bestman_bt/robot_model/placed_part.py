@@ -1,4 +1,4 @@
-"""One part of a robot, read and generated: its elements, its description, all names unique in the robot."""
+"""A part of a robot after reading and generating: its elements and description, with names unique in the robot."""
 
 from __future__ import annotations
 
@@ -54,12 +54,11 @@ _ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (
 
 
 def complete_inertial(link: ET.Element, mass: float | None = None) -> None:
-    """Give a link a mass and an inertia that are both positive.
+    """Give a link positive mass and inertia.
 
-    ``mass``: kilograms, takes the place of the source's. What the source says stays, moments that no body can have are
-    mended. Where it says nothing, the link is
-    taken as its homogeneous convex hull, of ``DENSITY`` if its mass is unknown, too; a link without a collision shape
-    is a mere frame and gets a tiny mass.
+    ``mass``: kilograms, replaces the source's. Values of the source are kept, and impossible moments are corrected.
+    Without values, the link counts as its homogeneous convex hull, of ``DENSITY`` if its mass is unknown; a link
+    without a collision shape is a frame and gets a tiny mass.
     """
     inertial = link.find("inertial")
     known = _mass(inertial)
@@ -77,7 +76,7 @@ def complete_inertial(link: ET.Element, mass: float | None = None) -> None:
 
 
 def add_rotor_inertia(link: ET.Element, inertia: float) -> None:
-    """Add what the rotor of a geared drive weighs about the joint that it turns, kg m²: its inertia × reduction²."""
+    """Add the inertia of a geared drive's rotor about its joint, kg m²: inertia × reduction²."""
     element = link.find("inertial/inertia")
     if element is not None:
         for key in ("ixx", "iyy", "izz"):
@@ -179,7 +178,7 @@ class PlacedPart:
 
     @property
     def links(self) -> list[str]:
-        """Names of the part's links."""
+        """Return the names of the part's links."""
         return [element.get("name", "") for element in self.elements if element.tag == "link"]
 
     def mass_of(self, links: Iterable[str]) -> float:
@@ -192,11 +191,11 @@ class PlacedPart:
 def read_part(
     name: str, description: str, changes: Document, asked_by: Problem, taken: set[str], faults: list[Problem]
 ) -> PlacedPart:
-    """Read the part called ``name`` in its robot.
+    """Read the part called ``name``.
 
-    ``description``: name or path of its YAML, ``changes`` is laid over it. ``taken``: link and joint names that
-    other parts have: if one of this part's is among them, all of this part's get the prefix ``<name>_``. What is wrong
-    is added to ``faults`` where the part can be read without it, and else raised as ConfigurationError.
+    ``description``: name or path of its YAML, overridden by ``changes``. ``taken``: link and joint names of other
+    parts: if one of this part's is among them, all of this part's get the prefix ``<name>_``. Faults are added to
+    ``faults`` if the part can be read in spite of them. Raises ConfigurationError otherwise.
     """
     path = find_data("part", description, asked_by)
     document = _with_name(read_document(path, faults), name).merged(changes)

@@ -1,4 +1,4 @@
-"""The YAML of a robot: which parts it has, where they are mounted, its postures."""
+"""The YAML of a robot: its parts, their mounts, its postures."""
 
 from __future__ import annotations
 
@@ -22,11 +22,10 @@ def name_fault(name: str) -> str | None:
 
 @dataclass(frozen=True)
 class MountedPart:
-    """One part of a robot: ``part`` names its description, ``mount`` the link of an earlier part that carries it.
+    """One part of a robot: ``part``: its description, ``mount``: the link of an earlier part that carries it.
 
-    The name of an earlier part means the link that it carries others with: an arm's tip, a column's top, a base's deck.
-    ``xyz`` (metres) and ``rpy`` (radians) place the part's root on that link. ``set`` replaces single fields of the
-    part's description.
+    The name of an earlier part means its carrying link: an arm's tip, a column's top, a base's deck. ``xyz`` (metres)
+    and ``rpy`` (radians) place the part's root on that link. ``set`` overrides single fields of the part's description.
     """
 
     part: str
@@ -40,12 +39,10 @@ class MountedPart:
 class RobotConfig:
     """A robot: its parts by name, the first one is the root. ``base_frame``: by default the root of the first part.
 
-    ``default_arm``: of several arms the one that skills use which name none.
-    ``calibration``: files that a calibration wrote; what they say of parts is laid over ``parts``.
-    ``postures``: posture → part → joint positions. ``never_touch``: pairs of parts or links that cannot meet, left
-    out of self-collision checks. ``connections``: the controllers of the real robot, by a name of your own;
-    ``safety``: what it may do at most; ``bringup``: the file in which its bring-up is signed, by default beside this
-    one.
+    ``default_arm``: the arm of skills that do not name one of several. ``calibration``: calibration files that override
+    ``parts``. ``postures``: posture → part → joint positions. ``never_touch``: pairs of parts or links that cannot
+    collide, left out of self-collision checks. ``connections``: the controllers of the real robot, by name; ``safety``:
+    its limits; ``bringup``: the file of its bring-up, by default beside this one.
     """
 
     parts: Mapping[str, MountedPart]

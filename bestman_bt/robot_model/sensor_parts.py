@@ -1,8 +1,8 @@
-"""Sensors and batteries: one dataclass per kind is its YAML and what programs know of it; SI units.
+"""Sensors and batteries: one dataclass per kind for YAML and programs; SI units.
 
-``latency``: seconds from the measurement, which its stamp tells, until the reading can be had. Without one, cameras,
-lidars and force-torque sensors measure when they are asked, with one they measure at their ``rate``, asked or not; all
-others always do.
+``latency``: seconds from the measurement, which the stamp shows, until the reading is available. Without one, cameras,
+lidars and force-torque sensors measure on request, with one at their ``rate``; all others always measure at their
+``rate``.
 """
 
 from __future__ import annotations
@@ -50,13 +50,12 @@ class CameraPart(PartConfig):
     """An RGB-D camera.
 
     ``frame``: the link with x right, y down, z forward. ``focal_length`` (fx, fy) and ``principal_point`` (cx, cy),
-    pixels, come from a calibration and take the place of ``vertical_fov`` and the image centre.
-    ``distortion``: of the lens, OpenCV's k1, k2, p1, p2 and maybe k3.
-
-    Depth noise: standard deviation ``noise_base + noise_quadratic * max(0, z - 0.4)²`` metres; a share
-    ``edge_dropout`` of the pixels at depth edges and ``dropout`` of all others have no depth; the rest comes in steps
-    of ``depth_step`` metres. Systematic error: the camera tells ``depth_scale * z + depth_offset``; simulated cameras
-    err that way, and the sensor takes it away again.
+    pixels, come from a calibration and replace ``vertical_fov`` and the image centre. ``distortion``: of the lens,
+    OpenCV's k1, k2, p1, p2 and optionally k3.
+    Depth noise: standard deviation ``noise_base + noise_quadratic * max(0, z - 0.4)²`` metres; a fraction
+    ``edge_dropout`` of the pixels at depth edges and ``dropout`` of all others have no depth; the rest is quantised to
+    ``depth_step`` metres. Systematic error: the camera measures ``depth_scale * z + depth_offset``; simulated cameras
+    have this error, and the sensor removes it.
     """
 
     kind: Literal["camera"]
@@ -111,10 +110,10 @@ class LidarPart(PartConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class ForceTorquePart(PartConfig):
-    """A six-axis force-torque sensor: it feels what is mounted on its link ``frame``.
+    """A six-axis force-torque sensor: it measures the load mounted on its link ``frame``.
 
     ``noise_force``, ``noise_torque``: standard deviations of each reading; ``offset_force``, ``offset_torque``: of the
-    constant error of each axis, which only a reading at rest tells. Beyond ``max_force``, ``max_torque`` it saturates.
+    constant error of each axis, which is observable only at rest. It saturates at ``max_force``, ``max_torque``.
     """
 
     kind: Literal["force_torque"]
@@ -151,11 +150,11 @@ class ImuPart(PartConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class TactilePart(PartConfig):
-    """A pad of ``rows`` times ``columns`` taxels on the surface of the link that it is mounted on.
+    """A pad of ``rows`` times ``columns`` taxels on the surface of its link.
 
     ``frame``: the middle of the pad, z out of its surface, x along a row, y along a column. ``size``: along x and y.
-    ``spread``: how far its skin spreads a point of pressure (standard deviation). ``noise``, ``noise_sliding``:
-    standard deviations of a taxel's forces and of the sliding speed.
+    ``spread``: standard deviation of the pressure of a point load. ``noise``, ``noise_sliding``: standard deviations of
+    a taxel's forces and of the sliding speed.
     """
 
     kind: Literal["tactile"]
@@ -188,11 +187,11 @@ class BumperPart(PartConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class BatteryPart(PartConfig):
-    """A battery and what the robot draws from it.
+    """A battery and the robot's power consumption.
 
-    Its voltage without a load falls linearly from ``voltage_full`` to ``voltage_empty``. ``idle_power``: of all that is
-    no motor. Motors draw what they do, by ``drive_efficiency``, and ``holding_power`` each at its full torque (it
-    grows with the torque's square). ``charge``: at the start, 0 to 1.
+    Its open-circuit voltage falls linearly from ``voltage_full`` to ``voltage_empty``. ``idle_power``: of everything
+    but the motors. Motors draw their mechanical power divided by ``drive_efficiency``, and ``holding_power`` each at
+    full torque (it grows with the square of the torque). ``charge``: at the start, 0 to 1.
     """
 
     kind: Literal["battery"]
@@ -212,7 +211,7 @@ class BatteryPart(PartConfig):
 
 @dataclass(frozen=True)
 class MountedForceTorque:
-    """A force-torque sensor in a robot; ``joints``: fixed ones, by which all that it feels hangs on its frame."""
+    """A force-torque sensor in a robot; ``joints``: fixed joints that carry the measured load."""
 
     part: ForceTorquePart
     joints: tuple[str, ...]

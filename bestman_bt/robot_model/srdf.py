@@ -16,7 +16,7 @@ from bestman_bt.robot_model.urdf_source import UrdfError
 
 @dataclass(frozen=True)
 class SrdfGroup:
-    """What a group names: joints, links, chains (base link, tip link), and other groups."""
+    """The content of a group: joints, links, chains (base link, tip link), and other groups."""
 
     joints: tuple[str, ...] = ()
     links: tuple[str, ...] = ()
@@ -28,7 +28,7 @@ class SrdfGroup:
 class Srdf:
     """``states``: group → state → joint → position. ``end_effectors``: group → the link that carries it.
 
-    ``faults``: positions that are no numbers, in words; their states lack them.
+    ``faults``: positions that are not numbers, in words; their states lack them.
     """
 
     groups: Mapping[str, SrdfGroup]
@@ -45,7 +45,7 @@ class Srdf:
 
 
 def read_srdf(path: Path) -> Srdf:
-    """Read an SRDF. Raises UrdfError saying why it is none. What is wrong inside it is among its ``faults``."""
+    """Read an SRDF. Raises UrdfError if it is not one; other faults are listed in ``faults``."""
     try:
         robot = ET.parse(path).getroot()
     except (OSError, ET.ParseError) as error:

@@ -34,7 +34,7 @@ def inertial(mass: float, moments: Vector, xyz: Vector = ZERO) -> ET.Element:
 
 
 def tiny_inertial() -> ET.Element:
-    """For links that stand for a frame only: without one, PyBullet gives them a kilogram."""
+    """Return a tiny inertial for frame links; without one, PyBullet gives them a kilogram."""
     return inertial(TINY_MASS, (TINY_INERTIA,) * 3)
 
 
@@ -118,7 +118,7 @@ def sliding_joint(name: str, parent: str, child: str, axis: Vector, xyz: Vector 
 
 
 def move_origin(elements: Iterable[ET.Element], link_name: str, to: Vector) -> None:
-    """Move the frame of a link to a place ``to`` in it: whatever hangs on it stays where it is."""
+    """Move the frame of a link to ``to``, a point in it, without moving its children."""
     held = [e for e in elements if e.tag == "joint" and parent_of(e) == link_name]
     for element in elements:
         if element.tag == "link" and element.get("name") == link_name:

@@ -1,4 +1,4 @@
-"""What is wrong with the links and joints of a URDF: all of it at once, in words."""
+"""Faults of the links and joints of a URDF, all at once, in words."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MEND = "cut the link behind it, or mend the file"
 
 
 def structure_faults(robot: ET.Element) -> list[str]:
-    """Why links and joints are no tree with one root: names given twice, ends that are no links, cycles."""
+    """Return why links and joints do not form a tree with one root: duplicate names, missing links, cycles."""
     links = [link.get("name", "") for link in robot.findall("link")]
     joints = robot.findall("joint")
     faults = [f"link {name!r} is defined twice" for name in _twice(links)]
@@ -52,7 +52,7 @@ def structure_faults(robot: ET.Element) -> list[str]:
 
 
 def value_faults(elements: Iterable[ET.Element]) -> list[str]:
-    """Numbers that are none or not finite, masses below zero, kinds of joints that nothing can drive, lost leaders."""
+    """Return invalid numbers, negative masses, unsupported joint types, and mimic joints without a leader."""
     elements = list(elements)
     faults: list[str] = []
     joints = {element.get("name", "") for element in elements if element.tag == "joint"}

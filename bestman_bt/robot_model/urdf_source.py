@@ -72,7 +72,7 @@ def _example_robots() -> Path:
 
 @dataclass(frozen=True)
 class Subtree:
-    """``elements``: links and joints below ``root``; ``mimics``: what their ``<mimic>`` said, taken out of them."""
+    """``elements``: links and joints below ``root``; ``mimics``: their ``<mimic>`` elements, removed from them."""
 
     elements: list[ET.Element]
     root: str
@@ -80,11 +80,10 @@ class Subtree:
 
 
 def read_subtree(path: Path, root: str | None, cut: tuple[str, ...], packages: Sequence[Path] = ()) -> Subtree:
-    """Links and joints below ``root`` (default: the file's root link) without the subtrees ``cut``.
+    """Return the links and joints below ``root`` (default: the file's root link) without the subtrees ``cut``.
 
-    ``packages``: folders in which ``package://`` names are looked for first.
-    ``<mimic>``, ``<contact>`` and inertials without mass are left out, mesh paths become absolute. UrdfError tells all
-    that is wrong with what remains.
+    ``packages``: folders to search first for ``package://`` names. ``<mimic>``, ``<contact>`` and inertials without
+    mass are removed, mesh paths become absolute. Raises UrdfError listing every fault of the rest.
     """
     try:
         tree = ET.parse(path).getroot()
@@ -120,7 +119,7 @@ def read_subtree(path: Path, root: str | None, cut: tuple[str, ...], packages: S
 
 
 def mesh_faults(elements: Iterable[ET.Element], urdf: Path, packages: Sequence[Path] = ()) -> list[str]:
-    """Which meshes of links are not where the URDF says, each once."""
+    """Return the meshes of links that do not exist, each once."""
     names = dict.fromkeys(mesh.get("filename", "") for element in elements for mesh in element.iter("mesh"))
     faults: list[str] = []
     for name in names:
@@ -132,7 +131,7 @@ def mesh_faults(elements: Iterable[ET.Element], urdf: Path, packages: Sequence[P
 
 
 def distinguish_joints(robot: ET.Element) -> None:
-    """Give joints that are called as a link is ``_joint`` at the end: here, names are of one thing only."""
+    """Append ``_joint`` to the names of joints that equal a link's name: names must be unique here."""
     links = {link.get("name", "") for link in robot.findall("link")}
     shared = {joint.get("name", "") for joint in robot.findall("joint")} & links
     for joint in robot.findall("joint"):
@@ -184,10 +183,10 @@ def _clean_link(link: ET.Element, path: Path, materials: dict[str, ET.Element], 
 
 
 def locate_mesh(filename: str, urdf: Path, packages: Sequence[Path] = ()) -> Path:
-    """Return the file that a URDF calls ``filename``; UrdfError tells where it was looked for.
+    """Return the file of a URDF's ``filename``. Raises UrdfError listing the searched places.
 
-    ``package://NAME/…`` is looked for in ``packages``, in the folders above the URDF, as ROS does in
-    ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``, and, where the package's folder has another name, without it.
+    ``package://NAME/…`` is searched in ``packages``, in the folders above the URDF, in ``ROS_PACKAGE_PATH`` and
+    ``AMENT_PREFIX_PATH`` as in ROS, and, if the package's folder has another name, without NAME.
     """
     scheme, separator, relative = filename.rpartition("://")
     if scheme == "file" or Path(filename).is_absolute():

@@ -1,4 +1,4 @@
-"""The tree of links and joints of a URDF file, for finding out what kind of part it is."""
+"""The tree of links and joints of a URDF file, for inferring the kind of part."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, distinguish_j
 
 
 def joints_above(model: RobotModel, frame: str) -> frozenset[str]:
-    """Names of all joints between the robot's root and ``frame``; empty for the root or an unknown frame."""
+    """Return the names of all joints between the robot's root and ``frame``; empty for the root or an unknown frame."""
     above = {}
     for joint in ElementTree.fromstring(model.urdf).iter("joint"):
         child, parent = joint.find("child"), joint.find("parent")
@@ -34,7 +34,7 @@ def joints_above(model: RobotModel, frame: str) -> frozenset[str]:
 
 
 def arm_of(model: RobotModel, part: str) -> str | None:
-    """Return the arm that a part is or that carries it, or None for parts that no arm moves.
+    """Return the arm that a part is, or that carries it, or None.
 
     Raises KeyError for an unknown part.
     """
@@ -51,7 +51,7 @@ def arm_of(model: RobotModel, part: str) -> str | None:
 
 
 class UrdfTree:
-    """Joints are those of the file, in its order, without the subtrees ``cut``; UrdfError tells all that is wrong."""
+    """The joints of the file, in order, without the subtrees ``cut``. Raises UrdfError listing every fault."""
 
     def __init__(self, path: Path, cut: Sequence[str] = (), packages: Sequence[Path] = ()) -> None:
         self.path = path
@@ -83,11 +83,11 @@ class UrdfTree:
         return next(name for name in self.links if name not in self.above)
 
     def moves(self, joint: ET.Element) -> bool:
-        """Return whether it is no fixed joint."""
+        """Return whether the joint is not fixed."""
         return joint.get("type") != "fixed"
 
     def driven(self, joint: ET.Element) -> bool:
-        """Return whether it moves by itself and follows no other joint."""
+        """Return whether the joint is driven, not a mimic joint."""
         return self.moves(joint) and joint.find("mimic") is None
 
     def path_to(self, tip: str, base: str | None = None) -> list[ET.Element]:
@@ -126,7 +126,9 @@ class UrdfTree:
         return link
 
     def group_joints(self, srdf: Srdf, name: str) -> list[str]:
-        """Return the driven joints of an SRDF group, in the file's order; UrdfError tells all that the URDF lacks."""
+        """Return the driven joints of an SRDF group, in the file's order. Raises UrdfError listing what the URDF
+        lacks.
+        """
         group = srdf.group(name)
         faults = self._lacking(f"the SRDF's group {name!r}", group)
         if faults:

@@ -1,4 +1,4 @@
-"""What has changed since the map was made: furniture that was moved, and furniture that the map does not have."""
+"""Changes since the map was made: moved furniture, and unmapped furniture."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _TRIES = 200
 
 
 def exactly_placed(scene: SceneConfig, generator: Callable[[str], np.random.Generator]) -> tuple[PlacedFurniture, ...]:
-    """Return the unmapped furniture that the scene has at one place, as far as it came. ``generator``: as below."""
+    """Return the present unmapped furniture with an exact place. ``generator``: as below."""
     return tuple(
         _unmapped(scene, name, Pose2D(*asked.at))
         for name, asked in scene.file.unmapped.items()
@@ -40,12 +40,11 @@ def draw_changes(
     robot: Pose2D,
     generator: Callable[[str], np.random.Generator],
 ) -> tuple[PlacedFurniture, ...] | None:
-    """Return the furniture with what was moved and what came, or None if something finds no place.
+    """Return the furniture with the moved and unmapped pieces, or None if one finds no place.
 
-    It may stand in the way, but what a disc of the scene's ``passage`` could reach without it, it still reaches, save
-    what the piece itself takes. Where a piece that was moved finds no such place, it cuts off no more than it did where
-    it stood. ``standing``: outlines of walls and open doors. ``robot``: where it starts. ``generator``: random numbers
-    by a piece's name.
+    Such a piece may be an obstacle, but must not cut off floor that a disc of the scene's ``passage`` could reach,
+    except the floor that it covers. A moved piece without such a place cuts off no more than before. ``standing``:
+    outlines of walls and open doors. ``robot``: start pose. ``generator``: random numbers by a piece's name.
     """
     pieces = list(furniture)
     for index, piece in enumerate(furniture):

@@ -1,4 +1,4 @@
-"""Worlds from scenes: a seed decides which objects are there, where they and the furniture stand, start and goals."""
+"""Drawing of worlds from scenes: the seed decides on objects, poses, start and goals."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ _MOVED = 0.6  # metres each way
 
 
 def with_apartment(scene: SceneConfig, seed: int) -> SceneConfig:
-    """Return the scene as if its file had listed the seed's apartment; one without a generator as it is.
+    """Return the scene with the seed's apartment; a scene without a generator is unchanged.
 
-    The robot may start anywhere where there is room, unless the file says where. Raises ApartmentError.
+    The robot may start anywhere with enough room, unless the file says where. Raises ApartmentError.
     """
     if scene.file.generator is None:
         return scene
@@ -100,10 +100,10 @@ class SceneError(ConfigurationError):
 
 
 def draw_world(scene: SceneConfig, seed: int) -> World:
-    """Draw the world of a seed; the same seed gives the same world. Raises SceneError if nothing fits.
+    """Draw the world of a seed, deterministically. Raises SceneError if nothing fits.
 
-    Each thing has its own stream of random numbers: to leave one object out moves no other, unless they competed for
-    room.
+    Each thing has its own stream of random numbers: leaving out one object moves another only if they competed for
+    space.
     """
     try:
         scene = with_apartment(scene, seed)

@@ -1,4 +1,4 @@
-"""The free floor of a world as a grid: how much room there is where, what is connected, and ways across it."""
+"""The free floor of a world as a grid: clearances, connected areas, and paths."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class FloorGrid:
 
     @classmethod
     def of(cls, outlines: Iterable[Points], resolution: float = 0.025) -> FloorGrid:
-        """Return the floor between convex counter-clockwise polygons; what lies beyond all of them is taken, too."""
+        """Return the floor between convex counter-clockwise polygons; the outside counts as occupied."""
         polygons = list(outlines)
         corners = np.concatenate(polygons)
         origin = corners.min(axis=0)
@@ -62,7 +62,7 @@ class FloorGrid:
         return (slice(low[1], high[1]), slice(low[0], high[0])), inside
 
     def every(self, count: int) -> FloorGrid:
-        """One cell of so many each way, with the room at its middle."""
+        """Return a grid with one cell per ``count`` cells each way, with the clearance at its middle."""
         first = count // 2
         origin = self.origin + (first + 0.5 - count / 2) * self.resolution
         return FloorGrid(self.room[first::count, first::count], origin, count * self.resolution)
@@ -73,7 +73,7 @@ class FloorGrid:
         return np.asarray(labels, dtype=np.intp)
 
     def largest_area(self, radius: float) -> NDArray[np.bool_]:
-        """(rows, columns) Where the middle of a disc of this radius can be, in the largest connected area."""
+        """Return (rows, columns) where the middle of a disc of this radius can be, in the largest connected area."""
         areas = self.areas(radius)
         sizes = np.bincount(areas.ravel())
         sizes[0] = 0

@@ -48,9 +48,9 @@ _TURNS = {
 
 @dataclass(frozen=True)
 class HandleConfig:
-    """Where a door or drawer is gripped; see bestman_bt.messages.Handle. Its shapes are among the ``parts``.
+    """The handle of a door or drawer; see bestman_bt.messages.Handle. Its shapes are among the ``parts``.
 
-    ``xyz``: the middle of what is gripped, in the furniture frame. ``panel``, ``panel_size``: middle of the front panel
+    ``xyz``: middle of the gripped part, in the furniture frame. ``panel``, ``panel_size``: middle of the front panel
     and its width and height.
     """
 
@@ -67,8 +67,8 @@ class HandleConfig:
 class ArticulationConfig:
     """A door (``revolute``) or drawer (``prismatic``), closed, in the furniture frame.
 
-    ``origin``: a point on the ``axis``; the joint opens in its positive sense up to ``upper``. ``friction``: what it
-    resists with, N m or N. ``latch``: what it takes in addition to leave the closed position.
+    ``origin``: a point on the ``axis``; a positive motion opens the joint up to ``upper``. ``friction``: N m or N.
+    ``latch``: additional resistance at the closed position.
     """
 
     joint: JointKind
@@ -83,7 +83,7 @@ class ArticulationConfig:
 
 
 def read_articulations(configs: Mapping[str, ArticulationConfig], document: Document) -> tuple[Articulation, ...]:
-    """Return the articulations of a furniture file; ConfigurationError tells all that is wrong with them."""
+    """Return the articulations of a furniture file. Raises ConfigurationError listing every fault."""
     faults, read = ProblemCollector(), []
     for name, config in configs.items():
         problems = [*_joint_faults(name, config, document), *_handle_faults(name, config, document)]
@@ -223,9 +223,9 @@ class FurnitureFile:
 
 @dataclass(frozen=True)
 class GeneratedFurnitureFile:
-    """Furniture that is made from options: ``generate`` holds its ``kind`` and what is to be so and not otherwise.
+    """Generated furniture: ``generate`` has its ``kind`` and fixed options.
 
-    ``seed``: decides all the rest, always in the same way.
+    ``seed``: determines all other options.
     """
 
     generate: Mapping[str, Any]

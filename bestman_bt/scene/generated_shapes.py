@@ -43,8 +43,8 @@ def tube_mesh(radius: float, length: float, wall: float, bottom: float, segments
 
 
 def revolved_mesh(profile: Sequence[tuple[float, float]]) -> Mesh:
-    """Return the surface of a body turned about z; ``profile``: (radius, z), both ends on the axis, outwards on its
-    right.
+    """Return the surface of a body of revolution about z; ``profile``: (radius, z), both ends on the axis, outside on
+    its right.
     """
     from trimesh.creation import revolve  # takes a quarter of a second to import
 

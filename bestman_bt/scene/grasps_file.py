@@ -1,4 +1,4 @@
-"""Grasps found beforehand, in a JSON file beside the object's: too many numbers for YAML."""
+"""Precomputed grasps, in a JSON file beside the object's."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from bestman_bt.messages import ObjectGrasp, Pose
 
 @dataclass(frozen=True)
 class GraspEntry:
-    """As ObjectGrasp: ``xyz`` metres and ``quaternion`` (x, y, z, w) of object_from_tool."""
+    """An ObjectGrasp: ``xyz`` metres and ``quaternion`` (x, y, z, w) of object_from_tool."""
 
     xyz: Lengths3
     quaternion: tuple[Number, Number, Number, Number]
@@ -35,7 +35,7 @@ class GraspsFile:
 
 
 def read_grasps(path: Path, asked_by: Problem) -> tuple[ObjectGrasp, ...]:
-    """Return the grasps of a file; raises ConfigurationError, at ``asked_by`` where it is not there or is not JSON."""
+    """Return the grasps of a file. Raises ConfigurationError, at ``asked_by`` if it is missing or not JSON."""
     try:
         document = Document(json.loads(path.read_text(encoding="utf-8")), {(): (str(path), None)})
         return tuple(
@@ -50,7 +50,7 @@ def read_grasps(path: Path, asked_by: Problem) -> tuple[ObjectGrasp, ...]:
 
 
 def grasps_json(gripper: str, grasps: Sequence[ObjectGrasp]) -> str:
-    """What ``read_grasps`` reads, a line for each grasp."""
+    """Return the text for ``read_grasps``, with a line per grasp."""
     lines = [
         json.dumps(
             {

@@ -1,4 +1,4 @@
-"""The semantic map of a world: what the robot is told, walls exact, furniture where it should stand."""
+"""The semantic map of a world for the robot: exact walls, furniture at nominal poses."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def boards(model: FurnitureModel, elevation: float) -> tuple[PlacedShape, ...]:
 
 
 def leaves(model: FurnitureModel, elevation: float, opened: Mapping[str, float]) -> tuple[MapLeaf, ...]:
-    """Doors and drawers as slabs, those of drawers with the boards behind them; grooves and handles are left out.
+    """Return doors and drawers as slabs, drawers with their inner boards, without grooves and handles.
 
-    ``opened``: how far the map has them open, by their names.
+    ``opened``: their mapped openings, by name.
     """
     return tuple(
         MapLeaf(
@@ -89,7 +89,7 @@ _SCAN_BAND = (0.2, 0.3)  # heights between which lidars of mobile bases look, me
 
 
 def semantic_map(world: World) -> SemanticMap:
-    """Return the map that the robot gets: no objects, furniture at its nominal pose."""
+    """Return the robot's map: no objects, furniture at its nominal pose."""
     furniture = {
         piece.name: MapFurniture(
             name=piece.name,

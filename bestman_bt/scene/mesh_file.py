@@ -34,7 +34,7 @@ _TURNS = {
 class MeshConfig:
     """``file``: beside the YAML, or ``package://python_package/path``. ``scale``: metres per unit of the file.
 
-    ``up``: the axis of the file that points up when the object stands.
+    ``up``: the axis of the file that points up when the object is upright.
     """
 
     file: str
@@ -71,13 +71,13 @@ def _package_folder(package: str, file: str) -> Path:
 
 
 def read_mesh(config: MeshConfig, folder: Path) -> Mesh:
-    """Return the whole surface, in the frame of the file turned upright. Raises MeshError."""
+    """Return the whole surface, rotated upright. Raises MeshError."""
     mesh = read_triangles(locate_mesh(config.file, folder))
     return Mesh(upright(mesh.vertices, config), mesh.faces)
 
 
 def read_convex_parts(config: MeshConfig, folder: Path) -> tuple[Mesh, ...]:
-    """Return the separate parts of a mesh, of which each must be convex. Raises MeshError."""
+    """Return the separate parts of a mesh, each of which must be convex. Raises MeshError."""
     groups = read_groups(locate_mesh(config.file, folder))
     parts = []
     for index, part in enumerate(part for group in groups for part in group.split(only_watertight=False, repair=False)):
@@ -104,9 +104,9 @@ def _is_convex(part: Any, hull: Mesh) -> bool:
 
 
 def read_triangles(path: Path, library: MeshLibrary = "trimesh") -> Any:
-    """Return a file as one trimesh.Trimesh with joined vertices, without triangles of no area. Raises MeshError.
+    """Return a file as one trimesh.Trimesh with merged vertices and no degenerate triangles. Raises MeshError.
 
-    ``library``: what reads it. Raises MissingExtraError if Open3D is asked for and not installed.
+    ``library``: the reader. Raises MissingExtraError if Open3D is requested but not installed.
     """
     import trimesh
 
@@ -120,7 +120,7 @@ def read_groups(path: Path) -> list[Any]:
 
 
 def read_color(path: Path) -> tuple[float, float, float] | None:
-    """Return the mean colour of a file's surface, rgb 0 to 1, or None if it says nothing of colours.
+    """Return the mean colour of a file's surface, rgb 0 to 1, or None without colours.
 
     Raises MeshError.
     """
@@ -147,7 +147,7 @@ def read_color(path: Path) -> tuple[float, float, float] | None:
 
 
 def write_groups(meshes: Sequence[Mesh], path: Path) -> None:
-    """Write meshes as the objects of one OBJ file, each with corners of its own."""
+    """Write meshes as objects of one OBJ file, with separate vertices."""
     lines, first = [], 1
     for number, mesh in enumerate(meshes):
         lines.append(f"o part_{number}")

@@ -1,4 +1,4 @@
-"""A door that somebody moves while the robot comes near: a scripted disturbance."""
+"""A door that moves when the robot approaches: a scripted disturbance."""
 
 from __future__ import annotations
 

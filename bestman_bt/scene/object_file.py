@@ -60,11 +60,10 @@ _RANDOM = re.compile(r"random_(\d{3})")
 
 @dataclass(frozen=True)
 class ObjectFile:
-    """A movable object; its frame is put into the middle of the bounding box of its collision shapes, z up.
+    """A movable object; its frame is at the middle of the bounding box of its collision shapes, z up.
 
-    ``collision``: solid shapes; those that are not convex are cut into convex parts. ``visual``: what cameras see,
-    where that is something else. ``symmetry``: turns about z that look alike. ``grasps``: a file beside this one that
-    holds grasps found beforehand.
+    ``collision``: solid shapes; non-convex ones are decomposed. ``visual``: shapes for cameras, if different.
+    ``symmetry``: of rotations about z. ``grasps``: a file beside this one with precomputed grasps.
     """
 
     mass: Mass
@@ -78,9 +77,9 @@ class ObjectFile:
 
 
 def read_object(name: str | Path, asked_by: Problem | None = None) -> ObjectModel:
-    """Return the object of a shipped name, of a file, or ``random_000`` to ``random_999``; raises ConfigurationError.
+    """Return the object of a shipped name, of a file, or ``random_000`` to ``random_999``. Raises ConfigurationError.
 
-    Those are the random shapes of pybullet_data, see ``random_shape_document``.
+    The latter are the random shapes of pybullet_data, see ``random_shape_document``.
     """
     match = _RANDOM.fullmatch(str(name))
     if match is not None:

@@ -1,4 +1,4 @@
-"""What is wrong with where things stand in a scene: surfaces that are not there, places beside them, overlaps."""
+"""Faults of placements in a scene: missing surfaces, places off their surface, overlaps."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ class _Prism:
 
 
 def furniture_overlaps(pieces: Sequence[PlacedFurniture]) -> Iterator[tuple[str, str, float]]:
-    """Each two pieces, in their order, that overlap by more than ``TOLERANCE``, and by how much, metres.
+    """Yield each two pieces that overlap by more than ``TOLERANCE``, and the depth, metres.
 
-    Pieces stand where the map has them, doors and drawers open as at the start. A part that stands upright is taken
-    as it is, one that leans as the prism around it.
+    Pieces are at their nominal poses, doors and drawers at their initial openings. An upright part is exact, a tilted
+    one counts as its enclosing prism.
     """
     solids = {piece.name: list(_prisms(piece)) for piece in pieces}
     for index, later in enumerate(pieces):
@@ -96,9 +96,9 @@ def _outermost(shape: Shape) -> NDArray[np.float64]:
 
 
 def placement_faults(scene: SceneConfig, document: Document, found: Sequence[Problem]) -> Iterator[Problem]:
-    """All faults of places, each at the line that is at fault.
+    """Yield all faults of places, each with its line.
 
-    ``found``: what is known to be wrong already, and left out of ``scene``; it is not told again as a consequence.
+    ``found``: known faults, which are left out of ``scene``; their consequences are not reported.
     """
     yield from _choice_faults(scene, document)
     yield from _opening_faults(scene, document)

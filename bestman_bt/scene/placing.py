@@ -1,4 +1,4 @@
-"""How an object stands on a surface, and how much room it has there."""
+"""The pose of an object on a surface, and its clearance there."""
 
 from __future__ import annotations
 
@@ -66,9 +66,9 @@ def _outlines(parts: Iterable[PlacedShape], map_from_parts: Pose) -> Iterator[Po
 def standing_furniture(
     scene: SceneConfig, shares: Callable[[str], Sequence[float]] = lambda piece: (0.0, 0.0, 0.0)
 ) -> tuple[PlacedFurniture, ...]:
-    """Return the furniture in the order of the file, really standing beside where the map has it.
+    """Return the furniture in the order of the file, displaced from its nominal pose.
 
-    ``shares``: by a piece's name the shares, each from -1 to 1, of its ``offset`` along x and y and of its ``turn``.
+    ``shares``: by a piece's name the fractions, each from -1 to 1, of its ``offset`` along x and y and of its ``turn``.
     """
     pieces: list[PlacedFurniture] = []
     for name, placement in scene.file.furniture.items():
@@ -106,9 +106,7 @@ def planar_radius(model: ObjectModel) -> float:
 
 
 def standing_on(map_from_surface: Pose, on_surface: Pose2D, model: ObjectModel) -> Pose:
-    """Return the pose in the map frame of an object that stands on a surface, at ``on_surface`` in the surface's
-    frame.
-    """
+    """Return the pose in the map frame of an object at ``on_surface``, in the surface's frame."""
     lower = float(model.bounds()[0, 2])
     return map_from_surface @ on_surface.to_pose(-lower)
 
@@ -127,7 +125,9 @@ def gap_to_objects(pose: Pose, model: ObjectModel, others: Iterable[PlacedObject
 def gap_to_furniture(
     pose: Pose, model: ObjectModel, piece: PlacedFurniture, furniture: Iterable[PlacedFurniture]
 ) -> float:
-    """Smallest distance from an object's circle to furniture that stands on ``piece``; infinite without such."""
+    """Return the smallest distance from an object's circle to other furniture on ``piece``, metres; infinite without
+    any.
+    """
     distances = [
         distance_to_polygon(rectangle(other.actual, other.model.footprint), pose.position[:2])
         for other in furniture

@@ -44,10 +44,7 @@ def distance_to_polygon(polygon: Points, point: Points) -> float:
 
 
 def overlap_depth(a: Points, b: Points) -> float:
-    """Return how far one of two convex counter-clockwise polygons would have to move so that they only touch; 0 apart.
-
-    Metres, by the separating axis theorem.
-    """
+    """Return the distance that separates two convex counter-clockwise polygons; 0 if they do not overlap."""
     depth = math.inf
     for polygon in (a, b):
         edges = np.roll(polygon, -1, axis=0) - polygon
@@ -66,9 +63,7 @@ def polygons_overlap(a: Points, b: Points) -> bool:
 
 
 def cut_away(segment: Points, polygon: Points, tolerance: float = 1e-6) -> list[Points]:
-    """Return the parts of a segment (2, 2) outside a convex counter-clockwise polygon; its boundary counts as
-    outside.
-    """
+    """Return the parts of a segment (2, 2) outside of a convex counter-clockwise polygon; its boundary is outside."""
     start, direction = segment[0], segment[1] - segment[0]
     enter, leave = 0.0, 1.0
     edges = np.roll(polygon, -1, axis=0) - polygon

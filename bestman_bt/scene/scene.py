@@ -1,4 +1,4 @@
-"""Scenes: what a world is made of, before and after chance has decided."""
+"""Scenes: descriptions of worlds, before and after the random draw."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Wall:
 
 @dataclass(frozen=True)
 class Surface:
-    """A horizontal rectangle to put things on: ``pose``: of its centre in the furniture frame; ``size``: (x, y) m."""
+    """A horizontal rectangle for objects; ``pose``: of its centre in the furniture frame; ``size``: (x, y) m."""
 
     name: str
     pose: Pose
@@ -35,14 +35,12 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Articulation:
-    """A door or drawer: what moves, about or along which axis, and what it is pulled by.
+    """A door or drawer in the furniture frame, closed.
 
-    All in the furniture frame, while closed.
-
-    ``origin``: (3,) metres, a point on the axis; ``axis``: (3,) unit; the joint opens in its positive sense, from 0 to
-    ``upper`` (radians or metres). ``friction``: N m or N that the joint resists with. ``handle``: its true handle.
-    ``surfaces``: those that move with it, such as a drawer's bottom. ``latch``: N m or N beyond the friction that it
-    takes to leave the closed position; it holds over the first ``LATCH_TRAVEL`` and catches again there.
+    ``origin``: (3,) metres, a point on the axis; ``axis``: (3,) unit; a positive motion opens the joint, from 0 to
+    ``upper`` (radians or metres). ``friction``: N m or N. ``handle``: its true handle. ``surfaces``: those that move
+    with it, such as a drawer's bottom. ``latch``: N m or N in addition to friction at the closed position, over the
+    first ``LATCH_TRAVEL``.
     """
 
     name: str
@@ -59,16 +57,16 @@ class Articulation:
     latch: float = 0.0
 
     def moved(self, position: float) -> Pose:
-        """furniture_from_closed: where the points of the closed leaf are when it is open by ``position``."""
+        """Return furniture_from_closed at an opening of ``position``, radians or metres."""
         return joint_motion(self.kind, self.origin, self.axis, position)
 
 
 @dataclass(frozen=True)
 class FurnitureModel:
-    """A piece of furniture; its frame lies on the floor at the centre of the footprint, the front faces -x.
+    """A piece of furniture; its frame is on the floor at the centre of the footprint, the front faces -x.
 
-    ``footprint``: (x, y) extents in metres. ``parts``: solid shapes that never move, rgba colours beside them.
-    ``is_passage``: whether one walks through it: a door between rooms.
+    ``footprint``: (x, y) extents in metres. ``parts``: fixed solid shapes, with rgba colours. ``is_passage``: a door
+    between rooms.
     """
 
     name: str
@@ -82,21 +80,21 @@ class FurnitureModel:
 
     @property
     def all_surfaces(self) -> tuple[Surface, ...]:
-        """Those of the body and then those of its drawers, these as they are while closed."""
+        """The surfaces of the body, then those of its closed drawers."""
         return (*self.surfaces, *(s for leaf in self.articulations for s in leaf.surfaces))
 
     def leaf_of(self, surface: str) -> Articulation | None:
-        """Return the drawer that a surface moves with, or None if it stands still."""
+        """Return the drawer that a surface moves with, or None."""
         return next((leaf for leaf in self.articulations if surface in {s.name for s in leaf.surfaces}), None)
 
 
 @dataclass(frozen=True)
 class PlacedFurniture:
-    """Furniture in a world: where the semantic map has it (``nominal``) and where it is (``actual``).
+    """Furniture in a world: its mapped pose (``nominal``) and true pose (``actual``).
 
-    ``elevation``: metres above the floor, of a piece that stands on another. ``on``: the name of that other. ``open``:
-    how far its doors and drawers are open at the start, radians or metres by their names; the others are closed.
-    ``mapped``: whether the semantic map has it. ``mapped_open``: how far the map has its doors open, as ``open``.
+    ``elevation``: metres above the floor, of a piece on another one, ``on``. ``open``: initial openings of its doors
+    and drawers, radians or metres by name; others are closed. ``mapped``: whether the semantic map has it.
+    ``mapped_open``: mapped openings, like ``open``.
     """
 
     name: str
@@ -111,11 +109,11 @@ class PlacedFurniture:
 
     @property
     def pose(self) -> Pose:
-        """Where it is, map_from_furniture."""
+        """The true pose, map_from_furniture."""
         return self.actual.to_pose(self.elevation)
 
     def surface_pose(self, surface: Surface) -> Pose:
-        """Where a surface of it is at the start, map_from_surface."""
+        """Return the initial pose of one of its surfaces, map_from_surface."""
         leaf = self.model.leaf_of(surface.name)
         moved = Pose() if leaf is None else leaf.moved(self.open.get(leaf.name, 0.0))
         return self.pose @ moved @ surface.pose
@@ -132,11 +130,11 @@ class PlacedObject:
 
 @dataclass(frozen=True)
 class World:
-    """One drawn scene: everything the simulator builds, and what evaluation may judge by.
+    """One drawn scene: everything for the simulator, and for evaluation.
 
-    ``goals``: name → pose in the map frame, for example the asked place pose of the task; ``goal_heights``: of the
-    model that each is for, metres; ``goal_surfaces``: what each is on.
-    ``finger_friction``: overrides the gripper's own where not None (for control experiments).
+    ``goals``: name → pose in the map frame, such as a place pose of the task; ``goal_heights``: of the model of each,
+    metres; ``goal_surfaces``: the surface of each. ``finger_friction``: overrides the gripper's own if not None (for
+    control experiments).
     """
 
     scene: str

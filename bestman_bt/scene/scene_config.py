@@ -62,12 +62,12 @@ class WallsConfig:
 
 @dataclass(frozen=True)
 class FurniturePlacement:
-    """``model``: the furniture's file; ``at``: x, y, yaw in the map, or in the surface that it stands ``on``.
+    """``model``: the furniture's file; ``at``: x, y, yaw in the map, or on the surface ``on``.
 
-    The furniture really stands within ``offset`` metres (each axis) and ``turn`` radians of that. ``on``: a surface of
-    furniture that is named above it (``counter/top``); None: the floor. ``open``: how far doors and drawers are open at
-    the start, by their names; ``mapped_open``: how far the map has them open. ``moved``: metres each way within which
-    it was put elsewhere, turned anyhow, after the map was made; 0: it stands where it stood.
+    The true pose is within ``offset`` metres (each axis) and ``turn`` radians of it. ``on``: a surface of furniture
+    listed above (``counter/top``); None: the floor. ``open``: initial openings of doors and drawers, by name;
+    ``mapped_open``: mapped openings. ``moved``: metres each way within which it was moved, with any rotation, after the
+    map was made; 0: not moved.
     """
 
     model: str
@@ -96,10 +96,10 @@ class ObjectPlacement:
 
 @dataclass(frozen=True)
 class GoalPlacement:
-    """A pose asked for: an object of ``model`` standing on ``surface`` within ``region`` (surface frame).
+    """A target pose: an object of ``model`` on ``surface`` within ``region`` (surface frame).
 
-    ``margin``: metres inside the surface's edges, as it really stands and as the map has it. ``clearance``: metres
-    free around the object when the world is drawn; None: objects may stand there.
+    ``margin``: metres from the surface's edges, true and mapped. ``clearance``: metres of free space around the object
+    in the drawn world; None: objects may be there.
     """
 
     model: str
@@ -111,10 +111,9 @@ class GoalPlacement:
 
 @dataclass(frozen=True)
 class UnmappedPlacement:
-    """Furniture that the map does not have: exactly ``at`` x, y, yaw in the map frame, or somewhere in ``region``.
+    """Furniture that the map lacks: exactly at ``at``, x, y, yaw in the map frame, or somewhere in ``region``.
 
-    Without either, wherever the robot may start. ``open``: as of other furniture. ``presence``: the chance that it is
-    there.
+    Without either, anywhere in the start region. ``open``: as for other furniture. ``presence``: probability.
     """
 
     model: str
@@ -126,10 +125,10 @@ class UnmappedPlacement:
 
 @dataclass(frozen=True)
 class WalkersConfig:
-    """People: ``count`` cylinders of so much ``radius``, ``height`` and ``mass`` that walk with so much ``speed``.
+    """People: ``count`` cylinders with ranges of ``speed`` and ``radius``, ``height`` and ``mass``.
 
-    Each walks round and round between ``stops`` points that the seed draws, or between ``way_points``, metres in the
-    map frame. ``considerate``: whether they stop before the robot.
+    Each walks in a loop over ``stops`` points drawn by the seed, or over ``way_points``, metres in the map frame.
+    ``considerate``: whether they stop for the robot.
     """
 
     count: PositiveWholeNumber
@@ -144,9 +143,9 @@ class WalkersConfig:
 
 @dataclass(frozen=True)
 class MovingDoorConfig:
-    """A door that somebody moves ``to`` so far open once the robot is ``within`` metres of the middle of its frame.
+    """A door that moves to the opening ``to`` once the robot is ``within`` metres of the middle of its frame.
 
-    ``speed``: rad/s. ``torque``: N m that it is pushed with at most, beyond the friction of its hinge.
+    ``speed``: rad/s. ``torque``: largest pushing torque beyond the friction of its hinge, N m.
     """
 
     to: Angle
@@ -157,7 +156,7 @@ class MovingDoorConfig:
 
 @dataclass(frozen=True)
 class GeneratorConfig:
-    """What makes walls and furniture, from the seed."""
+    """The generator of walls and furniture."""
 
     apartment: ApartmentOptions
 
@@ -166,12 +165,11 @@ class GeneratorConfig:
 class SceneFile:
     """A scene.
 
-    ``generator``: makes ``walls``, ``furniture`` and, where it is not given, the region of the ``robot_start``; all
-    other scenes give these. ``unmapped``: furniture that came after the map was made.
-    ``moving_doors``: by ``furniture/door``.
-    ``clearance``: metres between objects, so that a hand fits. ``start_clearance``: metres from the robot's frame to
-    walls and furniture. ``passage``: radius in metres of what shall get everywhere in an apartment: a base that
-    turns on the spot. ``finger_friction``: replaces the gripper's own, for control experiments.
+    ``generator``: makes ``walls``, ``furniture`` and, by default, the region of ``robot_start``, which other scenes
+    must give. ``unmapped``: furniture that the map lacks. ``moving_doors``: by ``furniture/door``. ``clearance``:
+    metres between objects, so that a hand fits. ``start_clearance``: metres from the robot's frame to walls and
+    furniture. ``passage``: radius in metres of a disc that must reach all of an apartment: a base that turns in place.
+    ``finger_friction``: replaces the gripper's own, for control experiments.
     """
 
     walls: WallsConfig | None = None
@@ -193,14 +191,12 @@ class SceneFile:
 
 @dataclass(frozen=True)
 class SceneConfig:
-    """A scene before chance has decided.
+    """A scene before the random draw.
 
-    ``furniture``: model of each piece by its name in the scene. ``models``: what the robot may know of objects: the
-    model of each object by its name, and of each goal's object by the model's. ``goal_models``: by the goal's name.
-    ``unmapped``: models of the furniture that the map does not have.
-    ``absent``: names of furniture and objects that the scene or its settings leave out of what it extends.
-    ``unread_base``: whether a scene that it extends could not be read, and what it names may be there.
-    ``document``: where each value was written.
+    ``furniture``: model of each piece by name. ``models``: object models that the robot may know: of each object by its
+    name, and of each goal's object by the model's name. ``goal_models``: by the goal's name. ``unmapped``: models of
+    the unmapped furniture. ``absent``: names of furniture and objects removed from an extended scene. ``unread_base``:
+    whether an extended scene could not be read, so that unknown names may exist. ``document``: places of the values.
     """
 
     name: str
@@ -214,9 +210,9 @@ class SceneConfig:
     document: Document = field(default_factory=lambda: Document({}), compare=False, repr=False)
 
     def surface(self, name: str) -> tuple[str, Surface]:
-        """Furniture name and surface of ``furniture`` or ``furniture/surface``.
+        """Return furniture name and surface for ``furniture`` or ``furniture/surface``.
 
-        Raises KeyError naming what there is.
+        Raises KeyError listing the known ones.
         """
         furniture, _, wanted = name.partition("/")
         for surface in self.furniture[furniture].all_surfaces if furniture in self.furniture else ():

@@ -38,10 +38,10 @@ class TubeConfig:
 
 @dataclass(frozen=True)
 class RevolveConfig:
-    """A body turned about z, as on a lathe.
+    """A body of revolution about z.
 
-    ``profile``: (radius, z) from the bottom on the axis up along the outside and, of a vessel, down along the inside,
-    to end on the axis.
+    ``profile``: (radius, z) from the bottom on the axis up along the outside and, for a vessel, down along the inside,
+    back to the axis.
     """
 
     profile: tuple[tuple[Distance, Length], ...]
@@ -60,7 +60,9 @@ class ArcConfig:
 @dataclass(frozen=True)
 class ShapeConfig:
     """One of ``box`` (extents), ``cylinder`` (radius, length, along z), ``sphere`` (radius), ``tube``, ``revolve``,
-    ``arc`` and ``mesh``, placed at ``xyz`` and turned by ``rpy``; all but meshes and profiles are centred there.
+    ``arc`` and ``mesh``.
+
+    It is placed at ``xyz`` and rotated by ``rpy``; all but meshes and profiles are centred there.
     """
 
     box: Size3 | None = None
@@ -81,9 +83,9 @@ _KINDS = ("box", "cylinder", "sphere", "tube", "revolve", "arc", "mesh")
 def placed_shapes(
     configs: tuple[ShapeConfig, ...], document: Document, field: str, folder: Path | None = None
 ) -> tuple[PlacedShape, ...]:
-    """Return the shapes of a list in a file as they are seen, one for each entry; ConfigurationError tells all faults.
+    """Return the visible shapes of a list in a file, one per entry. Raises ConfigurationError listing every fault.
 
-    ``folder``: that meshes are given relative to.
+    ``folder``: for relative mesh paths.
     """
     shapes = _each(configs, document, field, folder, _seen)
     return tuple(placed for (placed,) in shapes)

@@ -1,4 +1,4 @@
-"""People who walk about: upright cylinders, each on a round of its own."""
+"""Walking people: upright cylinders on closed routes."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Walker:
-    """``route``: points in the map frame, metres, a closed round that begins at the first one and goes on without end.
+    """``route``: closed polygon of points in the map frame, metres, walked without end from the first one.
 
-    ``radius``, ``height`` in metres, ``mass`` in kilograms, ``speed`` in m/s. ``considerate``: it stops before the
-    robot and before other walkers; another one walks on as if nobody was there.
+    ``radius``, ``height`` in metres, ``mass`` in kilograms, ``speed`` in m/s. ``considerate``: it stops for the robot
+    and other walkers; otherwise it walks on.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Draws people and where they walk: rounds over a few points of the free floor, on shortest ways between these."""
+"""Drawing of people and their routes: loops over points of the free floor, on shortest paths."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ _TRIES = 200
 def draw_walkers(
     asked: WalkersConfig, outlines: Sequence[Points], robot: Pose2D, generator: Callable[[str], np.random.Generator]
 ) -> tuple[Walker, ...] | None:
-    """``asked.count`` walkers on the floor between ``outlines``, or None if there is no room for them.
+    """Return ``asked.count`` walkers on the floor between ``outlines``, or None without enough room.
 
-    ``robot``: where it starts. ``generator``: random numbers by the walker's name.
+    ``robot``: start pose. ``generator``: random numbers by the walker's name.
     """
     floor = FloorGrid.of(outlines).every(_STEP)
     walkers: list[Walker] = []

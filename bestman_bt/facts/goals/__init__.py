@@ -1,1 +1,1 @@
-"""What a task may ask for, a kind in a file: its checks, its entries, its judgement."""
+"""Kinds of task goals, one file each: checks, entries, judgement."""

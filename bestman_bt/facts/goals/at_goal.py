@@ -1,6 +1,6 @@
-"""``at_goal``: the base stands where it was asked to be, and did not go a long way round.
+"""``at_goal``: the base is at its goal, without a long detour.
 
-The seed chooses where that is: somewhere on the free floor, or close before a piece of furniture.
+The seed chooses the goal: somewhere on the free floor, or close to a piece of furniture.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ _EXACT = Rasterization(clearance=0.0, furniture_position_error=0.0, furniture_he
 
 @dataclass(frozen=True)
 class AtGoalFields:
-    """The base shall drive to a pose that the seed chooses, at least ``distance`` metres from its start.
+    """The base should drive to a pose chosen by the seed, at least ``distance`` metres from its start.
 
-    ``at_furniture``: the chance that it is 6 cm before a piece of furniture; else there is room to turn.
+    ``at_furniture``: probability that it is 6 cm in front of furniture; otherwise there is room to turn.
     """
 
     at_furniture: Share = 0.5
@@ -62,11 +62,11 @@ class AtGoal(Goal[AtGoalFields]):
 
     @cached_property
     def pose(self) -> Pose2D:
-        """Where the base shall be, map_from_base. Raises SceneError if there is no room."""
+        """The target pose of the base, map_from_base. Raises SceneError if there is no room."""
         return drive_goal(self.asked, self.world, self.world_model.map, self.robot_model, self.config.seed)
 
     def problems(self) -> Iterator[Problem]:
-        """No mobile base."""
+        """Yield a problem for a robot without a mobile base."""
         yield from self.missing_part(BaseModel, "a mobile base")
 
     def entries(self) -> dict[str, Any]:
@@ -74,8 +74,10 @@ class AtGoal(Goal[AtGoalFields]):
         return {"goal": self.pose} if self.robot_model.of(BaseModel) else {}
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:
-        """``path_ratio``: the way that was driven to the shortest one on the grid of what really stands there, for the
-        circle inside the base.
+        """Return the verdict with ``path_ratio``: driven distance over the shortest path of the base's inscribed
+        circle.
+
+        The shortest path is on the grid of the true obstacles.
         """
         goal, tolerances = self.pose, self.config.task.tolerances
         pose = evidence.truth.base_pose().to_pose2d()
@@ -99,7 +101,7 @@ def base_footprint(robot: RobotModel) -> Footprint:
 
 
 def true_costmap(world: World, robot: RobotModel) -> Costmap:
-    """Where things really stand, with doors and drawers and their handles, without margins; walkers are left out."""
+    """Return the costmap of the true obstacles, with doors, drawers and handles, without margins and walkers."""
     actual = tuple(replace(piece, nominal=piece.actual, mapped=True) for piece in world.furniture)
     leaves = [
         Obstacle(f"{piece.name}/{leaf.name}", tuple(PlacedShape(p.shape, moved @ p.pose) for p in leaf.parts), 0.0)
@@ -111,9 +113,9 @@ def true_costmap(world: World, robot: RobotModel) -> Costmap:
 
 
 def drive_goal(asked: AtGoalFields, world: World, known: SemanticMap, robot: RobotModel, seed: int) -> Pose2D:
-    """Return the pose that the seed chooses, map_from_base. Raises SceneError if there is none.
+    """Return the pose chosen by the seed, map_from_base. Raises SceneError if there is none.
 
-    The base has room there as the map has it and as it really is, and a disc around the base gets there: before
+    The base has room there on the map and in the world, and a disc around the base can get there: in front of
     furniture, to a place straight behind it.
     """
     rng = np.random.default_rng([seed, 5])

@@ -1,6 +1,6 @@
-"""What a task may ask for: each kind a subclass of ``Goal``, with its checks, its entries, its judgement.
+"""Goals of tasks: each kind is a subclass of ``Goal``, with its checks, entries and judgement.
 
-A kind is a file of this folder, and its name that of the file; plug-ins add theirs by ``@bestman_bt.registry.goal``.
+A kind is a file of this folder, named by the file; plug-ins add theirs by ``@bestman_bt.registry.goal``.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ Asked = TypeVar("Asked")
 
 
 class Goal(ABC, Generic[Asked]):
-    """What one entry of a task's ``goals`` asks for in one drawn world.
+    """One entry of a task's ``goals`` in a drawn world.
 
-    ``problems`` come first: the rest relies on there being none.
+    Call ``problems`` first: the other methods assume that there are none.
     """
 
     parameters: ClassVar[type]
@@ -54,22 +54,22 @@ class Goal(ABC, Generic[Asked]):
         return dict(numbered(self.config.task.goals))[int(index)][str(kind)]
 
     def fault(self, message: str, *field: str | int) -> Problem:
-        """What is wrong with it, or with one of its fields."""
+        """Return a fault of the goal, or of one of its fields."""
         return self.config.problem((*self.path, *field), message)
 
     @abstractmethod
     def problems(self) -> Iterator[Problem]:
-        """What is wrong in this world or with this robot, such as names that nothing bears.
+        """Yield faults in this world or for this robot, such as unknown names.
 
-        Of a goal with wrong fields it is told as far as it asks for no such field.
+        For a goal with invalid fields, only faults that do not depend on them are reported.
         """
 
     @abstractmethod
     def entries(self) -> dict[str, Any]:
-        """Root blackboard entries that the tree gets."""
+        """Return the root blackboard entries for the tree."""
 
     def told(self) -> dict[str, str]:
-        """Object → surface, by its full name, where the task says that it is."""
+        """Return object → full name of its surface, as given by the task."""
         return {}
 
     def subjects(self) -> list[str]:
@@ -77,7 +77,7 @@ class Goal(ABC, Generic[Asked]):
         return []
 
     def labels(self) -> list[str]:
-        """What may stand behind the names of its measures, where a task asks for several of the kind."""
+        """Return suffixes for the names of its measures, for tasks with several goals of the kind."""
         return self.subjects()
 
     @abstractmethod
@@ -91,8 +91,9 @@ class Goal(ABC, Generic[Asked]):
 
     @as_far_as_read
     def unknown_object(self, *field: str | int, absent: Collection[str] = ()) -> Iterator[Problem]:
-        """An object that a field names, or an entry of it, which the robot does not know, or not by this name: of
-        several things of one model it gets to see, the first bears the model's name.
+        """Yield a problem for an object in a field that the robot does not know by this name.
+
+        Of several objects of one model, the robot calls the first one by the model's name.
         """
         name = getattr(self.asked, str(field[0]))
         name = dict(numbered(name))[int(field[1])] if len(field) > 1 else name
@@ -126,7 +127,7 @@ class Goal(ABC, Generic[Asked]):
 
 
 def shipped_goals() -> dict[str, type[Goal[Any]]]:
-    """Those of the files of this folder, by the names of the files."""
+    """Return the kinds of goals of this folder, by file name."""
     found: dict[str, type[Goal[Any]]] = {}
     for file in iter_modules(goals.__path__):
         module = import_module(f"{goals.__name__}.{file.name}")
@@ -137,7 +138,7 @@ def shipped_goals() -> dict[str, type[Goal[Any]]]:
 
 
 def read_goals(config: RunConfig, faults: list[Problem]) -> Iterator[tuple[type[Goal[Any]], FieldPath, Any]]:
-    """Kind, place and fields of what a task asks for, in its order; what cannot be read is added to ``faults``."""
+    """Yield kind, place and fields of a task's goals, in order; unreadable ones are added to ``faults``."""
     for index, one in numbered(config.task.goals):
         if len(one) != 1:
             form = "{placed: {object: cup, at: place, source: table, surface: counter}}"
@@ -157,7 +158,7 @@ def read_goals(config: RunConfig, faults: list[Problem]) -> Iterator[tuple[type[
 
 
 def goals_of(task: DrawnTask, faults: list[Problem] | None = None) -> tuple[Goal[Any], ...]:
-    """What a task asks for in a drawn world; what cannot be had is left out and added to ``faults``.
+    """Return a task's goals in a drawn world; impossible ones are left out and added to ``faults``.
 
     Without a registry of nodes, kinds that need one are left out.
     """
@@ -216,7 +217,7 @@ def judged(goals: Iterable[Goal[Any]], predicate: str, evidence: Evidence) -> Ve
 
 
 def metric_names(goals: Sequence[Goal[Any]], predicates: Iterable[str]) -> list[str]:
-    """What the judge of a task may measure; of several goals also one by one, what they are about behind."""
+    """Return the names of the metrics of a task's judge; for several goals also one by one, with suffixes."""
     names = []
     for predicate in predicates:
         each = judging(goals, predicate)
@@ -227,14 +228,14 @@ def metric_names(goals: Sequence[Goal[Any]], predicates: Iterable[str]) -> list[
 
 
 def unknown(config: RunConfig, path: FieldPath, value: str, names: Iterable[str], what: str) -> Iterator[Problem]:
-    """A name that is not among those that there are: ``the scene has no goal 'plce'; did you mean 'place'?``."""
+    """Yield a problem if a name is unknown: ``the scene has no goal 'plce'; did you mean 'place'?``."""
     there = list(names)
     if value not in there:
         yield config.problem(path, f"{what} {value!r}; {suggestion(value, there)}")
 
 
 def surface_names(known: WorldModel, inside: bool = True) -> list[str]:
-    """Names of furniture and surfaces; without ``inside`` not those of surfaces in drawers and behind doors."""
+    """Return the names of furniture and surfaces; without ``inside``, not those in drawers and behind doors."""
     pieces = known.map.furniture
     surfaces = [(piece, surface) for piece in pieces.values() for surface in piece.surfaces]
     return [*pieces, *(f"{p.name}/{s.name}" for p, s in surfaces if inside or not p.is_inside(s))]

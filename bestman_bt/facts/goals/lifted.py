@@ -1,4 +1,4 @@
-"""``lifted``: an object is in the hand, above where it stood, and stays there."""
+"""``lifted``: an object is in the hand, above its initial place, and stays there."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from bestman_bt.robot_model.model import ArmModel
 
 @dataclass(frozen=True)
 class LiftedFields:
-    """``object``, to be sought on ``source``, shall be in the hand, ``height`` metres above where it stood."""
+    """``object``, on ``source``, should be in the hand, ``height`` metres above its initial place."""
 
     object: str
     source: str
@@ -24,14 +24,14 @@ class LiftedFields:
 
 
 class Lifted(Goal[LiftedFields]):
-    """Touched by the robot and by nothing else, as high as asked, at rest."""
+    """Touched only by the robot, high enough, and at rest."""
 
     parameters = LiftedFields
     fills = ("object", "source")
     measures: ClassVar[Mapping[str, tuple[str, ...]]] = {"lifted": ("lifted_mm",)}
 
     def problems(self) -> Iterator[Problem]:
-        """No arm; unknown names."""
+        """Yield a problem for a missing arm or unknown names."""
         yield from self.missing_part(ArmModel, "an arm")
         yield from self.unknown_object("object")
         yield from self.unknown_surface("source")
@@ -45,7 +45,7 @@ class Lifted(Goal[LiftedFields]):
         return [self.asked.object]
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:
-        """Metric: how high it is above where the seed has put it."""
+        """Return the verdict with the height above the initial place as metric."""
         name, truth = self.asked.object, evidence.truth
         if name not in evidence.before:
             return Verdict(False, f"there is no {name} in the scene")

@@ -1,4 +1,4 @@
-"""``opened``: a door or drawer is as far open, or as far closed, as the task asks."""
+"""``opened``: a door or drawer is open or closed as far as requested."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from bestman_bt.facts.goals.goal import Goal, unknown
 
 @dataclass(frozen=True)
 class OpenedFields:
-    """A door or drawer, ``furniture/name``, shall be open by ``at_least`` and ``at_most`` so far at the end.
+    """A door or drawer, ``furniture/name``, should be open by ``at_least`` and ``at_most`` these values.
 
-    Radians of a door, metres of a drawer.
+    Radians for a door, metres for a drawer.
     """
 
     articulation: str
@@ -26,7 +26,7 @@ class OpenedFields:
 
 
 class Opened(Goal[OpenedFields]):
-    """``at_least`` ≤ how far it is open ≤ ``at_most``."""
+    """``at_least`` ≤ opening ≤ ``at_most``."""
 
     parameters = OpenedFields
     fills = ("articulation", "furniture", "at_least", "at_most")
@@ -38,7 +38,7 @@ class Opened(Goal[OpenedFields]):
         return {name: value for name, value in limits.items() if value is not None}
 
     def problems(self) -> Iterator[Problem]:
-        """An unknown door or drawer, and how far it shall be open: in a unit of its joint, and where that can be."""
+        """Yield problems for an unknown door or drawer, and for limits of the wrong unit or out of range."""
         yield from self._limit_faults()
         yield from self._faults_of_the_joint()
 
@@ -73,7 +73,7 @@ class Opened(Goal[OpenedFields]):
                 yield self.fault(f"{name!r} {limits}", field)
 
     def entries(self) -> dict[str, Any]:
-        """``articulation``, ``furniture``, and the limits that are asked."""
+        """Return ``articulation``, ``furniture``, and the limits."""
         name = self.asked.articulation
         return {"articulation": name, "furniture": name.partition("/")[0], **self._limits}
 

@@ -1,4 +1,4 @@
-"""``placed``: each goal's object stands at its goal; ``inside``: it is at least in the drawer or on the inner board."""
+"""``placed``: each goal's object is at its goal; ``inside``: at least in the drawer or on the inner board."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from bestman_bt.messages import Pose, wrap_angle
 
 @dataclass(frozen=True)
 class PlacedFields:
-    """``object``, to be sought on ``source``, shall stand at the scene's goal ``at`` on ``surface``.
+    """``object``, on ``source``, should be at the scene's goal ``at`` on ``surface``.
 
     Surfaces are named as in the map: ``counter``, ``counter/top`` or, of a drawer, ``drawer_chest/drawer_1``.
-    ``object``: of a list of names, the seed chooses one that is there. ``within``: metres; None: the task's tolerance.
+    ``object``: from a list of names, the seed chooses a present one. ``within``: metres; None: the task's tolerance.
     """
 
     object: str | tuple[str, ...]
@@ -36,9 +36,9 @@ class PlacedFields:
 
 @dataclass(frozen=True, eq=False)
 class PlaceGoal:
-    """``object``, to be sought on ``source``, shall stand at ``pose`` (map frame) on ``surface``.
+    """``object``, on ``source``, should be at ``pose`` (map frame) on ``surface``.
 
-    In a drawer the pose is that with the drawer closed; it moves with it.
+    In a drawer the pose is for the closed drawer, and moves with it.
     """
 
     name: str
@@ -49,10 +49,10 @@ class PlaceGoal:
 
 
 class Placed(Goal[PlacedFields]):
-    """``placed``: let go, upright, within the tolerance, at rest, on the right surface.
+    """``placed``: released, upright, within the tolerance, at rest, on the right surface.
 
-    ``inside``: its middle is above the surface and below the next one above, let go and at rest; whichever way up.
-    Whether the door or drawer is closed is asked by ``opened: {articulation: …, at_most: …}``.
+    ``inside``: its middle is above the surface and below the next one, released and at rest, in any orientation. To
+    require a closed door or drawer, add ``opened: {articulation: …, at_most: …}``.
     """
 
     parameters = PlacedFields
@@ -65,7 +65,7 @@ class Placed(Goal[PlacedFields]):
 
     @cached_property
     def goal(self) -> PlaceGoal:
-        """Which object shall go where; of objects to choose from, the seed has chosen."""
+        """The object and its goal, with the choice of the seed."""
         asked, models = self.asked, self.world_model.models
         pose = self.world.goals[asked.at]
         if isinstance(asked.object, str):
@@ -117,7 +117,7 @@ class Placed(Goal[PlacedFields]):
 
     @classmethod
     def entries_of(cls, goals: Sequence[Placed]) -> dict[str, Any]:
-        """Of several, ``goals`` with these, and each pose by name."""
+        """Return the entries; for several goals, ``goals`` with all of them, and each pose by name."""
         if len(goals) == 1:
             return goals[0].entries()
         return {"goals": [goal.entries() for goal in goals], **{one.goal.name: one.goal.pose for one in goals}}
@@ -127,7 +127,7 @@ class Placed(Goal[PlacedFields]):
         return [self.asked.object] if isinstance(self.asked.object, str) else list(self.asked.object)
 
     def told(self) -> dict[str, str]:
-        """Where the object is to be sought."""
+        """Return the source surface of the object."""
         furniture, surface = self.world_model.map.surface(self.goal.source)
         return {self.goal.object: f"{furniture.name}/{surface.name}"}
 
@@ -136,7 +136,7 @@ class Placed(Goal[PlacedFields]):
         return [self.goal.object]
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:
-        """Metrics of ``placed``: how far off it is, how far tilted and turned."""
+        """Return the verdict with the metrics of ``placed``: position error, tilt and rotation."""
         if self.goal.object not in evidence.before:
             return Verdict(False, f"there is no {self.goal.object} in the scene")
         return self._placed(evidence, self.goal) if predicate == "placed" else self._inside(evidence, self.goal)

@@ -1,4 +1,4 @@
-"""``tidied``: all objects that the task lists stand within a region."""
+"""``tidied``: all listed objects are within a region."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Range = Annotated[tuple[Length, Length], SmallerFirst]
 
 @dataclass(frozen=True)
 class TidiedFields:
-    """All of ``objects`` that are there shall be within a rectangle of ``surface``: ``x``, ``y`` in its frame.
+    """All present ``objects`` should be within a rectangle of ``surface``: ``x``, ``y`` in its frame.
 
-    ``source``: where they are to be sought.
+    ``source``: where to search for them.
     """
 
     objects: tuple[str, ...]
@@ -33,14 +33,14 @@ class TidiedFields:
 
 
 class Tidied(Goal[TidiedFields]):
-    """The middle of each listed object that is there lies within the region; upright, let go, at rest."""
+    """The middle of each present object is within the region; upright, released, at rest."""
 
     parameters = TidiedFields
     fills = ("objects", "source", "target", "region_x", "region_y")
     measures: ClassVar[Mapping[str, tuple[str, ...]]] = {"tidied": ("outside_mm", "tidied_share")}
 
     def problems(self) -> Iterator[Problem]:
-        """No objects, empty ranges, unknown names."""
+        """Yield problems for missing objects, empty ranges and unknown names."""
         yield from self.unknown_surface("source")
         yield from self.unknown_surface("surface")
         for axis in ("x", "y"):

@@ -1,4 +1,4 @@
-"""``tool_at``: the tool of the robot's arm is where it was asked to be."""
+"""``tool_at``: the tool of the robot's arm is at its target."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from bestman_bt.robot_model.model import ArmModel
 
 @dataclass(frozen=True)
 class ToolAtFields:
-    """The tool shall point down above the world's goal ``goal``, turned as that is, ``height`` metres above its middle.
+    """The tool should point down above the world's goal ``goal``, rotated like it, ``height`` metres above its middle.
 
-    Of a range of heights the seed chooses one.
+    From a range of heights the seed chooses one.
     """
 
     goal: str
@@ -29,7 +29,7 @@ class ToolAtFields:
 
 
 class ToolAt(Goal[ToolAtFields]):
-    """Within the tolerances of position and, all axes together, of ``tilt``."""
+    """Within the tolerances of position and of total rotation, ``tilt``."""
 
     parameters = ToolAtFields
     fills = ("goal",)
@@ -37,13 +37,13 @@ class ToolAt(Goal[ToolAtFields]):
 
     @property
     def pose(self) -> Pose:
-        """Where the tool shall be, map_from_tool: it points down; of a range of heights the seed chooses one."""
+        """The target of the tool, map_from_tool: pointing down, at the chosen height."""
         goal = self.world.goals[self.asked.goal]
         height = float(np.random.default_rng([self.config.seed, 4]).uniform(*self.asked.height))
         return Pose.from_xyz_rpy(goal.position + np.array([0.0, 0.0, height]), (math.pi, 0.0, goal.yaw))
 
     def problems(self) -> Iterator[Problem]:
-        """No arm; an unknown goal of the scene."""
+        """Yield a problem for a missing arm or an unknown goal."""
         yield from self.missing_part(ArmModel, "an arm")
         yield from self.unknown_place("goal")
 
@@ -52,7 +52,7 @@ class ToolAt(Goal[ToolAtFields]):
         return {"goal": self.pose}
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:
-        """Metrics: how far off the tool is, and how far it is turned."""
+        """Return the verdict with position and rotation errors of the tool as metrics."""
         tolerances = self.config.task.tolerances
         off = self.pose.inverse() @ evidence.truth.frame_pose(evidence.tool_frame)
         distance = float(np.linalg.norm(off.position))

@@ -1,1 +1,1 @@
-"""Apartments made from options and chance: rooms, walls with doorways, and furniture that leaves a way everywhere."""
+"""Generator of apartments: rooms, walls with doorways, and furniture that leaves all rooms accessible."""

@@ -41,10 +41,10 @@ class Room:
 
 @dataclass(frozen=True)
 class Doorway:
-    """An opening of ``width`` metres about ``at`` in the wall between two ``rooms``, which are told by their indices.
+    """An opening of ``width`` metres at ``at`` in the wall between two ``rooms``, given by index.
 
-    ``along``: 0 where the wall runs along x, 1 where it runs along y. ``frame``: metres that a door's frame takes on
-    each side, beyond the width; 0 where there is no door.
+    ``along``: 0 for a wall along x, 1 along y. ``frame``: metres of a door's frame on each side, beyond the width; 0
+    without a door.
     """
 
     at: tuple[float, float]
@@ -55,18 +55,18 @@ class Doorway:
 
     @property
     def has_door(self) -> bool:
-        """Whether a door hangs in it."""
+        """Whether it has a door."""
         return self.frame > 0.0
 
     @property
     def opening(self) -> float:
-        """Metres between the walls."""
+        """The distance between the walls, metres."""
         return self.width + 2.0 * self.frame
 
 
 @dataclass(frozen=True)
 class FloorPlan:
-    """``walls``: the ends of centre lines, without what the doorways take away."""
+    """``walls``: the ends of centre lines, interrupted by the doorways."""
 
     rooms: tuple[Room, ...]
     doorways: tuple[Doorway, ...]
@@ -76,9 +76,9 @@ class FloorPlan:
 def floor_plan(
     options: ApartmentOptions, rng: np.random.Generator, door_rng: np.random.Generator, frame: float
 ) -> FloorPlan | None:
-    """Draw one about the origin, or None if the draw came to nothing.
+    """Draw a floor plan around the origin, or None if the draw failed.
 
-    ``door_rng``: decides which doorways get a door, whose ``frame`` is as wide on each side.
+    ``door_rng``: decides which doorways get a door; ``frame``: width of the door's frame on each side.
     """
     count = int(rng.integers(options.rooms[0], options.rooms[1] + 1))
     area = float(np.clip(count * rng.uniform(*_ROOM_AREA), *options.area))

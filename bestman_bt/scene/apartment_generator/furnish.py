@@ -1,4 +1,4 @@
-"""Furniture for rooms: pieces along the walls, a table with chairs in the middle, and the doorways kept free."""
+"""Furniture for rooms: pieces along the walls, a table with chairs in the middle, and free doorways."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class _Furnisher:
 
 
 def furnish(plan: FloorPlan, wall_thickness: float, rng: np.random.Generator) -> list[ApartmentPiece] | None:
-    """Furniture for all rooms, the largest first, or None if something that is needed found no place."""
+    """Return furniture for all rooms, the largest first, or None if a required piece found no place."""
     furnisher = _Furnisher(rng, wall_thickness, [*_before_doorways(plan.doorways, wall_thickness)])
     for room, furnishing in zip(_largest_first(plan.rooms), _furnishings(len(plan.rooms), rng), strict=True):
         if furnishing.dining and not furnisher.dining_group(room):

@@ -1,4 +1,4 @@
-"""One apartment: plans and furnishings are drawn until a robot gets everywhere."""
+"""Generation of one apartment: plans and furnishings are drawn until all of it is accessible."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _BEFORE_WALL = 0.092  # half the depth of the frame: the leaf swings before the 
 def hang_doors(
     plan: FloorPlan, furniture: Sequence[ApartmentPiece], options: ApartmentOptions, rng: np.random.Generator
 ) -> list[ApartmentPiece] | None:
-    """Return a door for each doorway that shall have one, or None if a leaf finds no room."""
+    """Return a door for each doorway with a door, or None if a leaf has no room."""
     standing: list[Points] = [
         wall_rectangle(Wall(*line, options.wall_height, options.wall_thickness)) for line in plan.walls
     ]
@@ -51,7 +51,7 @@ def hang_doors(
 
 
 def as_standing(piece: ApartmentPiece) -> PlacedFurniture:
-    """Return the piece exactly where it shall stand."""
+    """Return the piece exactly at its nominal pose."""
     return PlacedFurniture(piece.name, piece.model, piece.at, piece.at, open=piece.open)
 
 
@@ -80,7 +80,7 @@ def _hung(
 def moved_doors(
     doors: Sequence[ApartmentPiece], options: ApartmentOptions, rng: np.random.Generator
 ) -> list[ApartmentPiece]:
-    """Return the doors as they stand now: some were opened otherwise since the map was made."""
+    """Return the doors with their current openings: some have changed since the map was made."""
     return [
         replace(door, open={"door": float(rng.uniform(_HALF_OPEN[0], _OPEN[1]))})
         if rng.random() < options.moved_doors
@@ -100,9 +100,9 @@ class ApartmentError(Error, RuntimeError):
 
 @dataclass(frozen=True)
 class Apartment:
-    """``walls``: ends of centre lines in the map frame, whose origin is in the middle. ``furniture``: as mapped.
+    """``walls``: ends of centre lines in the map frame, origin in the middle. ``furniture``: as mapped.
 
-    ``doors``: as mapped; ``doors_now``: as they really stand open.
+    ``doors``: as mapped; ``doors_now``: with their actual openings.
     """
 
     rooms: tuple[Room, ...]
@@ -114,10 +114,10 @@ class Apartment:
 
 
 def generate_apartment(options: ApartmentOptions, seed: int, passage: float = 0.37) -> Apartment:
-    """Return the apartment of a seed. Raises ApartmentError if none comes about.
+    """Return the apartment of a seed. Raises ApartmentError if none is found.
 
-    Every room can be reached from every other one by a disc of the radius ``passage``, metres, wherever between its
-    limits the furniture really stands, and however its doors stand open.
+    A disc of the radius ``passage``, metres, can reach every room from every other one, for all poses of the furniture
+    within its limits, and all openings of the doors.
     """
     for attempt in range(_ATTEMPTS):
         rng, door_rng = np.random.default_rng([seed, attempt]), np.random.default_rng([seed, attempt, 1])

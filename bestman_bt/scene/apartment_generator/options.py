@@ -1,4 +1,4 @@
-"""What may be asked of an apartment."""
+"""Options of generated apartments."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from bestman_bt.scene.scene import FurnitureModel
 
 @dataclass(frozen=True)
 class ApartmentPiece:
-    """``open``: how far its doors are open, radians by their names."""
+    """``open``: openings of its doors, radians by name."""
 
     name: str
     model: FurnitureModel
@@ -38,14 +38,13 @@ class ApartmentPiece:
 
 @dataclass(frozen=True)
 class ApartmentOptions:
-    """Of each pair of limits, the seed draws what lies between.
+    """Options; from each pair of limits, the seed draws a value in between.
 
-    ``rooms``: how many. ``area``: square metres within the outer walls; a room gets 14 to 24 of it. ``doorway``: clear
-    width of the openings between rooms. ``loops``: the chance of a doorway that is not needed to get everywhere.
-    ``moved_chairs``: the chance of a chair to have been moved by up to 60 cm each way since the map was made.
-    ``doors``: the chance of a doorway to have a door; its leaf stands open, or half open (66° to 80°) with the chance
-    ``half_open``. ``moved_doors``: the chance of a door to have been opened otherwise since the map was made.
-    ``seed``: always this apartment; None: the seed of the world draws one.
+    ``rooms``: number. ``area``: square metres within the outer walls; 14 to 24 per room. ``doorway``: clear width of
+    the openings between rooms. ``loops``: probability of a redundant doorway. ``moved_chairs``: probability that a
+    chair was moved by up to 60 cm each way since the map was made. ``doors``: probability that a doorway has a door;
+    its leaf is open, or half open (66° to 80°) with the probability ``half_open``. ``moved_doors``: probability that a
+    door's opening has changed since the map was made. ``seed``: of the apartment; None: drawn from the world's seed.
     """
 
     rooms: Annotated[tuple[PositiveWholeNumber, PositiveWholeNumber], SmallerFirst] = (3, 6)

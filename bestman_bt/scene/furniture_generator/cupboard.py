@@ -20,7 +20,7 @@ _BOARD, _PLINTH, _DOOR = 0.018, 0.08, 0.020
 
 @dataclass(frozen=True)
 class CupboardOptions:
-    """What is not given is drawn. ``depth``: with the doors; ``doors``: 1 or 2; ``hinge``: of a single one.
+    """Options; missing ones are drawn. ``depth``: with the doors; ``doors``: 1 or 2; ``hinge``: of a single one.
 
     ``friction``: of each hinge, newton metres. Articulations: ``door``, or ``left_door`` and ``right_door`` (seen from
     the front); surfaces: ``top`` and, behind the doors, ``shelf_1`` and ``shelf_2``.

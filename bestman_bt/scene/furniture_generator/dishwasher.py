@@ -21,12 +21,11 @@ _LEAST_FRICTION = 6.0  # N m; less would let an open hand push it open
 
 @dataclass(frozen=True)
 class DishwasherOptions:
-    """What is not given is drawn. ``depth``: with the door.
+    """Options; missing ones are drawn. ``depth``: with the door.
 
-    ``friction``: of the hinge, newton metres; not given: a fifth more than the open door's weight asks for, and 6 at
-    least, so that it stays where it is let go, as the springs of a real one make it. ``latch``: newton metres that it
-    takes in addition to unlatch the closed door. Articulation: ``door``; surfaces: ``top`` and
-    ``inside``.
+    ``friction``: of the hinge, newton metres; by default a fifth more than the open door's weight, at least 6, so that
+    it stays in place like a spring-balanced one. ``latch``: newton metres to unlatch the closed door, in addition.
+    Articulation: ``door``; surfaces: ``top`` and ``inside``.
     """
 
     width: PositiveLength | None = None

@@ -20,10 +20,10 @@ _LEAST_FRONT = 0.10
 
 @dataclass(frozen=True)
 class DrawerChestOptions:
-    """What is not given is drawn. ``drawers``: 1 to 6; ``depth``: with the fronts; ``friction``: of each, newtons.
+    """Options; missing ones are drawn. ``drawers``: 1 to 6; ``depth``: with the fronts; ``friction``: of each, newtons.
 
-    Articulations: ``drawer_1`` (lowest) and up; surfaces: ``top`` and, moving with it, the bottom of each drawer by the
-    drawer's name.
+    Articulations: ``drawer_1`` (lowest) and up; surfaces: ``top`` and the bottom of each drawer by the drawer's name,
+    which moves with it.
     """
 
     width: PositiveLength | None = None

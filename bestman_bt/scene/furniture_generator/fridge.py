@@ -21,10 +21,10 @@ _INSIDE = (0.90, 0.92, 0.94)
 
 @dataclass(frozen=True)
 class FridgeOptions:
-    """What is not given is drawn. ``depth``: with the doors; ``doors``: 1, or 2 above each other.
+    """Options; missing ones are drawn. ``depth``: with the doors; ``doors``: 1, or 2 above each other.
 
-    ``friction``: of each hinge, newton metres. Articulations: ``door``, or ``lower_door`` and ``upper_door``;
-    surfaces: ``top`` and, behind the doors, ``shelf_1`` (lowest) and up.
+    ``friction``: of each hinge, newton metres. Articulations: ``door``, or ``lower_door`` and ``upper_door``; surfaces:
+    ``top`` and, behind the doors, ``shelf_1`` (lowest) and up.
     """
 
     width: PositiveLength | None = None

@@ -1,4 +1,4 @@
-"""Furniture by kind: the options of each, and what a random number generator makes of them."""
+"""Generation of furniture by kind, from options and a random generator."""
 
 from __future__ import annotations
 
@@ -32,11 +32,10 @@ FURNITURE_KINDS = tuple(_KINDS)
 
 
 def generate_furniture(kind: str, rng: np.random.Generator, name: str | None = None, **options: Any) -> FurnitureModel:
-    """Return a piece of furniture of a kind of FURNITURE_KINDS; the same options and generator state give the same
-    piece.
+    """Return a piece of furniture of a kind of FURNITURE_KINDS, deterministically.
 
-    ``options``: fields of the kind's options, for example ``drawers=3, handle=HandleOptions(kind="bar")``; what is not
-    given is drawn. Raises FurnitureOptionError.
+    ``options``: fields of the kind's options, for example ``drawers=3, handle=HandleOptions(kind="bar")``; missing ones
+    are drawn. Raises FurnitureOptionError.
     """
     chosen = options_of(kind)
     known = [field.name for field in fields(chosen)]

@@ -1,4 +1,4 @@
-"""The handle that all fronts of a piece of furniture have in common: kind and measures, drawn where not given."""
+"""The common handle of all fronts of a piece of furniture: kind and measures."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ _OPTIONS_OF: dict[HandleKind, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class HandleOptions:
-    """A handle; what is not given is drawn.
+    """Options of a handle; missing ones are drawn.
 
     ``bar``: a straight rod of ``radius`` and ``length`` on two posts, its axis ``standoff`` in front of the panel.
-    ``knob``: a cylinder or a ball of ``radius`` on a stem, its middle ``standoff`` in front of the panel.
-    ``edge``: no part stands out; ``groove`` metres are cut into the panel's border over ``length``, down to a lip of
-    thickness ``lip`` with room behind it, which fingers reach over and hook.
-    ``inset``: metres from the panel's free border to the middle of bar or knob (doors only).
+    ``knob``: a cylinder or sphere of ``radius`` on a stem, its middle ``standoff`` in front of the panel. ``edge``: no
+    protruding part; ``groove`` metres are cut into the panel's border over ``length``, down to a lip of thickness
+    ``lip`` with room for fingers behind it. ``inset``: metres from the panel's free border to the middle of bar or knob
+    (doors only).
     """
 
     kind: HandleKind | None = None
@@ -53,11 +53,11 @@ class HandleOptions:
 
 @dataclass(frozen=True)
 class HandleDesign:
-    """As HandleOptions, all decided; metres.
+    """A HandleOptions with all values determined; metres.
 
-    ``length_given``: whether it must be kept; a drawn length gives way to a small front. ``whole_border``: the groove
-    of an edge runs along the whole border. ``cup``: room behind a lip. ``height``: where along its front bar or knob
-    sits, -1 to 1 of what is free.
+    ``length_given``: the length is fixed; a drawn length adapts to a small front. ``whole_border``: the groove of an
+    edge covers the whole border. ``cup``: room behind a lip. ``height``: position of bar or knob on its front, -1 to 1
+    of the free range.
     """
 
     kind: HandleKind
@@ -79,9 +79,9 @@ class HandleDesign:
         return self.lip + self.cup + CUP_BACK if self.kind == "edge" else plain
 
     def fitting_length(self, room: float) -> float:
-        """Length on a front with ``room`` metres along the handle.
+        """Return the length for a front with ``room`` metres along the handle.
 
-        Raises FurnitureOptionError if a given one is too long.
+        Raises FurnitureOptionError if a given length is too long.
         """
         free = room if self.kind == "edge" else room - 2 * BORDER
         if self.length_given and self.length > free:
@@ -98,7 +98,7 @@ def draw_handle(
     largest_length: float = 0.40,
     directions: dict[Direction, float],
 ) -> HandleDesign:
-    """Return a design; ``weights``, ``directions``: how often each is drawn."""
+    """Return a design; ``weights``, ``directions``: relative frequencies."""
     # All is drawn, whatever is given: so to fix one option changes no other.
     kind, direction, shape = _chosen(weights, rng), _chosen(directions, rng), _chosen(_SHAPES, rng)
     kind, direction, shape = options.kind or kind, options.direction or direction, options.shape or shape
@@ -137,7 +137,7 @@ def draw_handle(
 
 
 def knob_head(shape: KnobShape, radius: float) -> float:
-    """Return how far the head of a knob reaches along the front's normal, metres."""
+    """Return the extent of a knob's head along the front's normal, metres."""
     return 2 * radius if shape == "ball" else 1.2 * radius
 
 

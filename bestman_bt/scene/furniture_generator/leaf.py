@@ -1,4 +1,4 @@
-"""Doors and drawers of generated furniture: what moves, about which axis, pulled by which handle."""
+"""Doors and drawers of generated furniture: moving parts, axes and handles."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Front:
 
 @dataclass(frozen=True)
 class LeafDesign:
-    """How doors and drawers of a piece are made. ``thickness``: metres of the front. ``density``: kg/m³.
+    """Parameters of the doors and drawers of a piece. ``thickness``: metres of the front. ``density``: kg/m³.
 
     ``friction``: of the joint, N or N m.
     """

@@ -21,10 +21,10 @@ _GLASS, _DISPLAY, _PLATE = (0.05, 0.06, 0.08), (0.10, 0.55, 0.45), (0.80, 0.88, 
 
 @dataclass(frozen=True)
 class MicrowaveOptions:
-    """What is not given is drawn. ``depth``: with the door; ``friction``: of the hinge, newton metres.
+    """Options; missing ones are drawn. ``depth``: with the door; ``friction``: of the hinge, newton metres.
 
-    Articulation: ``door``; surfaces: ``top`` and, behind the door, ``inside``. The setting knob beside the door turns
-    in no way: it is a part that looks like a handle and is none.
+    Articulation: ``door``; surfaces: ``top`` and, behind the door, ``inside``. The knob beside the door is fixed: it
+    looks like a handle but is not one.
     """
 
     width: PositiveLength | None = None

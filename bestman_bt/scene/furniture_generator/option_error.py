@@ -1,4 +1,4 @@
-"""What is wrong with the options of generated furniture."""
+"""Errors of the options of generated furniture."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from bestman_bt.errors import Error
 
 
 class FurnitureOptionError(Error, ValueError):
-    """``path``: the option at fault, for example ("handle", "length"); the message gives its value and what fits."""
+    """``path``: the faulty option, for example ("handle", "length"); the message gives its value and what is
+    accepted.
+    """
 
     def __init__(self, path: tuple[str, ...], message: str) -> None:
         super().__init__(f"furniture option {'.'.join(path)}: {message}" if path else message)

@@ -1,5 +1,6 @@
-"""The front of a door or a drawer with its handle, in the panel frame: origin in the middle of the front face, x to the
-right and y up for who stands before it, z out of the front.
+"""The front of a door or drawer with its handle, in the panel frame.
+
+Its origin is in the middle of the front face, x to the right and y up as seen from the front, z out of it.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def model(
     surfaces: Sequence[Surface],
     articulations: Sequence[Articulation] = (),
 ) -> FurnitureModel:
-    """Return the piece of furniture made of all these."""
+    """Return the piece of furniture with these elements."""
     return FurnitureModel(
         name=name,
         footprint=footprint,
@@ -87,7 +88,7 @@ _SAME_AS_FRONT = 0.3  # share of furniture whose handles have the colour of the 
 
 @dataclass(frozen=True)
 class FinishOptions:
-    """Colours; what is not given is drawn. ``handle_like_front``: the handles have the colour of the front."""
+    """Colours; missing ones are drawn. ``handle_like_front``: the handles have the colour of the front."""
 
     style: Style | None = None
     front: ColorOption | None = None
@@ -149,7 +150,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class PanelHandle:
-    """Where the handle of a panel is: panel_from_handle, with the measures of bestman_bt.messages.Handle."""
+    """The handle of a panel: panel_from_handle, with the measures of bestman_bt.messages.Handle."""
 
     pose: Pose
     radius: float

@@ -20,10 +20,10 @@ _POST, _DOOR, _SLIT = 0.04, 0.038, 0.012
 
 @dataclass(frozen=True)
 class RoomDoorOptions:
-    """What is not given is drawn. ``width``: with the frame, as wide as the doorway; ``depth``: of frame and leaf.
+    """Options; missing ones are drawn. ``width``: with the frame, as wide as the doorway; ``depth``: of frame and leaf.
 
-    ``hinge``: left or right, seen from -x, to where it opens. ``friction``: of the hinge, ``latch``: what it takes in
-    addition to leave the frame; newton metres. Articulation: ``door``; surface: ``top`` of the lintel.
+    ``hinge``: left or right, seen from -x, to where it opens. ``friction``: of the hinge, ``latch``: in addition at the
+    frame; newton metres. Articulation: ``door``; surface: ``top`` of the lintel.
     """
 
     width: PositiveLength | None = None

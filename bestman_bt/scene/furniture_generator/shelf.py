@@ -15,7 +15,7 @@ from bestman_bt.scene.scene import FurnitureModel
 
 @dataclass(frozen=True)
 class ShelfOptions:
-    """What is not given is drawn. ``boards``: 2 to 8, the lowest and the top one included; ``back``: a back wall.
+    """Options; missing ones are drawn. ``boards``: 2 to 8, the lowest and the top one included; ``back``: a back wall.
 
     Surfaces: ``board_1`` (lowest) to ``top``.
     """

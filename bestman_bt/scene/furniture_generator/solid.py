@@ -21,14 +21,14 @@ _ALONG = {
 
 @dataclass(frozen=True)
 class Solid:
-    """A shape with its colour, placed in the frame of what it is a part of."""
+    """A coloured shape in the frame of its parent."""
 
     shape: Shape
     pose: Pose
     color: Color
 
     def seen_from(self, other_from_frame: Pose) -> Solid:
-        """Return the same solid, placed in another frame."""
+        """Return the same solid, expressed in another frame."""
         return Solid(self.shape, other_from_frame @ self.pose, self.color)
 
     @property
