@@ -98,6 +98,11 @@ def suggestion(name: str, known: Iterator[str] | list[str] | dict[str, Any]) -> 
     return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(names) or 'none'}"
 
 
+def _by_name(modules: dict[str, str]) -> dict[str, str]:
+    """Name → target, of classes that are registered under their own names: module → those in it."""
+    return {name: f"{module}:{name}" for module, names in modules.items() for name in names.split()}
+
+
 DRIVERS = Registry(
     "bestman_bt.drivers",
     "robot driver",
@@ -228,146 +233,74 @@ ALGORITHM_SLOTS = frozenset(name.partition("/")[0] for name in ALGORITHMS.shippe
 BEHAVIOURS = Registry(
     "bestman_bt.behaviours",
     "behaviour",
-    {
-        "AppendGoalPoseToGoals": "behaviours.nav2.pacing:AppendGoalPoseToGoals",
-        "AreErrorCodesPresent": "behaviours.nav2.recovery:AreErrorCodesPresent",
-        "ArePosesNear": "behaviours.nav2.pacing:ArePosesNear",
-        "AssistedTeleop": "behaviours.nav2.lacking:AssistedTeleop",
-        "At": "behaviours.navigation.navigate:At",
-        "BackUp": "behaviours.nav2.motions:BackUp",
-        "BelieveBlocked": "behaviours.navigation.navigate:BelieveBlocked",
-        "BelieveLocked": "behaviours.furniture.conditions:BelieveLocked",
-        "BelieveObject": "behaviours.perception.beliefs:BelieveObject",
-        "BelieveStuck": "behaviours.furniture.conditions:BelieveStuck",
-        "BelievedSurface": "behaviours.perception.perceive:BelievedSurface",
-        "CancelAssistedTeleop": "behaviours.nav2.cancel:CancelAssistedTeleop",
-        "CancelBackUp": "behaviours.nav2.cancel:CancelBackUp",
-        "CancelComputeAndTrackRoute": "behaviours.nav2.cancel:CancelComputeAndTrackRoute",
-        "CancelControl": "behaviours.nav2.cancel:CancelControl",
-        "CancelDriveOnHeading": "behaviours.nav2.cancel:CancelDriveOnHeading",
-        "CancelFollowObject": "behaviours.nav2.cancel:CancelFollowObject",
-        "CancelSpin": "behaviours.nav2.cancel:CancelSpin",
-        "CancelWait": "behaviours.nav2.cancel:CancelWait",
-        "CheckHeld": "behaviours.manipulation.grasp:CheckHeld",
-        "CheckPoseOccupancy": "behaviours.nav2.pacing:CheckPoseOccupancy",
-        "CheckStopStatus": "behaviours.nav2.pacing:CheckStopStatus",
-        "ClearCostmap": "behaviours.nav2.recovery:ClearCostmap",
-        "ClearCostmapAroundPose": "behaviours.nav2.recovery:ClearCostmapAroundPose",
-        "ClearCostmapAroundRobot": "behaviours.nav2.recovery:ClearCostmapAroundRobot",
-        "ClearCostmapExceptRegion": "behaviours.nav2.recovery:ClearCostmapExceptRegion",
-        "ClearEntireCostmap": "behaviours.nav2.recovery:ClearEntireCostmap",
-        "ClearStop": "behaviours.clear_stop:ClearStop",
-        "Close": "behaviours.furniture.close:Close",
-        "ComputeAndTrackRoute": "behaviours.nav2.lacking:ComputeAndTrackRoute",
-        "ComputePathThroughPoses": "behaviours.nav2.navigate:ComputePathThroughPoses",
-        "ComputePathToPose": "behaviours.nav2.navigate:ComputePathToPose",
-        "ComputeRoute": "behaviours.nav2.lacking:ComputeRoute",
-        "ConcatenatePaths": "behaviours.nav2.paths:ConcatenatePaths",
-        "ControllerSelector": "behaviours.nav2.selectors:ControllerSelector",
-        "DetectHandle": "behaviours.furniture.handles:DetectHandle",
-        "DetectObject": "behaviours.perception.perceive:DetectObject",
-        "DetectObjects": "behaviours.perception.perceive:DetectObjects",
-        "DistanceController": "behaviours.nav2.pacing:DistanceController",
-        "DistanceTraveled": "behaviours.nav2.pacing:DistanceTraveled",
-        "DockAt": "behaviours.nav2.dock_at:DockAt",
-        "DockRobot": "behaviours.nav2.dock_at:DockRobot",
-        "DriveOnHeading": "behaviours.nav2.motions:DriveOnHeading",
-        "EstimatePose": "behaviours.perception.perceive:EstimatePose",
-        "ExecutePlan": "bestman_bt.task_planning.nodes:ExecutePlan",
-        "ExploreAndMap": "behaviours.navigation.explore:ExploreAndMap",
-        "ExtractRouteNodesAsGoals": "behaviours.nav2.lacking:ExtractRouteNodesAsGoals",
-        "FindCloseStand": "behaviours.furniture.base_placement:FindCloseStand",
-        "FindFreePlace": "behaviours.perception.tidying:FindFreePlace",
-        "FindLookStand": "behaviours.furniture.base_placement:FindLookStand",
-        "FindOpenStand": "behaviours.furniture.base_placement:FindOpenStand",
-        "FindPlacePose": "behaviours.manipulation.place:FindPlacePose",
-        "FindPushStand": "behaviours.manipulation.push:FindPushStand",
-        "FindRoomIn": "behaviours.manipulation.place_in:FindRoomIn",
-        "FindStandPose": "behaviours.navigation.base_placement:FindStandPose",
-        "FindUntidy": "behaviours.perception.tidying:FindUntidy",
-        "FollowObject": "behaviours.nav2.lacking:FollowObject",
-        "FollowPath": "behaviours.nav2.navigate:FollowPath",
-        "ForgetBlocked": "behaviours.navigation.navigate:ForgetBlocked",
-        "FoundOn": "behaviours.perception.search:FoundOn",
-        "FoundOrSeenAll": "behaviours.perception.search:FoundOrSeenAll",
-        "GetCurrentPose": "behaviours.nav2.pacing:GetCurrentPose",
-        "GetNextFewGoals": "behaviours.nav2.pacing:GetNextFewGoals",
-        "GetPoseFromPath": "behaviours.nav2.paths:GetPoseFromPath",
-        "GlobalUpdatedGoal": "behaviours.nav2.pacing:GlobalUpdatedGoal",
-        "GoalCheckerSelector": "behaviours.nav2.selectors:GoalCheckerSelector",
-        "GoalOnSurface": "behaviours.manipulation.place_in:GoalOnSurface",
-        "GoalReached": "behaviours.nav2.pacing:GoalReached",
-        "GoalUpdated": "behaviours.nav2.pacing:GoalUpdated",
-        "GoalUpdatedController": "behaviours.nav2.sequences:GoalUpdatedController",
-        "GoalUpdater": "behaviours.nav2.pacing:GoalUpdater",
-        "Grasp": "behaviours.manipulation.grasp:Grasp",
-        "Holding": "behaviours.manipulation.grasp:Holding",
-        "Holds": "bestman_bt.task_planning.nodes:Holds",
-        "InitialPoseReceived": "behaviours.navigation.localise:InitialPoseReceived",
-        "IsBatteryCharging": "behaviours.nav2.lacking:IsBatteryCharging",
-        "IsBatteryLow": "behaviours.nav2.lacking:IsBatteryLow",
-        "IsGoalNearby": "behaviours.nav2.paths:IsGoalNearby",
-        "IsOpen": "behaviours.furniture.conditions:IsOpen",
-        "IsPathValid": "behaviours.nav2.paths:IsPathValid",
-        "IsStuck": "behaviours.nav2.recovery:IsStuck",
-        "IsTidy": "behaviours.perception.tidying:IsTidy",
-        "IsWithinPathTrackingBounds": "behaviours.nav2.paths:IsWithinPathTrackingBounds",
-        "Log": "behaviours.log:Log",
-        "LookAt": "behaviours.perception.look:LookAt",
-        "LookInto": "behaviours.perception.look:LookInto",
-        "MoveArm": "behaviours.manipulation.move_arm:MoveArm",
-        "NavigateThroughPoses": "behaviours.nav2.navigate:NavigateThroughPoses",
-        "NavigateTo": "behaviours.navigation.navigate:NavigateTo",
-        "NavigateToPose": "behaviours.nav2.navigate:NavigateToPose",
-        "NonblockingSequence": "behaviours.nav2.sequences:NonblockingSequence",
-        "ObjectAt": "behaviours.perception.perceive:ObjectAt",
-        "ObjectVisible": "behaviours.perception.perceive:ObjectVisible",
-        "Open": "behaviours.furniture.open:Open",
-        "PathExpiringTimer": "behaviours.nav2.paths:PathExpiringTimer",
-        "PathHandlerSelector": "behaviours.nav2.selectors:PathHandlerSelector",
-        "PathLongerOnApproach": "behaviours.nav2.pacing:PathLongerOnApproach",
-        "PauseResumeController": "behaviours.nav2.sequences:PauseResumeController",
-        "PersistentSequence": "behaviours.nav2.sequences:PersistentSequence",
-        "PlaceIn": "behaviours.manipulation.place_in:PlaceIn",
-        "PlaceOn": "behaviours.manipulation.place:PlaceOn",
-        "Plan": "bestman_bt.task_planning.nodes:Plan",
-        "PlanGrasp": "behaviours.manipulation.grasp:PlanGrasp",
-        "PlannerSelector": "behaviours.nav2.selectors:PlannerSelector",
-        "ProgressCheckerSelector": "behaviours.nav2.selectors:ProgressCheckerSelector",
-        "Push": "behaviours.manipulation.push:Push",
-        "Reachable": "behaviours.manipulation.grasp:Reachable",
-        "ReinitializeGlobalLocalization": "behaviours.nav2.recovery:ReinitializeGlobalLocalization",
-        "Release": "behaviours.manipulation.place:Release",
-        "Relocalise": "behaviours.navigation.localise:Relocalise",
-        "RememberSeen": "behaviours.perception.tidying:RememberSeen",
-        "RemoveInCollisionGoals": "behaviours.nav2.pacing:RemoveInCollisionGoals",
-        "RemovePassedGoals": "behaviours.nav2.pacing:RemovePassedGoals",
-        "Retreat": "behaviours.manipulation.move_arm:Retreat",
-        "ReturnToStart": "behaviours.navigation.navigate:ReturnToStart",
-        "RunPolicy": "behaviours.manipulation.policy:RunPolicy",
-        "Say": "behaviours.log:Say",
-        "ScanScene": "behaviours.perception.scan:ScanScene",
-        "SecondLook": "behaviours.manipulation.second_look:SecondLook",
-        "SingleTrigger": "behaviours.nav2.sequences:SingleTrigger",
-        "SmoothPath": "behaviours.nav2.paths:SmoothPath",
-        "SmootherSelector": "behaviours.nav2.selectors:SmootherSelector",
-        "SpeedController": "behaviours.nav2.pacing:SpeedController",
-        "Spin": "behaviours.nav2.motions:Spin",
-        "TakeContainer": "behaviours.furniture.conditions:TakeContainer",
-        "TakeGoal": "behaviours.task_goals:TakeGoal",
-        "TimeExpired": "behaviours.nav2.pacing:TimeExpired",
-        "ToggleCollisionMonitor": "behaviours.nav2.lacking:ToggleCollisionMonitor",
-        "TransformAvailable": "behaviours.nav2.lacking:TransformAvailable",
-        "TruncatePath": "behaviours.nav2.paths:TruncatePath",
-        "TruncatePathLocal": "behaviours.nav2.paths:TruncatePathLocal",
-        "UndockRobot": "behaviours.nav2.dock_at:UndockRobot",
-        "ValidatePath": "behaviours.nav2.paths:ValidatePath",
-        "Wait": "behaviours.nav2.motions:Wait",
-        "WouldAControllerRecoveryHelp": "behaviours.nav2.recovery:WouldAControllerRecoveryHelp",
-        "WouldAPlannerRecoveryHelp": "behaviours.nav2.recovery:WouldAPlannerRecoveryHelp",
-        "WouldARouteRecoveryHelp": "behaviours.nav2.recovery:WouldARouteRecoveryHelp",
-        "WouldASmootherRecoveryHelp": "behaviours.nav2.recovery:WouldASmootherRecoveryHelp",
-    },
+    _by_name(
+        {
+            "behaviours.clear_stop": "ClearStop",
+            "behaviours.furniture.base_placement": "FindCloseStand FindLookStand FindOpenStand",
+            "behaviours.furniture.close": "Close",
+            "behaviours.furniture.conditions": "BelieveLocked BelieveStuck IsOpen TakeContainer",
+            "behaviours.furniture.handles": "DetectHandle",
+            "behaviours.furniture.open": "Open",
+            "behaviours.log": "Log Say",
+            "behaviours.manipulation.grasp": "CheckHeld Grasp Holding PlanGrasp Reachable",
+            "behaviours.manipulation.move_arm": "MoveArm Retreat",
+            "behaviours.manipulation.place": "FindPlacePose PlaceOn Release",
+            "behaviours.manipulation.place_in": "FindRoomIn GoalOnSurface PlaceIn",
+            "behaviours.manipulation.policy": "RunPolicy",
+            "behaviours.manipulation.push": "FindPushStand Push",
+            "behaviours.manipulation.second_look": "SecondLook",
+            "behaviours.nav2.cancel": (
+                "CancelAssistedTeleop CancelBackUp CancelComputeAndTrackRoute CancelControl CancelDriveOnHeading "
+                "CancelFollowObject CancelSpin CancelWait"
+            ),
+            "behaviours.nav2.dock_at": "DockAt DockRobot UndockRobot",
+            "behaviours.nav2.lacking": (
+                "AssistedTeleop ComputeAndTrackRoute ComputeRoute ExtractRouteNodesAsGoals FollowObject "
+                "IsBatteryCharging IsBatteryLow ToggleCollisionMonitor TransformAvailable"
+            ),
+            "behaviours.nav2.motions": "BackUp DriveOnHeading Spin Wait",
+            "behaviours.nav2.navigate": (
+                "ComputePathThroughPoses ComputePathToPose FollowPath NavigateThroughPoses NavigateToPose"
+            ),
+            "behaviours.nav2.pacing": (
+                "AppendGoalPoseToGoals ArePosesNear CheckPoseOccupancy CheckStopStatus DistanceController "
+                "DistanceTraveled GetCurrentPose GetNextFewGoals GlobalUpdatedGoal GoalReached GoalUpdated "
+                "GoalUpdater PathLongerOnApproach RemoveInCollisionGoals RemovePassedGoals SpeedController "
+                "TimeExpired"
+            ),
+            "behaviours.nav2.paths": (
+                "ConcatenatePaths GetPoseFromPath IsGoalNearby IsPathValid IsWithinPathTrackingBounds "
+                "PathExpiringTimer SmoothPath TruncatePath TruncatePathLocal ValidatePath"
+            ),
+            "behaviours.nav2.recovery": (
+                "AreErrorCodesPresent ClearCostmap ClearCostmapAroundPose ClearCostmapAroundRobot "
+                "ClearCostmapExceptRegion ClearEntireCostmap IsStuck ReinitializeGlobalLocalization "
+                "WouldAControllerRecoveryHelp WouldAPlannerRecoveryHelp WouldARouteRecoveryHelp "
+                "WouldASmootherRecoveryHelp"
+            ),
+            "behaviours.nav2.selectors": (
+                "ControllerSelector GoalCheckerSelector PathHandlerSelector PlannerSelector "
+                "ProgressCheckerSelector SmootherSelector"
+            ),
+            "behaviours.nav2.sequences": (
+                "GoalUpdatedController NonblockingSequence PauseResumeController PersistentSequence SingleTrigger"
+            ),
+            "behaviours.navigation.base_placement": "FindStandPose",
+            "behaviours.navigation.explore": "ExploreAndMap",
+            "behaviours.navigation.localise": "InitialPoseReceived Relocalise",
+            "behaviours.navigation.navigate": "At BelieveBlocked ForgetBlocked NavigateTo ReturnToStart",
+            "behaviours.perception.beliefs": "BelieveObject",
+            "behaviours.perception.look": "LookAt LookInto",
+            "behaviours.perception.perceive": (
+                "BelievedSurface DetectObject DetectObjects EstimatePose ObjectAt ObjectVisible"
+            ),
+            "behaviours.perception.scan": "ScanScene",
+            "behaviours.perception.search": "FoundOn FoundOrSeenAll",
+            "behaviours.perception.tidying": "FindFreePlace FindUntidy IsTidy RememberSeen",
+            "behaviours.task_goals": "TakeGoal",
+            "bestman_bt.task_planning.nodes": "ExecutePlan Holds Plan",
+        }
+    ),
 )
 """Skill leaves by the name that trees use."""
 

@@ -19,18 +19,8 @@ class MujocoRobot(SimulatedRobot):
     """Implement ``SimulatedRobot``."""
 
     engine_name: ClassVar[str] = "MuJoCo"
+    parameters_class = MujocoParameters
     _parameters: MujocoParameters
-
-    def __init__(
-        self,
-        model: RobotModel,
-        world: World,
-        *,
-        gui: bool = False,
-        seed: int = 0,
-        parameters: MujocoParameters | None = None,
-    ) -> None:
-        super().__init__(model, world, gui=gui, seed=seed, parameters=parameters or MujocoParameters())
 
     @classmethod
     def refused_parts(cls, model: RobotModel) -> Mapping[str, str]:

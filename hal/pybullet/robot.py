@@ -16,19 +16,9 @@ class PyBulletRobot(SimulatedRobot):
     """See ``SimulatedRobot``; ``client``: pybullet's functions, for whoever sets up or disturbs a world with them."""
 
     engine_name: ClassVar[str] = "PyBullet"
-    client: PhysicsClient
+    parameters_class = PhysicsParameters
     _parameters: PhysicsParameters
-
-    def __init__(
-        self,
-        model: RobotModel,
-        world: World,
-        *,
-        gui: bool = False,
-        seed: int = 0,
-        parameters: PhysicsParameters | None = None,
-    ) -> None:
-        super().__init__(model, world, gui=gui, seed=seed, parameters=parameters or PhysicsParameters())
+    client: PhysicsClient
 
     def build(self, model: RobotModel, world: World, gui: bool) -> PyBulletEngine:
         """Start a physics server and fill it. Raises SimulationError if there is none to be had."""

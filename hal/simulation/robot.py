@@ -69,6 +69,8 @@ class SimulatedRobot(Robot):
 
     engine_name: ClassVar[str]
     """For people."""
+    parameters_class: ClassVar[type[SimulationParameters]] = SimulationParameters
+    """Of the constructor's ``parameters``."""
     clock: SimulatedClock
 
     def __init__(
@@ -81,7 +83,7 @@ class SimulatedRobot(Robot):
         parameters: SimulationParameters | None = None,
     ) -> None:
         self.model, self._world, self._gui, self._seed = model, world, gui, seed
-        self._parameters = parameters or SimulationParameters()
+        self._parameters = parameters or self.parameters_class()
         self.clock = SimulatedClock(self._parameters.time_step)
         self._simulation: Simulation | None = None
         self._monitor: AuditMonitor | None = None
