@@ -15,7 +15,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from types import TracebackType
 from typing import Annotated
 
 import typer
@@ -78,9 +77,7 @@ class Groot2View:
             raise ConfigurationError([Problem(where, None, "", str(error))]) from error
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._publisher is not None:
             self._publisher.close()
 

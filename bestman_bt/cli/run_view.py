@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Mapping
 from itertools import count
 from pathlib import Path
-from types import TracebackType
 
 from rich.console import Console
 from rich.live import Live
@@ -49,9 +48,7 @@ class RunView:
     def __enter__(self) -> RunView:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._live is not None:
             self._live.stop()
 

@@ -7,7 +7,6 @@ import os
 import threading
 import time
 from pathlib import Path
-from types import TracebackType
 
 from py_trees.behaviour import Behaviour
 from py_trees.blackboard import Blackboard
@@ -75,9 +74,7 @@ class PyTreesWatch:
     def __enter__(self) -> PyTreesWatch:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _begin(self) -> None:

@@ -8,7 +8,6 @@ from contextlib import ExitStack
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from bestman_bt.engine.core.status import IDLE, RUNNING, STATUS_NAMES
@@ -69,9 +68,7 @@ class WatchedExecution:
         self._stack.enter_context(serve(self, folder))
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._stack.close()
         self._stream.close()
 

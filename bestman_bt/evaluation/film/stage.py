@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,9 +40,7 @@ class Stage:
         self._reader = self._robot.simulation.reader(ReadPurpose.RECORDING)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._robot.disconnect()
 
     def set(self, snapshot: RobotSnapshot) -> None:

@@ -9,7 +9,6 @@ import time
 import uuid
 from collections import deque
 from dataclasses import dataclass
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from bestman_bt.engine import IDLE, StateChanges, Tree
@@ -173,9 +172,7 @@ class Groot2Publisher:
     def __enter__(self) -> Groot2Publisher:
         return self.open()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _serve(self) -> None:

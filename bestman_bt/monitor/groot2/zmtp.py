@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import socket
 import time
-from types import TracebackType
 
 from bestman_bt.monitor.groot2.protocol import Groot2Error
 
@@ -74,9 +73,7 @@ class ZmtpConnection:
     def __enter__(self) -> ZmtpConnection:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _shake_hands(self, kind: str) -> None:
