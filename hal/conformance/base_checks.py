@@ -106,8 +106,8 @@ def _require_way(moved: Pose2D, velocity: tuple[float, float, float], took: floa
 
 
 BASE_CHECKS = (
-    Check("velocities of a base lapse", velocities_of_a_base_lapse, BASES, commands=True),
-    Check("a base moves in its own frame", a_base_moves_in_its_own_frame, BASES, commands=True),
-    Check("a base drives and turns by odometry", a_base_drives_and_turns_by_odometry, BASES, commands=True),
-    Check("a motion of a base can be cancelled", a_motion_of_a_base_can_be_cancelled, BASES, commands=True),
+    Check(velocities_of_a_base_lapse, BASES, commands=True),
+    Check(a_base_moves_in_its_own_frame, BASES, commands=True),
+    Check(a_base_drives_and_turns_by_odometry, BASES, commands=True),
+    Check(a_motion_of_a_base_can_be_cancelled, BASES, commands=True),
 )

@@ -88,8 +88,8 @@ def _short_sleeps(robot: Robot) -> tuple[float, float]:
 
 
 CLOCK_CHECKS = (
-    Check("sleeping takes the time asked", sleeping_takes_the_time_asked),
-    Check("time never goes back", time_never_goes_back),
-    Check("impossible sleeps are refused", impossible_sleeps_are_refused),
-    Check("periodic calls come on time", periodic_calls_come_on_time),
+    Check(sleeping_takes_the_time_asked),
+    Check(time_never_goes_back),
+    Check(impossible_sleeps_are_refused),
+    Check(periodic_calls_come_on_time),
 )

@@ -133,13 +133,11 @@ def a_stop_is_kept_across_connections(robot: Robot) -> None:
 
 
 CONNECTION_CHECKS = (
-    Check("nothing works without a connection", nothing_works_without_a_connection),
-    Check("connecting and disconnecting are idempotent", connecting_and_disconnecting_are_idempotent),
-    Check("nothing works after disconnecting", nothing_works_after_disconnecting),
-    Check(
-        "a robot that connects again takes commands", a_robot_that_connects_again_takes_commands, GROUPS, commands=True
-    ),
-    Check("a robot that connects again stands still", a_robot_that_connects_again_stands_still, BASES, commands=True),
-    Check("disconnecting ends motions", disconnecting_ends_motions, GROUPS, commands=True),
-    Check("a stop is kept across connections", a_stop_is_kept_across_connections),
+    Check(nothing_works_without_a_connection),
+    Check(connecting_and_disconnecting_are_idempotent),
+    Check(nothing_works_after_disconnecting),
+    Check(a_robot_that_connects_again_takes_commands, GROUPS, commands=True),
+    Check(a_robot_that_connects_again_stands_still, BASES, commands=True),
+    Check(disconnecting_ends_motions, GROUPS, commands=True),
+    Check(a_stop_is_kept_across_connections),
 )

@@ -109,11 +109,11 @@ def an_unknown_part_is_refused_with_the_names_there_are(robot: Robot) -> None:
 
 
 DESCRIPTION_CHECKS = (
-    Check("the description can be read before connecting", the_description_can_be_read_before_connecting),
-    Check("every part of the model is there or declared missing", every_part_of_the_model_is_there_or_declared_missing),
-    Check("joints have the limits of the model", joints_have_the_limits_of_the_model, GROUPS),
-    Check("a base is as the model says", a_base_is_as_the_model_says, BASES),
-    Check("a gripper is as the model says", a_gripper_is_as_the_model_says, GRIPPERS),
-    Check("frames are those of the model", frames_are_those_of_the_model),
-    Check("an unknown part is refused with the names there are", an_unknown_part_is_refused_with_the_names_there_are),
+    Check(the_description_can_be_read_before_connecting),
+    Check(every_part_of_the_model_is_there_or_declared_missing),
+    Check(joints_have_the_limits_of_the_model, GROUPS),
+    Check(a_base_is_as_the_model_says, BASES),
+    Check(a_gripper_is_as_the_model_says, GRIPPERS),
+    Check(frames_are_those_of_the_model),
+    Check(an_unknown_part_is_refused_with_the_names_there_are),
 )

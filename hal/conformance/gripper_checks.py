@@ -49,6 +49,6 @@ def _other_end(gripper: Gripper) -> float:
 
 
 GRIPPER_CHECKS = (
-    Check("motions of grippers can be cancelled", motions_of_grippers_can_be_cancelled, GRIPPERS, commands=True),
-    Check("a gripper opens and closes", a_gripper_opens_and_closes, GRIPPERS, commands=True),
+    Check(motions_of_grippers_can_be_cancelled, GRIPPERS, commands=True),
+    Check(a_gripper_opens_and_closes, GRIPPERS, commands=True),
 )

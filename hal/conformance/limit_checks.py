@@ -125,21 +125,11 @@ def gripper_commands_beyond_limits_are_refused(robot: Robot, gripper: Gripper) -
 
 
 LIMIT_CHECKS = (
-    Check("joint commands beyond limits are refused", joint_commands_beyond_limits_are_refused, GROUPS, commands=True),
-    Check("malformed joint commands are refused", malformed_joint_commands_are_refused, GROUPS, commands=True),
-    Check(
-        "a refused command does not disturb the motion under way",
-        a_refused_command_does_not_disturb_the_motion_under_way,
-        GROUPS,
-        commands=True,
-    ),
-    Check("trajectories are checked", trajectories_are_checked, ARMS, commands=True),
-    Check("servo refuses jumps", servo_refuses_jumps, ARMS, commands=True),
-    Check("base commands beyond limits are refused", base_commands_beyond_limits_are_refused, BASES, commands=True),
-    Check(
-        "gripper commands beyond limits are refused",
-        gripper_commands_beyond_limits_are_refused,
-        GRIPPERS,
-        commands=True,
-    ),
+    Check(joint_commands_beyond_limits_are_refused, GROUPS, commands=True),
+    Check(malformed_joint_commands_are_refused, GROUPS, commands=True),
+    Check(a_refused_command_does_not_disturb_the_motion_under_way, GROUPS, commands=True),
+    Check(trajectories_are_checked, ARMS, commands=True),
+    Check(servo_refuses_jumps, ARMS, commands=True),
+    Check(base_commands_beyond_limits_are_refused, BASES, commands=True),
+    Check(gripper_commands_beyond_limits_are_refused, GRIPPERS, commands=True),
 )

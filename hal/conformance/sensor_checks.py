@@ -214,16 +214,16 @@ def _stamped(robot: Robot) -> list[tuple[str, Callable[[], float]]]:
 
 
 SENSOR_CHECKS = (
-    Check("joints are read in radians, metres and newtons", joints_are_read_in_radians_metres_and_newtons, GROUPS),
-    Check("a gripper reads metres", a_gripper_reads_metres, GRIPPERS),
-    Check("a base at rest stays where it is", a_base_at_rest_stays_where_it_is, BASES),
-    Check("cameras give images as described", cameras_give_images_as_described, (Camera,)),
-    Check("lidars give ranges within theirs", lidars_give_ranges_within_theirs, (Lidar,)),
-    Check("forces are those of the hand", forces_are_those_of_the_hand, (ForceTorque,)),
-    Check("inertial units feel gravity", inertial_units_feel_gravity, (Imu,)),
-    Check("pads tell forces taxel by taxel", pads_tell_forces_taxel_by_taxel, (Tactile,)),
-    Check("bumpers tell zones that they have", bumpers_tell_zones_that_they_have, (Bumper,)),
-    Check("batteries tell their charge", batteries_tell_their_charge, (Battery,)),
-    Check("who declares commands missing takes none", who_declares_commands_missing_takes_none),
-    Check("readings are stamped", readings_are_stamped, (Sensor,)),
+    Check(joints_are_read_in_radians_metres_and_newtons, GROUPS),
+    Check(a_gripper_reads_metres, GRIPPERS),
+    Check(a_base_at_rest_stays_where_it_is, BASES),
+    Check(cameras_give_images_as_described, (Camera,)),
+    Check(lidars_give_ranges_within_theirs, (Lidar,)),
+    Check(forces_are_those_of_the_hand, (ForceTorque,)),
+    Check(inertial_units_feel_gravity, (Imu,)),
+    Check(pads_tell_forces_taxel_by_taxel, (Tactile,)),
+    Check(bumpers_tell_zones_that_they_have, (Bumper,)),
+    Check(batteries_tell_their_charge, (Battery,)),
+    Check(who_declares_commands_missing_takes_none),
+    Check(readings_are_stamped, (Sensor,)),
 )

@@ -133,11 +133,11 @@ def a_part_can_be_stopped_by_itself(robot: Robot) -> None:
 
 
 STOP_CHECKS = (
-    Check("stop brings everything to rest", stop_brings_everything_to_rest, commands=True),
-    Check("a stopped robot refuses commands", a_stopped_robot_refuses_commands, commands=True),
-    Check("a stop stays until it is cleared", a_stop_stays_until_it_is_cleared),
-    Check("stopping twice is stopping once", stopping_twice_is_stopping_once),
-    Check("nothing moves when the stop is cleared", nothing_moves_when_the_stop_is_cleared, commands=True),
-    Check("stop works from another thread", stop_works_from_another_thread, commands=True),
-    Check("a part can be stopped by itself", a_part_can_be_stopped_by_itself, BASES, commands=True),
+    Check(stop_brings_everything_to_rest, commands=True),
+    Check(a_stopped_robot_refuses_commands, commands=True),
+    Check(a_stop_stays_until_it_is_cleared),
+    Check(stopping_twice_is_stopping_once),
+    Check(nothing_moves_when_the_stop_is_cleared, commands=True),
+    Check(stop_works_from_another_thread, commands=True),
+    Check(a_part_can_be_stopped_by_itself, BASES, commands=True),
 )

@@ -79,10 +79,14 @@ class Check:
     ``needs``: the kinds of part without which it does not apply. ``commands``: whether it commands anything.
     """
 
-    name: str
     run: Callable[[Robot], None]
     needs: tuple[type[Part], ...] = ()
     commands: bool = False
+
+    @property
+    def name(self) -> str:
+        """The name of the function in words."""
+        return self.run.__name__.replace("_", " ")
 
     def why_not(self, robot: Robot) -> str | None:
         """Why it does not apply to a robot, by what that declares; None: it applies."""
