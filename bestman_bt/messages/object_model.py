@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages.pose import Pose, wrap_angle
-from bestman_bt.messages.shapes import Box, Cylinder, Mesh, PlacedShape, Sphere
+from bestman_bt.messages.shapes import PlacedShape, bounding_corners
 
 # The yaws that agree with the views of an object so far: a set of arcs.
 
@@ -81,7 +81,7 @@ class ObjectModel:
         """Return the bounding box of the collision shapes in the object frame: (2, 3), lower and upper corner,
         metres.
         """
-        corners = np.concatenate([placed.pose.apply(_corners(placed)) for placed in self.collision])
+        corners = np.concatenate([placed.pose.apply(bounding_corners(placed.shape)) for placed in self.collision])
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
     @property
@@ -90,19 +90,3 @@ class ObjectModel:
         lower, upper = self.bounds()
         extents: NDArray[np.float64] = upper - lower
         return extents
-
-
-def _corners(placed: PlacedShape) -> NDArray[np.float64]:
-    shape = placed.shape
-    match shape:
-        case Box():
-            half = np.array(shape.size) / 2
-        case Cylinder():
-            half = np.array([shape.radius, shape.radius, shape.length / 2])
-        case Sphere():
-            half = np.full(3, shape.radius)
-        case Mesh():
-            return shape.vertices
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-    corners: NDArray[np.float64] = signs * half
-    return corners

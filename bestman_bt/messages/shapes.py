@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import typing
 from dataclasses import dataclass
+from itertools import product
 from typing import Annotated, TypeAlias
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.errors import Error
 from bestman_bt.messages.frozen_array import frozen_array
@@ -104,6 +105,25 @@ class PlacedShape:
 
     shape: Shape
     pose: Pose
+
+
+def box_corners(half: ArrayLike) -> NDArray[np.float64]:
+    """Corners (8, 3) of a box around the origin; ``half``: of its extents, (3,) or one for all."""
+    corners: NDArray[np.float64] = np.array(list(product((-1.0, 1.0), repeat=3))) * half
+    return corners
+
+
+def bounding_corners(shape: Shape) -> NDArray[np.float64]:
+    """Corners (8, 3) of the box around a shape, in its own frame; of a mesh its vertices (N, 3)."""
+    match shape:
+        case Box():
+            return box_corners(np.array(shape.size) / 2)
+        case Cylinder():
+            return box_corners([shape.radius, shape.radius, shape.length / 2])
+        case Sphere():
+            return box_corners(shape.radius)
+        case Mesh():
+            return shape.vertices
 
 
 # How far points are from a shape.

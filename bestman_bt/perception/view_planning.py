@@ -11,7 +11,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import Box, CameraIntrinsics, Cylinder, Mesh, ObjectModel, PlacedShape, Pose, Sphere, YawSet
+from bestman_bt.messages import CameraIntrinsics, ObjectModel, PlacedShape, Pose, YawSet
+from bestman_bt.messages.shapes import bounding_corners
 from bestman_bt.perception.pose_estimation.base import PoseHypothesis
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
 from bestman_bt.perception.pose_estimation.point_to_plane import TurnedSurface, evenly, turned_surface
@@ -77,7 +78,8 @@ def hidden_by_shapes(
     """
     hidden = np.zeros((len(eyes), len(points)), dtype=bool)
     for placed in shapes:
-        lower, upper = _bounds(placed)
+        corners = bounding_corners(placed.shape)
+        lower, upper = corners.min(axis=0), corners.max(axis=0)
         shape_from_frame = placed.pose.inverse()
         starts, ends = shape_from_frame.apply(eyes), shape_from_frame.apply(points)
         enters, leaves = np.full(hidden.shape, -np.inf), np.full(hidden.shape, np.inf)
@@ -89,20 +91,6 @@ def hidden_by_shapes(
             leaves = np.minimum(leaves, np.maximum(one, other))
         hidden |= (enters < leaves) & (leaves > 0.0) & (enters < 0.999)
     return hidden
-
-
-def _bounds(placed: PlacedShape) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    shape = placed.shape
-    match shape:
-        case Box():
-            half = np.array(shape.size) / 2
-        case Cylinder():
-            half = np.array([shape.radius, shape.radius, shape.length / 2])
-        case Sphere():
-            half = np.full(3, shape.radius)
-        case Mesh():
-            return shape.vertices.min(axis=0), shape.vertices.max(axis=0)
-    return -half, half
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from bestman_bt.messages import Pose
+from bestman_bt.messages.shapes import box_corners
 
 # Shapes of a URDF as points: their corners, or points on their rims.
 
@@ -25,11 +26,7 @@ def outline(geometry: ET.Element | None) -> NDArray[np.float64]:
         return np.zeros((0, 3))
     match shape.tag:
         case "box":
-            half = np.array(shape.get("size", "").split(), dtype=float) / 2
-            corners: NDArray[np.float64] = half * np.array(
-                [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
-            )
-            return corners
+            return box_corners(np.array(shape.get("size", "").split(), dtype=float) / 2)
         case "cylinder":
             radius, length = float(shape.get("radius", "0")), float(shape.get("length", "0"))
             ring = np.column_stack([radius * np.cos(_CIRCLE), radius * np.sin(_CIRCLE)])

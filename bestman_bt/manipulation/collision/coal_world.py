@@ -10,7 +10,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import cached_property
-from itertools import product
 from typing import TypeAlias
 
 import coal
@@ -31,6 +30,7 @@ from bestman_bt.manipulation.kinematics.pinocchio_model import (
     to_se3,
 )
 from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Shape, Sphere
+from bestman_bt.messages.shapes import box_corners
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 
 # Voxels for coal: an octree, and which voxels the robot itself disproves.
@@ -379,7 +379,7 @@ def _corners(shape: coal.CollisionGeometry) -> NDArray[np.float64] | None:
         case coal.ConvexBase():
             return np.array(shape.points())
         case coal.Box():
-            return np.array([shape.halfSide * sign for sign in product((-1.0, 1.0), repeat=3)])
+            return box_corners(shape.halfSide)
         case coal.Cylinder() | coal.Sphere():
             turns = np.linspace(0.0, 2 * math.pi, 24, endpoint=False)
             ring = shape.radius * np.stack([np.cos(turns), np.sin(turns), np.zeros(len(turns))], axis=1)

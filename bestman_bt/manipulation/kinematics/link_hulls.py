@@ -15,6 +15,7 @@ from scipy.spatial import ConvexHull
 
 from bestman_bt.manipulation.kinematics.pinocchio_model import build_model, configuration, frame_index, to_pose
 from bestman_bt.messages import Pose
+from bestman_bt.messages.shapes import box_corners
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.urdf_tree import joints_above
 from bestman_bt.world_model.world_model import HeldObject
@@ -102,16 +103,12 @@ def _corners(shape: coal.CollisionGeometry) -> NDArray[np.float64]:
         hull: NDArray[np.float64] = vertices[ConvexHull(vertices).vertices]
         return hull
     if isinstance(shape, coal.Box):
-        half = np.asarray(shape.halfSide)
-    elif isinstance(shape, coal.Sphere):
-        half = np.full(3, shape.radius)
-    else:
-        turn = np.arange(_TURNS) * 2 * np.pi / _TURNS
-        ring = shape.radius * np.column_stack([np.cos(turn), np.sin(turn)])
-        ends = (-shape.halfLength, shape.halfLength)
-        return np.vstack([np.column_stack([ring, np.full(_TURNS, z)]) for z in ends])
-    corners: NDArray[np.float64] = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
-    return corners
+        return box_corners(shape.halfSide)
+    if isinstance(shape, coal.Sphere):
+        return box_corners(shape.radius)
+    turn = np.arange(_TURNS) * 2 * np.pi / _TURNS
+    ring = shape.radius * np.column_stack([np.cos(turn), np.sin(turn)])
+    return np.vstack([np.column_stack([ring, np.full(_TURNS, z)]) for z in (-shape.halfLength, shape.halfLength)])
 
 
 # Where an arm with its hand, and what it holds, is in space: for whoever drives it past something.

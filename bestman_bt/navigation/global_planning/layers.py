@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import ConvexHull
 
-from bestman_bt.messages import Box, Cylinder, Mesh, OccupancyGrid, PlacedShape, Pose2D, Sphere
+from bestman_bt.messages import Cylinder, OccupancyGrid, PlacedShape, Pose2D
 from bestman_bt.messages.grids import OCCUPIED, UNKNOWN
+from bestman_bt.messages.shapes import bounding_corners
 from bestman_bt.world_model.semantic_map import MapFurniture
 
 # Exact distances in the plane, for many points at once.
@@ -89,18 +90,13 @@ def _outline_on_floor(placed: PlacedShape, floor: float, ceiling: float) -> NDAr
     it.
     """
     shape = placed.shape
-    if isinstance(shape, Box):
-        half = np.array(shape.size) / 2
-        points = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
-    elif isinstance(shape, Cylinder):
+    if isinstance(shape, Cylinder):
         turn = np.arange(16) * (2 * math.pi / 16)
         # The corners lie outside the circle, so that the sides touch it.
         ring = shape.radius / math.cos(math.pi / 16) * np.column_stack([np.cos(turn), np.sin(turn)])
         points = np.vstack([np.column_stack([ring, np.full(16, z)]) for z in (-shape.length / 2, shape.length / 2)])
-    elif isinstance(shape, Sphere):
-        points = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * shape.radius
-    elif isinstance(shape, Mesh):
-        points = shape.vertices
+    else:
+        points = bounding_corners(shape)
     points = placed.pose.apply(points)
     if points[:, 2].max() < floor or points[:, 2].min() > ceiling:
         return None

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Pose, Sphere
+from bestman_bt.messages.shapes import bounding_corners
 from bestman_bt.visualization.rerun import entities
 from bestman_bt.visualization.snapshot import RecordedBody
 
@@ -174,7 +175,6 @@ FLOOR_COLOR = (0.5, 0.52, 0.56, 1.0)
 FLOOR_MARGIN, FLOOR_THICKNESS = 0.2, 0.02
 FLOOR_GAP = 0.002
 """Metres below z = 0, so that marks on the floor are not swallowed."""
-CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
 def body_frame(name: str) -> str:
@@ -210,7 +210,9 @@ def write_floor(recording: rr.RecordingStream, box: NDArray[np.float64]) -> None
 
 def bounds(bodies: Iterable[RecordedBody]) -> NDArray[np.float64]:
     """Return the bounding box of bodies in the map frame: (2, 3) metres; (2, 3) zeros for none."""
-    corners = [body.pose.apply(placed.pose.apply(_corners(placed))) for body in bodies for placed in body.shapes]
+    corners = [
+        body.pose.apply(placed.pose.apply(bounding_corners(placed.shape))) for body in bodies for placed in body.shapes
+    ]
     if not corners:
         return np.zeros((2, 3))
     points = np.concatenate(corners)
@@ -250,18 +252,3 @@ def _flat_shaded(mesh: Mesh, pose: Pose, color: tuple[float, float, float, float
         vertex_normals=np.repeat(normals, 3, axis=0).astype(np.float32),
         albedo_factor=color,
     )
-
-
-def _corners(placed: PlacedShape) -> NDArray[np.float64]:
-    shape = placed.shape
-    match shape:
-        case Box():
-            half = np.array(shape.size) / 2
-        case Cylinder():
-            half = np.array([shape.radius, shape.radius, shape.length / 2])
-        case Sphere():
-            half = np.full(3, shape.radius)
-        case Mesh():
-            return shape.vertices
-    corners: NDArray[np.float64] = CORNERS * half
-    return corners
