@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -58,7 +60,7 @@ def build_world(client: PhysicsClient, model: RobotModel, world: World, paramete
         flags = ARMS_FLAGS if len(model.arm_names) > 1 else ROBOT_FLAGS
         robot = _load(client, "robot", urdf, world.robot_start.to_pose(), folder, not model.of(BaseModel), flags)
     joints, links = _names(client, robot)
-    _set_up_robot(client, model, world, parameters, robot, joints, links)
+    _RobotSetup(client, parameters, robot, joints, links).set_up(model, world)
     described = {index: client.getJointInfo(robot, index) for index in joints.values()}
     built = BuiltWorld(
         floor,
@@ -192,87 +194,72 @@ def _names(client: PhysicsClient, robot: int) -> tuple[dict[str, int], dict[str,
     return joints, links
 
 
-def _gear(
-    client: PhysicsClient, robot: int, joints: dict[str, int], mimic: MimicJoint, erp: float, force: float
-) -> None:
-    """Couple one joint of the robot to another of its joints, as teeth or a bar of a linkage would."""
-    follower, leader = joints[mimic.joint], joints[mimic.leader]
-    gear = client.createConstraint(robot, follower, robot, leader, pybullet.JOINT_GEAR, [1, 0, 0], [0, 0, 0], [0, 0, 0])
-    client.changeConstraint(
-        gear, gearRatio=-mimic.multiplier, relativePositionTarget=mimic.offset, erp=erp, maxForce=force
-    )
+@dataclass(frozen=True)
+class _RobotSetup:
+    """The robot's body in the physics server, whose frictions, start posture and finger gears are set."""
 
+    client: PhysicsClient
+    parameters: PhysicsParameters
+    robot: int
+    joints: dict[str, int]
+    links: dict[str, int]
 
-def _set_up_robot(
-    client: PhysicsClient,
-    model: RobotModel,
-    world: World,
-    parameters: PhysicsParameters,
-    robot: int,
-    joints: dict[str, int],
-    links: dict[str, int],
-) -> None:
-    """Frictions, the start posture and the finger gears."""
-    _set_up_feet(client, model, parameters, robot, joints, links)
-    posture = next((model.postures[name] for name in parameters.initial_postures if name in model.postures), {})
-    for joint, position in posture.items():
-        client.resetJointState(robot, joints[joint], position)
-    for gripper in model.of(GripperModel).values():
-        friction = gripper.part.friction if world.finger_friction is None else world.finger_friction
-        _set_up_gripper(client, gripper, friction, parameters, robot, joints, links)
+    def set_up(self, model: RobotModel, world: World) -> None:
+        """Do it for all parts of the robot."""
+        self._set_up_feet(model)
+        self._reset(next((model.postures[n] for n in self.parameters.initial_postures if n in model.postures), {}))
+        for gripper in model.of(GripperModel).values():
+            friction = gripper.part.friction if world.finger_friction is None else world.finger_friction
+            self._set_up_gripper(gripper, friction)
 
+    def _set_up_feet(self, model: RobotModel) -> None:
+        client, robot = self.client, self.robot
+        for wheeled in model.of(WheeledBaseModel).values():
+            base = wheeled.part
+            for link in base.caster_links:
+                client.changeDynamics(robot, self.links[link], lateralFriction=self.parameters.caster_friction)
+            for joint in base.wheel_joints:
+                friction = self.parameters.wheel_friction if base.wheel_friction is None else base.wheel_friction
+                client.changeDynamics(robot, self.joints[joint], lateralFriction=friction)
+                # Without the anchor a locked wheel creeps: a swing of the arm moves the base by 7 mm and 1.8 degrees.
+                client.changeDynamics(robot, self.joints[joint], frictionAnchor=1)
+        for legged in model.of(LeggedBaseModel).values():
+            for foot in legged.part.feet:
+                client.changeDynamics(robot, self.links[foot], lateralFriction=legged.part.foot_friction)
 
-def _set_up_feet(
-    client: PhysicsClient,
-    model: RobotModel,
-    parameters: PhysicsParameters,
-    robot: int,
-    joints: dict[str, int],
-    links: dict[str, int],
-) -> None:
-    for wheeled in model.of(WheeledBaseModel).values():
-        base = wheeled.part
-        for link in base.caster_links:
-            client.changeDynamics(robot, links[link], lateralFriction=parameters.caster_friction)
-        for joint in base.wheel_joints:
-            friction = parameters.wheel_friction if base.wheel_friction is None else base.wheel_friction
-            client.changeDynamics(robot, joints[joint], lateralFriction=friction)
-            # Without the anchor a locked wheel creeps: a swing of the arm moves the base by 7 mm and 1.8 degrees.
-            client.changeDynamics(robot, joints[joint], frictionAnchor=1)
-    for legged in model.of(LeggedBaseModel).values():
-        for foot in legged.part.feet:
-            client.changeDynamics(robot, links[foot], lateralFriction=legged.part.foot_friction)
+    def _set_up_gripper(self, gripper: GripperModel, friction: float) -> None:
+        client, robot, parameters = self.client, self.robot, self.parameters
+        for link in gripper.part.finger_links:
+            client.changeDynamics(
+                robot,
+                self.links[link],
+                lateralFriction=friction,
+                contactStiffness=parameters.finger_stiffness,
+                contactDamping=parameters.finger_damping,
+                # Soft pads resist twisting: without it a round object slowly pivots about the axis between the fingers.
+                spinningFriction=parameters.finger_spinning_friction,
+            )
+            # Without the anchor a held object creeps and pivots by degrees while the base turns. The anchor's force is
+            # bounded by friction like any other; the monitor tells if an object ever follows an open hand.
+            client.changeDynamics(robot, self.links[link], frictionAnchor=1)
+        self._reset(gripper.joint_positions(gripper.max_width))
+        if len(gripper.part.joints) == 2:
+            first, second = gripper.part.joints
+            self._gear(MimicJoint(first, second), parameters.finger_gear_erp, parameters.finger_gear_force)
+        for follower in gripper.followers:
+            # PyBullet ignores <mimic>; its own motor at a follower would work against the gear.
+            client.setJointMotorControl2(robot, self.joints[follower.joint], pybullet.VELOCITY_CONTROL, force=0.0)
+            self._gear(follower, parameters.linkage_erp, parameters.linkage_force)
 
+    def _reset(self, positions: Mapping[str, float]) -> None:
+        for joint, position in positions.items():
+            self.client.resetJointState(self.robot, self.joints[joint], position)
 
-def _set_up_gripper(
-    client: PhysicsClient,
-    gripper: GripperModel,
-    friction: float,
-    parameters: PhysicsParameters,
-    robot: int,
-    joints: dict[str, int],
-    links: dict[str, int],
-) -> None:
-    for link in gripper.part.finger_links:
-        client.changeDynamics(
-            robot,
-            links[link],
-            lateralFriction=friction,
-            contactStiffness=parameters.finger_stiffness,
-            contactDamping=parameters.finger_damping,
-            # Soft pads resist twisting: without it a round object slowly pivots about the axis between the fingers.
-            spinningFriction=parameters.finger_spinning_friction,
+    def _gear(self, mimic: MimicJoint, erp: float, force: float) -> None:
+        """Couple one joint of the robot to another of its joints, as teeth or a bar of a linkage would."""
+        follower, leader = self.joints[mimic.joint], self.joints[mimic.leader]
+        gear = self.client.createConstraint(
+            self.robot, follower, self.robot, leader, pybullet.JOINT_GEAR, [1, 0, 0], [0, 0, 0], [0, 0, 0]
         )
-        # Without the anchor a held object creeps and pivots by degrees while the base turns. The anchor's force is
-        # bounded by friction like any other; the monitor tells if an object ever follows an open hand.
-        client.changeDynamics(robot, links[link], frictionAnchor=1)
-    for joint, position in gripper.joint_positions(gripper.max_width).items():
-        client.resetJointState(robot, joints[joint], position)
-    if len(gripper.part.joints) == 2:
-        first, second = gripper.part.joints
-        gear = MimicJoint(first, second)
-        _gear(client, robot, joints, gear, parameters.finger_gear_erp, parameters.finger_gear_force)
-    for follower in gripper.followers:
-        # PyBullet ignores <mimic>; its own motor at a follower would work against the gear.
-        client.setJointMotorControl2(robot, joints[follower.joint], pybullet.VELOCITY_CONTROL, force=0.0)
-        _gear(client, robot, joints, follower, parameters.linkage_erp, parameters.linkage_force)
+        ratio, offset = -mimic.multiplier, mimic.offset
+        self.client.changeConstraint(gear, gearRatio=ratio, relativePositionTarget=offset, erp=erp, maxForce=force)
