@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -131,6 +131,140 @@ def load_robot_model(name_or_path: str | Path, overrides: Mapping[str, Any] | No
     return replace(model, bringup=bringup, content=content_of(described))
 
 
+@dataclass
+class _RobotFile:
+    """The file of a robot as it is read: ``names`` of the parts that it lists, those that are placed, all faults."""
+
+    document: Document
+    config: RobotConfig
+    names: list[str]
+    faults: ProblemCollector
+    placed: dict[str, PlacedPart] = field(default_factory=dict)
+
+    def wrong(self, place: tuple[Any, ...], message: str) -> None:
+        """Add a fault."""
+        self.faults.problems.append(self.document.problem(place, message))
+
+    def base_frame(self) -> str | None:
+        """Return the base frame; None if no link has that name, or the root part, which should have it, is unread."""
+        if not self.names or self.names[0] not in self.placed:
+            return None
+        base_frame = self.config.base_frame or self.placed[self.names[0]].root
+        links = [link for part in self.placed.values() for link in part.links]
+        if base_frame in links:
+            return base_frame
+        message = f"no link {base_frame!r}; {suggestion(base_frame, links)}"
+        self.wrong(("base_frame",), message)
+        return None
+
+    def check_default_arm(self) -> None:
+        """Add the fault of a default arm that there is not."""
+        arms = [name for name in self.names if name not in self.placed or isinstance(self.placed[name].config, ArmPart)]
+        wanted = self.config.default_arm
+        if wanted is not None and wanted not in arms:
+            self.wrong(("default_arm",), f"the robot has no arm {wanted!r}; {suggestion(wanted, arms)}")
+
+    def joined(self, name: str) -> ET.Element:
+        """One URDF of all parts."""
+        urdf = ET.Element("robot", name=name)
+        for part in self.placed.values():
+            urdf.extend(part.elements)
+            place = mount_place(self.config.parts[part.name], part, self.placed)
+            if place is not None:
+                link, xyz, rpy = place
+                urdf.append(fixed_joint(f"{part.name}_mount_joint", link, part.root, xyz, rpy))
+            write_limits(part)
+        ET.indent(urdf)
+        return urdf
+
+    def place_parts(self) -> bool:
+        """Place the parts that can be read; return whether that is all of them, each mounted on another."""
+        taken: set[str] = set()
+        # A part that could not be read takes its frames away: no word on mounts that are missed.
+        unread = mislaid = flawed = False
+        if not self.document.data["parts"]:
+            self.wrong(("parts",), "a robot needs at least one part")
+        for part_name in self.document.data["parts"]:
+            strange = name_fault(part_name) if isinstance(part_name, str) else None
+            if strange is not None:
+                self.wrong(("parts", part_name), strange)
+            mounted = self.config.parts.get(part_name)
+            if mounted is None:
+                unread = True
+                continue
+            changes = self.document.below("parts", part_name, "set") if mounted.set else Document({})
+            asked_by = self.document.problem(("parts", part_name, "part"), "")
+            part: PlacedPart | None = None
+            found = ProblemCollector()
+            with found.step():
+                part = read_part(part_name, mounted.part, changes, asked_by, taken, found.problems)
+            self.faults.problems += _seen_from_the_robot(found.problems, part_name, changes)
+            flawed = flawed or bool(found.problems)
+            wrong = mount_problems(self.document, part_name, mounted, part, self.placed, unread)
+            self.faults.problems += wrong
+            mislaid = mislaid or bool(wrong)
+            if part is None:
+                unread = True
+                continue
+            self.placed[part_name] = part
+            taken |= {element.get("name", "") for element in part.elements}
+        return bool(self.placed) and not unread and not mislaid and not flawed
+
+    def wider_limits(self) -> Iterable[Problem]:
+        """Limits of real arms that the robot's file sets beyond those of their parts."""
+        for name in (part for connection in self.config.connections.values() for part in connection.parts):
+            part = self.placed[name].config if name in self.placed else None
+            if isinstance(part, ArmPart) and "limits" in self.config.parts[name].set:
+                asked_by = self.document.problem(("parts", name, "part"), "")
+                described = read_part(name, self.config.parts[name].part, Document({}), asked_by, set(), []).config
+                if isinstance(described, ArmPart):
+                    yield from wider_limits(name, part, described, self.document)
+
+    def postures(self) -> dict[str, dict[str, float]]:
+        """Positions by name of posture and joint: the robot's own, then the states of its parts."""
+        postures: dict[str, dict[str, float]] = {}
+        for posture, of_parts in self.config.postures.items():
+            postures[posture] = {}
+            for part_name, positions in of_parts.items():
+                field = ("postures", posture, part_name)
+                part = self.placed.get(part_name)
+                joints: tuple[str, ...] = getattr(part.config, "joints", ()) if part is not None else ()
+                if part is None and part_name in self.names:
+                    continue  # it could not be read, which is told
+                if part is None:
+                    message = f"unknown part; {suggestion(part_name, self.names)}"
+                    self.wrong(field, message)
+                elif (count := self.document.count(field)) not in (None, len(joints)):
+                    message = f"should have {len(joints)} positions, one per joint, got {count}"
+                    self.wrong(field, message)
+                elif len(positions) == len(joints):
+                    postures[posture] |= dict(zip(joints, positions, strict=True))
+                    self.faults.problems += _limit_problems(self.document, field, part.config, positions)
+        for state, joint, position in _states(self.placed.values()):
+            postures.setdefault(state, {}).setdefault(joint, position)
+        return postures
+
+    def declared_pairs(self) -> list[tuple[str, str]]:
+        """Pairs of links that need no check, by what the parts and the robot declare."""
+        links = [link for part in self.placed.values() for link in part.links]
+        pairs = [pair for part in self.placed.values() for pair in part.config.may_touch]
+        # A link that is not there may be of one of them.
+        unread = [name for name in self.names if name not in self.placed]
+        for index, pair in numbered(self.config.never_touch):
+            groups: list[list[str]] = []
+            for name in pair:
+                if name in self.placed:
+                    groups.append(self.placed[name].links)
+                elif name in links:
+                    groups.append([name])
+                elif name not in unread and (not unread or _is_misspelt(name, self.names, links)):
+                    message = f"no part or link {name!r}; {suggestion(name, [*self.names, *links])}"
+                    self.wrong(("never_touch", index), message)
+            if len(groups) == 2:
+                pairs += [(a, b) for a in groups[0] for b in groups[1]]
+        return pairs
+
+
 def compose_robot(name: str, document: Document) -> RobotModel:
     """Compose a robot from the document of a ``RobotConfig``. Raises ConfigurationError listing every fault."""
     faults = ProblemCollector()
@@ -138,118 +272,22 @@ def compose_robot(name: str, document: Document) -> RobotModel:
     written = document.data.get("parts")
     if not isinstance(written, dict):  # which is told
         raise ConfigurationError(faults.problems)
-    names = [part for part in written if isinstance(part, str)]
-    placed, whole = _place_parts(config, document, faults)
-    parts = {part: placed[part].config if part in placed else None for part in names}
+    file = _RobotFile(document, config, [part for part in written if isinstance(part, str)], faults)
+    whole, placed = file.place_parts(), file.placed
+    parts = {part: placed[part].config if part in placed else None for part in file.names}
     connections, problems = read_connections(config, document, parts)
     faults.problems += problems
     with faults.step():
-        faults.problems += _wider_limits(config, document, placed)
-    postures = _postures(config, document, placed, names, faults)
-    base_frame = _base_frame(config, document, placed, names, faults)
-    faults.problems += _default_arm_problems(config, document, placed, names)
-    ignored = _declared_pairs(config, document, placed, names, faults)
+        faults.problems += file.wider_limits()
+    postures, base_frame = file.postures(), file.base_frame()
+    file.check_default_arm()
+    ignored = file.declared_pairs()
     if base_frame is not None and whole:
-        urdf = _joined(name, config, placed)
-        model = describe(name, urdf, base_frame, placed, postures, ignored)
+        model = describe(name, file.joined(name), base_frame, placed, postures, ignored)
         faults.problems += load_problems(model, placed, document)
         if not faults.problems:
             return with_hardware(replace(model, default_arm=config.default_arm), connections, config.safety)
     raise ConfigurationError(dict.fromkeys(faults.problems))
-
-
-def _base_frame(
-    config: RobotConfig,
-    document: Document,
-    placed: Mapping[str, PlacedPart],
-    names: list[str],
-    faults: ProblemCollector,
-) -> str | None:
-    """Return the base frame, or None if there is none of that name, or the root part, which should have it, is
-    unread.
-    """
-    if not names or names[0] not in placed:
-        return None
-    base_frame = config.base_frame or placed[names[0]].root
-    links = [link for part in placed.values() for link in part.links]
-    if base_frame in links:
-        return base_frame
-    message = f"no link {base_frame!r}; {suggestion(base_frame, links)}"
-    faults.problems.append(document.problem(("base_frame",), message))
-    return None
-
-
-def _default_arm_problems(
-    config: RobotConfig, document: Document, placed: Mapping[str, PlacedPart], names: list[str]
-) -> list[Problem]:
-    arms = [name for name in names if name not in placed or isinstance(placed[name].config, ArmPart)]
-    if config.default_arm is None or config.default_arm in arms:
-        return []
-    message = f"the robot has no arm {config.default_arm!r}; {suggestion(config.default_arm, arms)}"
-    return [document.problem(("default_arm",), message)]
-
-
-def _joined(name: str, config: RobotConfig, placed: Mapping[str, PlacedPart]) -> ET.Element:
-    """One URDF of all parts."""
-    urdf = ET.Element("robot", name=name)
-    for part in placed.values():
-        urdf.extend(part.elements)
-        place = mount_place(config.parts[part.name], part, placed)
-        if place is not None:
-            link, xyz, rpy = place
-            urdf.append(fixed_joint(f"{part.name}_mount_joint", link, part.root, xyz, rpy))
-        write_limits(part)
-    ET.indent(urdf)
-    return urdf
-
-
-def _place_parts(
-    config: RobotConfig, document: Document, faults: ProblemCollector
-) -> tuple[dict[str, PlacedPart], bool]:
-    """Return the parts that can be read, and whether that is all of them, each mounted on another."""
-    placed: dict[str, PlacedPart] = {}
-    taken: set[str] = set()
-    unread = mislaid = flawed = (
-        False  # a part that could not be read takes its frames away: no word on mounts that are missed
-    )
-    if not document.data["parts"]:
-        faults.problems.append(document.problem(("parts",), "a robot needs at least one part"))
-    for part_name in document.data["parts"]:
-        strange = name_fault(part_name) if isinstance(part_name, str) else None
-        if strange is not None:
-            faults.problems.append(document.problem(("parts", part_name), strange))
-        mounted = config.parts.get(part_name)
-        if mounted is None:
-            unread = True
-            continue
-        changes = document.below("parts", part_name, "set") if mounted.set else Document({})
-        asked_by = document.problem(("parts", part_name, "part"), "")
-        part: PlacedPart | None = None
-        found = ProblemCollector()
-        with found.step():
-            part = read_part(part_name, mounted.part, changes, asked_by, taken, found.problems)
-        faults.problems += _seen_from_the_robot(found.problems, part_name, changes)
-        flawed = flawed or bool(found.problems)
-        wrong = mount_problems(document, part_name, mounted, part, placed, unread)
-        faults.problems += wrong
-        mislaid = mislaid or bool(wrong)
-        if part is None:
-            unread = True
-            continue
-        placed[part_name] = part
-        taken |= {element.get("name", "") for element in part.elements}
-    return placed, bool(placed) and not unread and not mislaid and not flawed
-
-
-def _wider_limits(config: RobotConfig, document: Document, placed: Mapping[str, PlacedPart]) -> Iterable[Problem]:
-    """Limits of real arms that the robot's file sets beyond those of their parts."""
-    for name in (part for connection in config.connections.values() for part in connection.parts):
-        part = placed[name].config if name in placed else None
-        if isinstance(part, ArmPart) and "limits" in config.parts[name].set:
-            asked_by = document.problem(("parts", name, "part"), "")
-            described = read_part(name, config.parts[name].part, Document({}), asked_by, set(), []).config
-            if isinstance(described, ArmPart):
-                yield from wider_limits(name, part, described, document)
 
 
 def _seen_from_the_robot(faults: list[Problem], part: str, changes: Document) -> list[Problem]:
@@ -259,37 +297,6 @@ def _seen_from_the_robot(faults: list[Problem], part: str, changes: Document) ->
         replace(fault, field=f"parts.{part}.set.{fault.field}") if fault.source in own and fault.field else fault
         for fault in faults
     ]
-
-
-def _postures(
-    config: RobotConfig,
-    document: Document,
-    placed: Mapping[str, PlacedPart],
-    names: list[str],
-    faults: ProblemCollector,
-) -> dict[str, dict[str, float]]:
-    problems = faults.problems
-    postures: dict[str, dict[str, float]] = {}
-    for posture, of_parts in config.postures.items():
-        postures[posture] = {}
-        for part_name, positions in of_parts.items():
-            field = ("postures", posture, part_name)
-            part = placed.get(part_name)
-            joints: tuple[str, ...] = getattr(part.config, "joints", ()) if part is not None else ()
-            if part is None and part_name in names:
-                continue  # it could not be read, which is told
-            if part is None:
-                message = f"unknown part; {suggestion(part_name, names)}"
-                problems.append(document.problem(field, message))
-            elif (count := document.count(field)) not in (None, len(joints)):
-                message = f"should have {len(joints)} positions, one per joint, got {count}"
-                problems.append(document.problem(field, message))
-            elif len(positions) == len(joints):
-                postures[posture] |= dict(zip(joints, positions, strict=True))
-                problems += _limit_problems(document, field, part.config, positions)
-    for state, joint, position in _states(placed.values()):
-        postures.setdefault(state, {}).setdefault(joint, position)
-    return postures
 
 
 def _states(placed: Iterable[PlacedPart]) -> Iterator[tuple[str, str, float]]:
@@ -312,31 +319,6 @@ def _limit_problems(
         for index, (joint, position, lower, upper) in enumerate(rows)
         if not lower <= position <= upper
     ]
-
-
-def _declared_pairs(
-    config: RobotConfig,
-    document: Document,
-    placed: Mapping[str, PlacedPart],
-    names: list[str],
-    faults: ProblemCollector,
-) -> list[tuple[str, str]]:
-    links = [link for part in placed.values() for link in part.links]
-    pairs = [pair for part in placed.values() for pair in part.config.may_touch]
-    unread = [name for name in names if name not in placed]  # a link that is not there may be of one of them
-    for index, pair in numbered(config.never_touch):
-        groups: list[list[str]] = []
-        for name in pair:
-            if name in placed:
-                groups.append(placed[name].links)
-            elif name in links:
-                groups.append([name])
-            elif name not in unread and (not unread or _is_misspelt(name, names, links)):
-                message = f"no part or link {name!r}; {suggestion(name, [*names, *links])}"
-                faults.problems.append(document.problem(("never_touch", index), message))
-        if len(groups) == 2:
-            pairs += [(a, b) for a in groups[0] for b in groups[1]]
-    return pairs
 
 
 def _is_misspelt(name: str, parts: list[str], links: list[str]) -> bool:
