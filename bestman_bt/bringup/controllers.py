@@ -13,7 +13,7 @@ from bestman_bt.messages import Pose
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.payload import flange_of
 from hal.api import Arm, JointGroup
-from hal.hardware.controller_facts import ArmFacts, Comparison, compare_mounting, compare_payload, compare_tool
+from hal.hardware.controller_facts import ArmFacts, ModelComparison, compare_mounting, compare_payload, compare_tool
 
 RANGE_TOLERANCE = 0.01
 POSE_TOLERANCE, TURN_TOLERANCE = 0.002, math.radians(0.5)
@@ -73,7 +73,7 @@ def _limits(subject: BroughtUpRobot, name: str, group: JointGroup) -> Finding:
 
 
 def _agreed(
-    compare: Callable[[RobotModel, str, ArmFacts], Comparison | None], untold: str
+    compare: Callable[[RobotModel, str, ArmFacts], ModelComparison | None], untold: str
 ) -> Callable[[BroughtUpRobot], Iterator[Finding]]:
     """Return the step that compares one thing that a controller may tell; ``untold``: what it does not tell."""
 

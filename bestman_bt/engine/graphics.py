@@ -122,7 +122,7 @@ _STATE: Final = ("#8a8f98", "#1f6feb", "#1a7f37", "#cf222e", "#9a6700")
 
 
 @dataclass
-class Box:
+class NodeBox:
     """The drawing of one node: text, frame and tooltip, and the boxes to its right."""
 
     lines: list[str]
@@ -131,7 +131,7 @@ class Box:
     stroke: str = _STATE[IDLE]
     stroke_width: float = 1
     dashed: bool = False
-    children: list[Box] = field(default_factory=list)
+    children: list[NodeBox] = field(default_factory=list)
     x: float = 0.0
     y: float = 0.0
 
@@ -151,7 +151,7 @@ def render_svg(tree: Tree, states: Mapping[int, int] | None = None) -> str:
     return render_boxes([_box(tree.root, states)], tree.tree_id)
 
 
-def render_boxes(roots: list[Box], title: str) -> str:
+def render_boxes(roots: list[NodeBox], title: str) -> str:
     """Return an SVG picture of boxes, one root below the other."""
     widths: list[float] = []
     for root in roots:
@@ -177,13 +177,13 @@ def _in_xml(text: str) -> str:
     return escape(_NOT_XML.sub("\ufffd", text), quote=False)
 
 
-def _box(node: Node, states: Mapping[int, int] | None) -> Box:
+def _box(node: Node, states: Mapping[int, int] | None) -> NodeBox:
     ports = port_texts(node)
     lines = [node_label(node), *ports[:_MAX_PORTS]]
     if len(ports) > _MAX_PORTS:
         lines.append(f"... {len(ports) - _MAX_PORTS} more")
     status = IDLE if states is None else states.get(node.uid, IDLE)
-    return Box(
+    return NodeBox(
         lines,
         f"{node.path} {STATUS_NAMES[status]}",
         _FILL.get(node.KIND, "#ffffff"),
@@ -194,7 +194,7 @@ def _box(node: Node, states: Mapping[int, int] | None) -> Box:
     )
 
 
-def _measure(box: Box, depth: int, widths: list[float]) -> None:
+def _measure(box: NodeBox, depth: int, widths: list[float]) -> None:
     if depth == len(widths):
         widths.append(0.0)
     widths[depth] = max(widths[depth], box.width)
@@ -202,7 +202,7 @@ def _measure(box: Box, depth: int, widths: list[float]) -> None:
         _measure(child, depth + 1, widths)
 
 
-def _place(box: Box, depth: int, columns: list[float], top: float) -> float:
+def _place(box: NodeBox, depth: int, columns: list[float], top: float) -> float:
     """Place a box and those below it from ``top`` on; return where they end."""
     box.x = columns[depth]
     bottom = top
@@ -217,7 +217,7 @@ def _place(box: Box, depth: int, columns: list[float], top: float) -> float:
     return max(bottom, box.y + box.height)
 
 
-def _draw(box: Box, parts: list[str]) -> None:
+def _draw(box: NodeBox, parts: list[str]) -> None:
     for child in box.children:
         x0, y0 = box.x + box.width, box.y + box.height / 2
         x1, y1 = child.x, child.y + child.height / 2

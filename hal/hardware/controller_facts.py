@@ -50,7 +50,7 @@ MOUNTING_TOLERANCE = math.radians(5.0)
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ModelComparison:
     """Whether controller and robot file agree on one thing; ``text`` says what each has, ``measured`` the figures."""
 
     agrees: bool
@@ -58,7 +58,7 @@ class Comparison:
     measured: Mapping[str, float]
 
 
-def compare_tool(model: RobotModel, arm: str, told: ArmFacts) -> Comparison | None:
+def compare_tool(model: RobotModel, arm: str, told: ArmFacts) -> ModelComparison | None:
     """The controller's tool is the flange or the file's tool, or None if it does not tell."""
     if told.tool_offset is None:
         return None
@@ -66,15 +66,15 @@ def compare_tool(model: RobotModel, arm: str, told: ArmFacts) -> Comparison | No
     theirs = told.tool_offset.position
     apart, out = float(np.linalg.norm(theirs - ours)), float(np.linalg.norm(theirs))
     if out <= TOOL_TOLERANCE:
-        return Comparison(True, "the controller's tool is the flange", {"from_flange": out})
+        return ModelComparison(True, "the controller's tool is the flange", {"from_flange": out})
     text = (
         f"the controller's tool is {np.round(1e3 * theirs, 1).tolist()} mm from the flange; "
         f"the file's is {np.round(1e3 * ours, 1).tolist()} mm: set that, or no offset"
     )
-    return Comparison(apart <= TOOL_TOLERANCE, text, {"from_flange": out, "apart": apart})
+    return ModelComparison(apart <= TOOL_TOLERANCE, text, {"from_flange": out, "apart": apart})
 
 
-def compare_payload(model: RobotModel, arm: str, told: ArmFacts) -> Comparison | None:
+def compare_payload(model: RobotModel, arm: str, told: ArmFacts) -> ModelComparison | None:
     """The controller counts on the mass of the file's hand, or None if it does not tell."""
     if told.payload is None:
         return None
@@ -83,10 +83,10 @@ def compare_payload(model: RobotModel, arm: str, told: ArmFacts) -> Comparison |
     agrees = abs(told.payload - ours) <= PAYLOAD_TOLERANCE
     if not agrees:
         text += ": set it at the controller, or by the option 'payload'"
-    return Comparison(agrees, text, {"controller_kg": told.payload, "model_kg": ours})
+    return ModelComparison(agrees, text, {"controller_kg": told.payload, "model_kg": ours})
 
 
-def compare_mounting(model: RobotModel, arm: str, told: ArmFacts) -> Comparison | None:
+def compare_mounting(model: RobotModel, arm: str, told: ArmFacts) -> ModelComparison | None:
     """Gravity pulls the same way by the controller and by the file, or None if it does not tell."""
     if told.gravity is None:
         return None
@@ -97,10 +97,10 @@ def compare_mounting(model: RobotModel, arm: str, told: ArmFacts) -> Comparison 
         f"gravity pulls along {np.round(told.gravity, 2).tolist()} by the controller, {np.round(ours, 2).tolist()} by "
         f"the file: {math.degrees(angle):.1f}° apart"
     )
-    return Comparison(angle <= MOUNTING_TOLERANCE, text, {"apart_deg": math.degrees(angle)})
+    return ModelComparison(angle <= MOUNTING_TOLERANCE, text, {"apart_deg": math.degrees(angle)})
 
 
-COMPARISONS: tuple[Callable[[RobotModel, str, ArmFacts], Comparison | None], ...] = (
+COMPARISONS: tuple[Callable[[RobotModel, str, ArmFacts], ModelComparison | None], ...] = (
     compare_tool,
     compare_payload,
     compare_mounting,

@@ -26,7 +26,7 @@ from hal.hardware.clock import RealTimeClock
 from hal.hardware.controller_facts import ArmFacts, Identity
 from hal.hardware.heartbeat import Heartbeat
 from hal.hardware.robot import HardwareRobot
-from hal.hardware.robot_process import ROBOT, STOPS, Call, MotionNumber, MotionReport, Setup, plug_ins
+from hal.hardware.robot_process import ROBOT, STOPS, Call, MotionNumber, MotionReport, ServerSetup, plug_ins
 from hal.parts.channels import interface_of
 from hal.parts.part_connection import ConnectionFailedError
 
@@ -73,7 +73,7 @@ class IsolatedRobot(Robot):
             return
         lost = self._client.lost
         try:
-            self._client.start(Setup(self.model, self._start))
+            self._client.start(ServerSetup(self.model, self._start))
             self._client.call(Call(ROBOT, "connect"))
             if self.speed != 1.0:
                 self._client.call(Call(ROBOT, "set_speed", (self.speed,)))
@@ -202,7 +202,7 @@ class RpcClient:
         """Whether there is another process, as far as is known."""
         return bool(self._wires) and self.lost is None
 
-    def start(self, setup: Setup) -> None:
+    def start(self, setup: ServerSetup) -> None:
         """Start the process; it is ready when this returns."""
         self.close()
         pairs = [
@@ -271,7 +271,7 @@ class RpcClient:
             return motion
         return answer
 
-    def _exchange(self, wire: RpcConnection, question: Call | Setup, limit: float) -> Any:
+    def _exchange(self, wire: RpcConnection, question: Call | ServerSetup, limit: float) -> Any:
         try:
             asked = wire.ask(question)
             while True:

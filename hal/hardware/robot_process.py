@@ -40,7 +40,7 @@ that none may lose the processor to a busy machine meanwhile."""
 
 
 @dataclass(frozen=True)
-class Setup:
+class ServerSetup:
     """What the process is told first. ``clock_start``: of the monotonic clock, which all processes share.
 
     ``heartbeat``: address of the signs of life that both processes give each other; empty: there are none.
@@ -80,7 +80,7 @@ class MotionReport:
 class RobotServer:
     """Does what is asked of one robot."""
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: ServerSetup) -> None:
         self._heartbeat = Heartbeat(setup.model.safety.heartbeat, setup.heartbeat) if setup.heartbeat else None
         self._robot = HardwareRobot(setup.model, clock=RealTimeClock(setup.clock_start), planner=self._heartbeat)
         self._motions: OrderedDict[int, Motion[Any]] = OrderedDict()

@@ -134,7 +134,7 @@ SENSORS: Mapping[str, tuple[str, str, str, str, Callable[[Message, Any], Message
 
 
 @dataclass
-class Output:
+class PeriodicOutput:
     """What is published ``rate`` times a second: topic → how its message is made, in the world's thread.
 
     ``delay``: seconds of each period until its reading has come.
@@ -171,7 +171,7 @@ class RosbridgeTwin:
         self._version = RosVersion(self._options.ros)
         self._offset = time.time()  # of ROS time from the simulation's
         self._set_back = 0.0
-        self._outputs: list[Output] = []
+        self._outputs: list[PeriodicOutput] = []
         self._types: dict[str, str] = {}
         self._takers: dict[str, Taker] = {}
         self._bases: list[TwinBase] = []
@@ -263,10 +263,10 @@ class RosbridgeTwin:
             self._declare("base", name, "odometry", "nav_msgs", "Odometry"): lambda: fresh("odometry", odometry),
             self._declare("base", name, "transforms", "tf2_msgs", "TFMessage"): lambda: fresh("transform", transform),
         }
-        self._outputs.append(Output(STATE_RATE, outputs))
+        self._outputs.append(PeriodicOutput(STATE_RATE, outputs))
         map_from_odom = Pose2D(0.0, 0.0, 0.0)
         self._outputs.append(
-            Output(
+            PeriodicOutput(
                 LOCALISATION_RATE,
                 {
                     list(outputs)[1]: lambda: ros_messages.transform(
@@ -291,7 +291,7 @@ class RosbridgeTwin:
             columns = [group.positions().tolist(), group.velocities().tolist(), group.efforts().tolist()]
             return ros_messages.joint_states(self._header("", self._world.now()), joints.ros_names, columns)
 
-        self._outputs.append(Output(STATE_RATE, {topic: states}))
+        self._outputs.append(PeriodicOutput(STATE_RATE, {topic: states}))
         commands = self._declare("joint_group", name, "commands", "trajectory_msgs", "JointTrajectory")
         self._takers[commands] = joints.follow
 
@@ -309,7 +309,7 @@ class RosbridgeTwin:
         topic = self._declare(kind, name, stream, package, message)
         if kind == "lidar":
             self._scan_topics.add(topic)
-        self._outputs.append(Output(rate, {topic: make}, getattr(model, "latency", 0.0) + HANDING_OVER))
+        self._outputs.append(PeriodicOutput(rate, {topic: make}, getattr(model, "latency", 0.0) + HANDING_OVER))
 
     def _add_camera(self, name: str) -> None:
         model = self._model.of(CameraPart)[name]
@@ -321,7 +321,7 @@ class RosbridgeTwin:
             header = self._header(model.optical_frame, self._world.now())
             return ros_messages.camera_info(header, model.intrinsics, self._version)
 
-        self._outputs.append(Output(INFO_RATE, {topic: info}))
+        self._outputs.append(PeriodicOutput(INFO_RATE, {topic: info}))
 
     def _declare(self, kind: str, part: str, stream: str, package: str, message: str) -> str:
         topic: str = self._options.topic(kind, part, stream)

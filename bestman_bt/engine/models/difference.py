@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from itertools import zip_longest
 from typing import Any, Final
 
-from bestman_bt.engine.graphics import Box, render_boxes
+from bestman_bt.engine.graphics import NodeBox, render_boxes
 from bestman_bt.engine.models.placeholders import KINDS
 from bestman_bt.engine.xml.documents import Documents
 from bestman_bt.engine.xml.elements import Element
@@ -134,17 +134,17 @@ def differences(trees: dict[str, Pair]) -> list[Difference]:
 def difference_svg(trees: dict[str, Pair], title: str) -> str:
     """Return one SVG picture of the differing trees: green added, red removed, amber changed, blue moved."""
     roots = [_box(root) for root in trees.values() if any(pair.kind for _, pair in root.iter())]
-    return render_boxes(roots or [Box(["no difference"], "")], title)
+    return render_boxes(roots or [NodeBox(["no difference"], "")], title)
 
 
-def _box(pair: Pair) -> Box:
+def _box(pair: Pair) -> NodeBox:
     fill, stroke = _COLOURS[pair.kind]
     is_tree = pair.element.tag == "BehaviorTree"
     lines = [f"BehaviorTree {pair.element.attributes.get('ID', '')}" if is_tree else pair.label]
     if pair.kind in ("changed", "moved"):
         lines += [f"{key}: {_quoted(old)} → {_quoted(new)}" for key, old, new in pair.ports]
     children = [_box(child) for child in pair.children]
-    return Box(lines, pair.kind, fill, stroke, 2 if pair.kind else 1, pair.after is None, children)
+    return NodeBox(lines, pair.kind, fill, stroke, 2 if pair.kind else 1, pair.after is None, children)
 
 
 def _pair(old: Element | None, new: Element | None, prints: dict[int, int]) -> Pair:

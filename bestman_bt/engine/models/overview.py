@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from bestman_bt.engine.core.registry import NodeInfo
-from bestman_bt.engine.graphics import Box, quoted, render_boxes
+from bestman_bt.engine.graphics import NodeBox, quoted, render_boxes
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.xml.documents import TreeDefinition
 
@@ -52,7 +52,9 @@ def models_text(models: Iterable[NodeInfo]) -> str:
 def models_svg(models: Iterable[NodeInfo]) -> str:
     """Return the nodes that models describe as an SVG picture, each with its ports."""
     infos = sorted(models, key=lambda info: (info.kind, info.name))
-    return render_boxes([Box([f"{info.kind} {info.name}", *info.ports], info.description) for info in infos], "nodes")
+    return render_boxes(
+        [NodeBox([f"{info.kind} {info.name}", *info.ports], info.description) for info in infos], "nodes"
+    )
 
 
 def overview_dot(package: Package) -> str:
@@ -72,8 +74,10 @@ def overview_svg(package: Package) -> str:
     uses, drawn = package.users(), set[str]()
     files = {one.tree_id: one.file for one in package.trees()}
 
-    def box(tree_id: str) -> Box:
-        here = Box([tree_id], f"{tree_id}: {files.get(tree_id, 'not found')}", "#e7f5ea", dashed=tree_id not in uses)
+    def box(tree_id: str) -> NodeBox:
+        here = NodeBox(
+            [tree_id], f"{tree_id}: {files.get(tree_id, 'not found')}", "#e7f5ea", dashed=tree_id not in uses
+        )
         if tree_id in drawn and uses.get(tree_id):
             here.lines = [f"{tree_id} …"]
         elif tree_id not in drawn:
@@ -83,4 +87,4 @@ def overview_svg(package: Package) -> str:
 
     roots = [box(one.tree_id) for one in package.roots()]
     roots += [box(tree_id) for tree_id in uses if tree_id not in drawn]  # those that use each other in a circle
-    return render_boxes(roots or [Box(["no trees"], "")], "trees")
+    return render_boxes(roots or [NodeBox(["no trees"], "")], "trees")

@@ -32,7 +32,7 @@ class GoalAnswer(BaseModel):
     )
 
 
-class Step(BaseModel):
+class PlannedStep(BaseModel):
     """One use of the ability ``ability``."""
 
     model_config = ConfigDict(extra="forbid")
@@ -49,13 +49,13 @@ class Step(BaseModel):
 class PlanAnswer(GoalAnswer):
     """A goal with the steps that achieve it; ``plan_answer`` makes the model for one problem."""
 
-    plan: list[Step]
+    plan: list[PlannedStep]
 
 
 def plan_answer(problem: Problem, limits: PlanLimits) -> type[PlanAnswer]:
     """Return the model of plans for a problem: only abilities and names that the limits allow."""
     steps = [step for operator in limits.operators(problem) if (step := _step(operator, problem, limits)) is not None]
-    entries: Any = reduce(or_, steps) if steps else Step
+    entries: Any = reduce(or_, steps) if steps else PlannedStep
     if len(steps) > 1:
         entries = Annotated[entries, Field(discriminator="ability")]
     longest = limits.max_actions if steps else 0
@@ -76,7 +76,7 @@ def faults_of(error: ValidationError) -> list[str]:
     return faults if len(found) <= _MOST_FAULTS else [*faults, f"and {len(found) - _MOST_FAULTS} more"]
 
 
-def _step(operator: Operator, problem: Problem, limits: PlanLimits) -> type[Step] | None:
+def _step(operator: Operator, problem: Problem, limits: PlanLimits) -> type[PlannedStep] | None:
     """Return the model of one ability's uses, or None if there is nothing of a type that it takes."""
     fields: dict[str, Any] = {}
     for number, (parameter, kind) in enumerate(operator.parameters.items()):
@@ -87,7 +87,7 @@ def _step(operator: Operator, problem: Problem, limits: PlanLimits) -> type[Step
         fields[f"argument_{number}"] = (Literal[tuple(names)], Field(alias=parameter))
     arguments = create_model(f"{operator.name}Arguments", __config__=ConfigDict(extra="forbid"), **fields)
     named: dict[str, Any] = {"ability": (Literal[operator.name], ...), "arguments": (arguments, ...)}
-    return create_model(operator.name, __base__=Step, **named)
+    return create_model(operator.name, __base__=PlannedStep, **named)
 
 
 class _StrictSchema(GenerateJsonSchema):

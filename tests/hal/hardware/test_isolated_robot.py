@@ -15,7 +15,7 @@ import pytest
 from bestman_bt.robot_model.compose import load_robot_model
 from hal.api import Arm, Failure, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.hardware.isolated_robot import PROCESS, STOP_TIME, IsolatedRobot, RpcClient, RpcConnection, WireEndedError
-from hal.hardware.robot_process import ROBOT, STOPS, Call, MotionNumber, Setup
+from hal.hardware.robot_process import ROBOT, STOPS, Call, MotionNumber, ServerSetup
 from hal.parts.part_connection import ConnectionFailedError
 
 
@@ -65,7 +65,7 @@ class ScriptedProcess:
         self.refuses = False
         self.asked: list[tuple[str, object, str]] = []
 
-    def start(self, setup: Setup) -> None:
+    def start(self, setup: ServerSetup) -> None:
         if self.refuses:
             raise NotConnectedError("no controller answers")
         self.open, self.lost = True, None
@@ -248,7 +248,7 @@ def test_a_stop_while_a_lost_process_is_begun_anew_is_not_cleared(
     robot._description.stop(process.lost)
     starts = process.start
 
-    def start(setup: Setup) -> None:
+    def start(setup: ServerSetup) -> None:
         starts(setup)
         robot.stop()
         process.stopped = True

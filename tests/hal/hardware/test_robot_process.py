@@ -16,7 +16,15 @@ from bestman_bt.robot_model.connection_config import ConnectionConfig
 from bestman_bt.robot_model.model import BaseModel, RobotModel
 from hal.api import Failure, MotionStatus, Part
 from hal.hardware.connection import Connection
-from hal.hardware.robot_process import REMEMBERED_MOTIONS, ROBOT, Call, MotionNumber, MotionReport, RobotServer, Setup
+from hal.hardware.robot_process import (
+    REMEMBERED_MOTIONS,
+    ROBOT,
+    Call,
+    MotionNumber,
+    MotionReport,
+    RobotServer,
+    ServerSetup,
+)
 from hal.parts.channels import BaseChannel, BaseReading
 from hal.parts.driven_base import DrivenBase
 
@@ -61,7 +69,7 @@ def ask(robot_model: RobotModel, monkeypatch: pytest.MonkeyPatch) -> Iterator[As
     monkeypatch.setattr(CONNECTIONS, "resolve", lambda driver: Controller)
     model = replace(robot_model, connections={"platform": ConnectionConfig("any", ("base",))})
     ours, theirs = multiprocessing.Pipe()
-    serving = threading.Thread(target=RobotServer(Setup(model, 0.0)).serve, args=(theirs,), daemon=True)
+    serving = threading.Thread(target=RobotServer(ServerSetup(model, 0.0)).serve, args=(theirs,), daemon=True)
     serving.start()
 
     def ask(call: Call) -> Any:
