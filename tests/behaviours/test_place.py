@@ -13,7 +13,6 @@ from behaviours.manipulation.place import PlaceOn, place_tool_poses
 from behaviours.skill import SkillFailure
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import MotionErrorCode, Pose
-from bestman_bt.perception.segmentation import surface_coverage
 from bestman_bt.perception.segmentation.surface_coverage import FREE, OCCUPIED
 from bestman_bt.world_model.world_model import HeldObject
 from tests.behaviours.scripted import ASKEW, UNDER_WAY, codes, in_base, load, map_from, register, run, scripted_skills
@@ -151,7 +150,8 @@ def test_room_at_a_goal_is_seen_free_and_hardly_taken(
     skills.detection = SimpleNamespace(detect=lambda *_: scene)
     monkeypatch.setattr("behaviours.manipulation.place.surface_region", lambda *_: None)
     monkeypatch.setattr("behaviours.manipulation.place.believe_surface", lambda *_: ())
-    monkeypatch.setattr(surface_coverage, "surface_coverage", lambda *_: coverage)
+    where = "bestman_bt.perception.segmentation.surface_coverage.surface_coverage"
+    monkeypatch.setattr(where, lambda *_: coverage)
     goal = Pose.from_xyz_rpy(map_from(ASKEW, 0.8, 0.1, 0.7), (0.0, 0.0, ASKEW.theta + 0.4))
     body = '<FindPlacePose object="cup" surface="table" goal="{goal}" pose="{pose}"/>'
     tree = load(skills, body, goal=goal)
