@@ -109,7 +109,7 @@ class PlacedShape:
 
 def box_corners(half: ArrayLike) -> NDArray[np.float64]:
     """Corners (8, 3) of a box around the origin; ``half``: of its extents, (3,) or one for all."""
-    corners: NDArray[np.float64] = np.array(list(product((-1.0, 1.0), repeat=3))) * half
+    corners: NDArray[np.float64] = np.array(list(product((-1.0, 1.0), repeat=3))) * np.asarray(half, dtype=float)
     return corners
 
 
