@@ -11,7 +11,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from bestman_bt.control.joint_state import JointStateSensor
@@ -28,6 +27,7 @@ from bestman_bt.scene.scene import World
 from bestman_bt.world_model.semantic_map import SemanticMap
 from bestman_bt.world_model.world_model import WorldModel
 from hal.api import Arm, Camera, CommandRefusedError, Gripper, Motion, MotionStatus
+from hal.pybullet.package import pybullet
 from hal.pybullet.pictures import projection_matrix
 from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.bodies import Viewpoint

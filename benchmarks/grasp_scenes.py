@@ -10,7 +10,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, cKDTree
 
@@ -20,6 +19,7 @@ from bestman_bt.perception.pose_estimation.model_surface import sample_shape
 from bestman_bt.perception.segmentation.base import Region
 from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture, PlacedObject, World
 from hal.pybullet.body_urdf import body_urdf
+from hal.pybullet.package import pybullet
 
 TABLE_SIZE, TOP_THICKNESS = (0.8, 1.2), 0.04
 MAST = (-0.2, 0.0, 1.65)

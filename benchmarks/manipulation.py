@@ -23,7 +23,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
-import pybullet
 
 from bestman_bt.manipulation.collision.base import CollisionWorld
 from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
@@ -33,6 +32,7 @@ from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.manipulation.trajectory.base import dense_samples
 from bestman_bt.manipulation.trajectory.toppra import Toppra
 from bestman_bt.robot_model.model import ArmModel
+from hal.pybullet.package import pybullet
 from tests.manipulation.pybullet_referee import Referee
 from tests.manipulation.table_and_shelf import fixed_panda, problems, table_and_shelf
 

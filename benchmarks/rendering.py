@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, CameraIntrinsics, Cylinder, Mesh, PlacedShape, Pose, RGBDImage, Sphere
 from bestman_bt.perception.view import View
+from hal.pybullet.package import pybullet
 
 Color = tuple[float, float, float]
 

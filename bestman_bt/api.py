@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from py_trees.behaviour import Behaviour
 
 from bestman_bt.engine import NodeInfo, NodeStatus, Tree, ineffective_parts
+from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.runtime.plugins import node_registry, read_tree
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ class Session(AbstractContextManager["Session"]):
         task: str | Path | None = None,
         settings: Iterable[str] = (),
         plugins: Iterable[str | Path] = (),
-        driver: str = "pybullet",
+        driver: str = DEFAULT_SIMULATOR,
         gui: bool = False,
     ) -> None:
         self._given: dict[str, Any] = {

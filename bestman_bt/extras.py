@@ -23,6 +23,10 @@ PACKAGE_OF_EXTRA = {
 """Extra → the import name of the package that it cannot work without."""
 EXTRA_OF_SIMULATOR = {"mujoco": "mujoco", "pybullet": "sim"}
 """Simulation driver → the extra that it needs."""
+PYBULLET_HAS_WHEELS = sys.version_info < (3, 12)
+_PYBULLET = find_spec("pybullet") is not None or (PYBULLET_HAS_WHEELS and find_spec("mujoco") is None)
+DEFAULT_SIMULATOR = "pybullet" if _PYBULLET else "mujoco"
+"""The driver where none is named: PyBullet where it is installed or has wheels, else MuJoCo."""
 
 
 def is_installed(extra: str) -> bool:
@@ -54,6 +58,9 @@ def install_command(extra: str) -> str:
 def missing_extra(what: str, extra: str) -> MissingExtraError:
     """Return the error that says that ``what`` needs ``extra``."""
     package = PACKAGE_OF_EXTRA[extra]
+    if extra == "sim" and not PYBULLET_HAS_WHEELS:
+        why = f"which has wheels for Python 3.11 only; this is Python {sys.version_info[0]}.{sys.version_info[1]}"
+        return MissingExtraError(f"{what} needs the package {package!r}, {why}", name=package)
     return MissingExtraError(f"{what} needs the package {package!r}: {install_command(extra)}", name=package)
 
 

@@ -1,6 +1,7 @@
 """Makes ``.venv/`` with the locked packages and the project itself; does nothing where that is up to date.
 
-Runs on a bare Python 3.11. uv installs the lock (it is several times faster than pip); pip does where uv cannot.
+Runs on a bare Python 3.11, 3.12 or 3.13, with which the environment is made. uv installs the lock (it is several times
+faster than pip); pip does where uv cannot.
 """
 
 from __future__ import annotations
@@ -61,12 +62,14 @@ def main() -> int:
     started = time.monotonic()
     print(f"Installing into {ENVIRONMENT.name}/ ...", flush=True)
     STAMP.unlink(missing_ok=True)
-    if not PYTHON.exists() or not _runs_python_3_11(PYTHON):
+    if not PYTHON.exists() or not _runs_this_version(PYTHON):
         venv.create(ENVIRONMENT, with_pip=True, clear=ENVIRONMENT.exists())
     try:
         install_lock()
         with compiling():
             install_project()
+        if sys.version_info >= (3, 12):  # PyBullet, which has no wheels for them, would bring the models of robots
+            _run([str(ENVIRONMENT / "bin" / "bestman-bt"), "robot", "descriptions"])
     except subprocess.CalledProcessError as error:
         print(f"error: {' '.join(map(str, error.cmd))} ended with exit code {error.returncode}", file=sys.stderr)
         return 1
@@ -86,7 +89,7 @@ def fingerprint() -> str:
 
 def is_current(wanted: str) -> bool:
     """True where the environment was completed with the fingerprint ``wanted`` and its interpreter still runs."""
-    return STAMP.exists() and STAMP.read_text() == wanted and _runs_python_3_11(PYTHON)
+    return STAMP.exists() and STAMP.read_text() == wanted and _runs_this_version(PYTHON)
 
 
 def install_lock() -> None:
@@ -163,8 +166,8 @@ def _run(command: list[str], environment: dict[str, str] | None = None) -> None:
     subprocess.run(command, cwd=CHECKOUT, env=environment, check=True)
 
 
-def _runs_python_3_11(python: Path) -> bool:
-    probe = [str(python), "-c", "import sys; sys.exit(sys.version_info[:2] != (3, 11))"]
+def _runs_this_version(python: Path) -> bool:
+    probe = [str(python), "-c", f"import sys; sys.exit(sys.version_info[:2] != {sys.version_info[:2]})"]
     return python.exists() and subprocess.run(probe, check=False).returncode == 0
 
 

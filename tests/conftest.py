@@ -12,6 +12,9 @@ from collections.abc import Generator, Iterator
 import pytest
 from xdist.scheduler import LoadFileScheduling
 
+from bestman_bt.errors import MissingExtraError
+from bestman_bt.extras import PYBULLET_HAS_WHEELS
+
 # As in `bestman-bt` itself, before NumPy is imported: two workers with two threads each on two processors spend most of
 # their time waiting for one another.
 for limit in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
@@ -73,6 +76,28 @@ def pytest_collection() -> Generator[None, object, object]:
     finally:
         gc.enable()
         gc.freeze()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup() -> Generator[None, object, object]:
+    """See ``_skipped_without_pybullet``."""
+    return (yield from _skipped_without_pybullet())
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Generator[None, object, object]:
+    """See ``_skipped_without_pybullet``."""
+    return (yield from _skipped_without_pybullet())
+
+
+def _skipped_without_pybullet() -> Generator[None, object, object]:
+    """On a Python for which PyBullet has no wheels, what needs it is skipped."""
+    try:
+        return (yield)
+    except MissingExtraError as error:
+        if error.name == "pybullet" and not PYBULLET_HAS_WHEELS:
+            pytest.skip(str(error))
+        raise
 
 
 def pytest_unconfigure() -> None:

@@ -32,7 +32,7 @@ from bestman_bt.evaluation.shards import KnownDurations, Shard
 from bestman_bt.evaluation.suite import Suite, SuiteEntry, make_suite
 from bestman_bt.evaluation.summary import spread_words
 from bestman_bt.evaluation.sweep import draw_settings
-from bestman_bt.extras import EXTRA_OF_SIMULATOR
+from bestman_bt.extras import DEFAULT_SIMULATOR, EXTRA_OF_SIMULATOR
 
 # An evaluation on the terminal: a table that fills while it goes on, a line per episode elsewhere.
 
@@ -149,7 +149,9 @@ class EpisodeOptions:
     ] = None
     scene: Scene = None
     robot: Robot = None
-    engine: Annotated[str, typer.Option(help="What simulates: pybullet or mujoco.", callback=_simulator)] = "pybullet"
+    engine: Annotated[str, typer.Option(help="What simulates: pybullet or mujoco.", callback=_simulator)] = (
+        DEFAULT_SIMULATOR
+    )
     settings: Settings = None
     plugins: Plugins = None
 

@@ -47,7 +47,7 @@ from bestman_bt.engine.validation import validate_file
 from bestman_bt.evaluation.episode import RECORDING_OVER, Watcher, prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import RESULT_NAME, make_run_folder
-from bestman_bt.extras import EXTRA_OF_SIMULATOR, require_extra
+from bestman_bt.extras import DEFAULT_SIMULATOR, EXTRA_OF_SIMULATOR, require_extra
 from bestman_bt.monitor.groot2.protocol import Groot2Error
 from bestman_bt.monitor.groot2.publisher import Groot2Publisher, check_servable
 from bestman_bt.runtime.robot_session import Session
@@ -139,7 +139,7 @@ class RunOptions:
     task: Annotated[str | None, typer.Option(help="A shipped task or a YAML file.")] = None
     scene: Scene = None
     robot: Robot = None
-    driver: Driver = "pybullet"
+    driver: Driver = DEFAULT_SIMULATOR
     seed: Seed = 0
     settings: Settings = None
     plugins: Plugins = None

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
-from bestman_bt.extras import install_command
+from bestman_bt.extras import PYBULLET_HAS_WHEELS, install_command
 from bestman_bt.registry import suggestion
 
 _FOLDERS = {
@@ -73,9 +73,10 @@ def pybullet_data() -> Path | None:
 
 def no_pybullet_data() -> str:
     """What is said of a file of PyBullet's models where they are missing."""
+    with_it = f", {install_command('sim')} with it" if PYBULLET_HAS_WHEELS else ""
     return (
-        "is in pybullet_data, which is not here: `bestman-bt robot descriptions` brings it without the simulator, "
-        f"{install_command('sim')} with it"
+        "is in pybullet_data, which is not here: `bestman-bt robot descriptions` brings it without the simulator"
+        + with_it
     )
 
 

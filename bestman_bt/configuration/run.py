@@ -19,6 +19,7 @@ from bestman_bt.configuration.errors import ConfigurationError, Problem, Problem
 from bestman_bt.configuration.quantity import WholeNumber
 from bestman_bt.configuration.secret import shown_setting
 from bestman_bt.configuration.task import TaskConfig, check_task, task_document, with_default_algorithms
+from bestman_bt.extras import DEFAULT_SIMULATOR
 
 _SECRET = re.compile(r"connections(\.[^.]+(\.(address|token))?)?")
 
@@ -41,7 +42,7 @@ class RunConfig:
     name: str
     task: TaskConfig
     seed: WholeNumber = 0
-    driver: str = "pybullet"
+    driver: str = DEFAULT_SIMULATOR
     record: bool = False
     recording: str = ""
     scene_settings: Mapping[str, Any] = field(default_factory=dict)
@@ -79,7 +80,7 @@ class RunRequest:
     settings: Iterable[str] | None = ()
     plugins: Iterable[str | Path] | None = ()
     record: bool = False
-    driver: str = "pybullet"
+    driver: str = DEFAULT_SIMULATOR
     name: str = ""
 
 
@@ -93,7 +94,7 @@ def load_run(  # noqa: PLR0913 - the arguments of a run, each by its name
     settings: Iterable[str] = (),
     plugins: Iterable[str] = (),
     record: bool = False,
-    driver: str = "pybullet",
+    driver: str = DEFAULT_SIMULATOR,
 ) -> RunConfig:
     """Merge a task (or, without one, a tree, a scene and a robot) with the other arguments.
 

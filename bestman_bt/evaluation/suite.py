@@ -20,6 +20,7 @@ from bestman_bt.configuration.run import RunConfig, RunRequest, run_of_options
 from bestman_bt.configuration.secret import may_tell_secret
 from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.episode import prepare_episode
+from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.facts.goals.goal import metric_names, read_goals
 from bestman_bt.registry import suggestion
 from bestman_bt.runtime.failure_lines import RENAMED_CODES
@@ -171,7 +172,7 @@ def load_suite(
     episodes: int | None = None,
     first_seed: int | None = None,
     settings: Iterable[str] = (),
-    driver: str = "pybullet",
+    driver: str = DEFAULT_SIMULATOR,
 ) -> Suite:
     """Read a suite and everything that its entries name. Raises ConfigurationError listing every fault.
 

@@ -73,7 +73,7 @@ def _download(into: Path) -> None:
     lock.write_text(f"{REQUIREMENT} --hash=sha256:{SHA256}\n", encoding="utf-8")
     if find_spec("pip") is not None:
         command = [sys.executable, "-m", "pip", "install", "--platform", "manylinux2014_x86_64"]
-    elif (uv := shutil.which("uv")) is not None:
+    elif (uv := shutil.which("uv") or shutil.which("uv", path=Path(sys.executable).parent)) is not None:
         command = [uv, "pip", "install", "--python-platform", "x86_64-manylinux2014"]
     else:
         raise _fault("descriptions", f"cannot download {REQUIREMENT} without pip or uv; give a file with --wheel")

@@ -26,6 +26,7 @@ from bestman_bt.configuration.task import task_of_tree
 from bestman_bt.control.operator_speed import OperatorSpeed
 from bestman_bt.control.robot_stop import RobotStop
 from bestman_bt.engine import Problem, Tree, TreeLoadError
+from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.records.events import RunEvent
 from bestman_bt.records.keeping import Keeping
 from bestman_bt.registry import DRIVERS
@@ -300,7 +301,7 @@ def session(
     task: str | Path | None = None,
     settings: Iterable[str] = (),
     plugins: Iterable[str] = (),
-    driver: str = "pybullet",
+    driver: str = DEFAULT_SIMULATOR,
     gui: bool = False,
 ) -> UnopenedSession:
     """Return a session to be opened by ``with``: ``with session(scene="kitchen", seed=1) as s: s.run("fetch_cup")``.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-import pybullet
 import pytest
 
 from bestman_bt.evaluation.audit import Audit, audit
@@ -16,9 +15,12 @@ from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from hal.api import Arm, MobileBase
 from hal.pybullet.client import _FUNCTIONS
+from hal.pybullet.package import pybullet
 from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.guards import ReadPurpose
+
+pytest.importorskip("pybullet", reason="PyBullet has no wheels for this Python")
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import pybullet
 import pytest
 
 from bestman_bt.configuration.run import load_run
@@ -22,10 +21,13 @@ from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.scene import World
 from hal.api import Robot
 from hal.pybullet.client import _FUNCTIONS
+from hal.pybullet.package import pybullet
 from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.door_watcher import DoorWatcher, _Leaf
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.guards import ReadPurpose
+
+pytest.importorskip("pybullet", reason="PyBullet has no wheels for this Python")
 
 # As a plug-in takes them: before any robot connects.
 getBasePositionAndOrientation = pybullet.getBasePositionAndOrientation

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import pybullet
 import yaml
 
 from bestman_bt.configuration.run import load_run
@@ -15,6 +14,7 @@ from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.messages import Pose
 from bestman_bt.runtime.robot_session import Session
+from hal.pybullet.package import pybullet
 
 NOTHING = '<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>'
 AS_MAPPED = {"offset": 0, "turn": 0}

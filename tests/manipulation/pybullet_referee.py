@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 
 import numpy as np
-import pybullet
 
+from hal.pybullet.package import pybullet
 from tests.manipulation.table_and_shelf import DATA, FINGERS, PANDA, Body, boxes
 
 

@@ -8,15 +8,15 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-import pybullet_data
 
+from bestman_bt.configuration.data import pybullet_data
 from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.robot_model.model import RobotModel
 from tests.robot_models import arm_model, gripper_model
 
 DATA = Path(__file__).with_name("data")
-PANDA = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"
+PANDA = (pybullet_data() or Path()) / "franka_panda" / "panda.urdf"
 FINGERS = {"panda_finger_joint1": 0.04, "panda_finger_joint2": 0.04}
 
 

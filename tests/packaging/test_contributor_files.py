@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ def called_targets(commands: str) -> list[str]:
 
 
 def workflow_commands() -> str:
-    (job,) = parsed(".github/workflows/ci.yml")["jobs"].values()
+    job = parsed(".github/workflows/ci.yml")["jobs"]["test"]
     return "\n".join(step["run"] for step in job["steps"] if "run" in step)
 
 
@@ -38,10 +39,12 @@ def test_both_checks_run_the_quick_tests_and_then_all(commands: str) -> None:
     assert set(called) <= TARGETS
 
 
-def test_the_workflow_runs_on_the_supported_python_and_requires_the_browser() -> None:
-    (job,) = parsed(".github/workflows/ci.yml")["jobs"].values()
+def test_the_workflow_runs_on_the_supported_pythons_and_requires_the_browser() -> None:
+    job, others = parsed(".github/workflows/ci.yml")["jobs"].values()
     versions = [step["with"]["python-version"] for step in job["steps"] if "python-version" in step.get("with", {})]
-    assert versions == ["3.11"]
+    versions += others["strategy"]["matrix"]["python-version"]
+    supported = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]["classifiers"]
+    assert versions == [text.rpartition(" ")[2] for text in supported if text.startswith("Programming Language")]
     assert job["env"] == {"BROWSER_TESTS": "required"}
 
 

@@ -49,7 +49,7 @@ def test_a_missing_interpreter_is_named_and_nothing_starts() -> None:
 def test_another_python_version_is_refused(tmp_path: Path) -> None:
     result = run_install_sh(interpreter(tmp_path, '[ "$1" = --version ] && echo Python 3.9.2 && exit; exit 1'))
     assert result.returncode == 2
-    assert "is Python 3.9.2; bestman-bt needs Python 3.11" in result.stderr
+    assert "is Python 3.9.2; bestman-bt needs Python 3.11, 3.12 or 3.13" in result.stderr
 
 
 def test_a_python_without_venv_is_refused(tmp_path: Path) -> None:

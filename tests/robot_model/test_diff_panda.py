@@ -9,12 +9,12 @@ from pathlib import Path
 import coal
 import numpy as np
 import pinocchio as pin
-import pybullet
 import pytest
 
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, JointGroupModel, RobotModel
 from bestman_bt.robot_model.sensor_parts import CameraPart, LidarPart
+from hal.pybullet.package import pybullet
 
 DECLARED_MASS = 60 + 2 * 2 + 2 * 0.5 + 8 + 3 + 0.8 + 0.072 + 0.06 + 17.96  # base to cameras, and the Panda
 

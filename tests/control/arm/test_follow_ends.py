@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pybullet
 import pytest
 
 from bestman_bt.control.arm.arm_controller import ArmController, ArmMoving
@@ -12,6 +11,7 @@ from bestman_bt.control.arm.joint_axis import JointAxis
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
 from bestman_bt.messages import MotionErrorCode, Pose2D
 from hal.api import Arm
+from hal.pybullet.package import pybullet
 
 DRAWER = ("drawer_chest/drawer_3", Pose2D(-0.88, -0.6, -0.4))
 

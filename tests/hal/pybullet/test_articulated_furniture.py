@@ -7,13 +7,13 @@ from collections.abc import Collection, Iterator
 from typing import Any
 
 import numpy as np
-import pybullet
 import pytest
 
 from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, Pose, Pose2D
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.scene.furniture_file import read_furniture
 from bestman_bt.scene.scene import LATCH_TRAVEL, Articulation, PlacedFurniture, PlacedObject, World
+from hal.pybullet.package import pybullet
 from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.bodies import SimulationError
 from hal.simulation.ground_truth import GroundTruth

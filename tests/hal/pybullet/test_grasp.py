@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import pybullet
 import pytest
 
 from bestman_bt.evaluation.audit import audit
+from hal.pybullet.package import pybullet
 from hal.pybullet.robot import PyBulletRobot
 
 ALLOWED = [("fingers", "box"), ("fingers", "can"), ("box", "table"), ("can", "table")]

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-import pybullet
 import pytest
 
 from bestman_bt.evaluation.audit import Audit, audit
@@ -16,6 +15,7 @@ from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.scene import PlacedFurniture, World
 from hal.api import MobileBase
 from hal.pybullet.client import _FUNCTIONS
+from hal.pybullet.package import pybullet
 from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.disturbance_injector import DisturbanceInjector
 from hal.simulation.ground_truth import GroundTruth

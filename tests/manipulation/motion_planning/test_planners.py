@@ -4,7 +4,6 @@ import hashlib
 import pickle
 
 import numpy as np
-import pybullet
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
@@ -15,6 +14,7 @@ from bestman_bt.manipulation.motion_planning.portfolio import Portfolio
 from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.registry import ALGORITHMS
 from examples.plugins.lazy_prm import PRM
+from hal.pybullet.package import pybullet
 from tests.manipulation.motion_planning.joint_worlds import PortfolioOf
 from tests.manipulation.table_and_shelf import problems
 
