@@ -26,7 +26,8 @@ def test_all_missing_addresses_are_told_before_anything_connects(bestman_bt: Com
 def test_a_robot_without_connections_is_told_once(bestman_bt: Command, folder: Path) -> None:
     answer = bestman_bt("run", "pick_place_table", "--robot", "diff_panda", "--driver", "hardware")
     assert answer.code == 2
-    assert answer.err.count("started: diff_panda: connections: is missing, so no part of diff_panda is there") == 1
+    told = "started: diff_panda: connections: is missing, so the driver hardware has no part of diff_panda"
+    assert answer.err.count(told) == 1
     assert "needs" not in answer.err
     assert not list(folder.iterdir())
 
