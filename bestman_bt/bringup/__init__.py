@@ -1,1 +1,1 @@
-"""Bring-up of a real robot: steps that pass or fail with figures, signed into a file beside the robot's."""
+"""Bring-up of a real robot: steps that pass or fail with measurements, signed in a file beside the robot's."""

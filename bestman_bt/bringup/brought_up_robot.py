@@ -1,4 +1,4 @@
-"""The robot that is brought up: connected, with what its steps need to command and compare it."""
+"""The robot under bring-up: connected, with the means to command and compare it."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ SPEED = 0.1
 
 @dataclass
 class BroughtUpRobot:
-    """``name``: of the robot, or its file; ``settings``: of it, as ``load_robot_model`` takes them.
+    """The robot of a bring-up. ``name``: its name or file. ``settings``: as for ``load_robot_model``.
 
     ``signed_serials``, ``signed_firmware``: those of an earlier part of this bring-up, by connection.
-    ``base_from_board``: where somebody has measured that a calibration board is, in the robot's base frame.
+    ``base_from_board``: the measured pose of a calibration board in the robot's base frame.
     ``twin``: whether its controllers are twins.
     """
 
@@ -41,17 +41,17 @@ class BroughtUpRobot:
 
     @cached_property
     def model(self) -> RobotModel:
-        """With the limits of its file: steps are slow by themselves."""
+        """Return the model with the limits of its file; the steps limit their own speed."""
         return load_robot_model(self.name, self.settings)
 
     @cached_property
     def robot(self) -> IsolatedRobot:
-        """With its connections in a process of their own, as runs have it."""
+        """Return the robot with its connections in a separate process, as in runs."""
         return IsolatedRobot(self.model)
 
     @cached_property
     def kinematics(self) -> ForwardKinematics:
-        """Of the model."""
+        """Return the forward kinematics of the model."""
         return ForwardKinematics(self.model)
 
     @property
@@ -69,7 +69,7 @@ class BroughtUpRobot:
         return {name: part for name, part in self.robot.parts.items() if isinstance(part, kind)}
 
     def identities(self) -> dict[str, Identity]:
-        """What the controllers tell of themselves."""
+        """Return the identities that the controllers report."""
         return self.robot.identities()
 
     def joint_positions(self) -> dict[str, float]:
@@ -81,7 +81,7 @@ class BroughtUpRobot:
         }
 
     def pose(self, frame: str, reference: str, moved: Mapping[str, float] | None = None) -> Pose:
-        """Where a link is in another one by the model, with the joints as they are; ``moved``: but these."""
+        """Return reference_from_frame by the model at the current joint positions; ``moved`` replaces some of them."""
         return self.kinematics.pose(frame, {**self.joint_positions(), **(moved or {})}, reference)
 
     def finish(self, motion: Motion[Any]) -> str:
@@ -97,7 +97,7 @@ class BroughtUpRobot:
 
     @contextmanager
     def left_to_others(self) -> Iterator[None]:
-        """Disconnected meanwhile: controllers have one client. Raises RobotError if it cannot be connected again."""
+        """Disconnect for the duration: controllers accept one client. Raises RobotError if reconnecting fails."""
         self.robot.disconnect()
         try:
             yield
@@ -106,14 +106,14 @@ class BroughtUpRobot:
 
 
 def fault_text(error: RobotError) -> str:
-    """In words, never empty."""
+    """Return the text of a fault, never empty."""
     return str(error) or type(error).__name__
 
 
 def of_each(
     kind: type[Kind], none: str, *looks: Callable[[BroughtUpRobot, str, Kind], Finding]
 ) -> Callable[[BroughtUpRobot], Iterator[Finding]]:
-    """The step that looks at each part of a ``kind``; ``none`` of them ("no arm is") behind a connection: says so."""
+    """Return the step that runs ``looks`` on each part of a ``kind``. ``none``: the reason if there is no such part."""
 
     def step(subject: BroughtUpRobot) -> Iterator[Finding]:
         parts = subject.parts(kind)

@@ -1,4 +1,4 @@
-"""Each camera gives images of now; one that sees a board whose place was measured has it where that is."""
+"""Each camera delivers current images; one that sees a board of known pose measures it there."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BOARD_TOLERANCE, BOARD_TURN = 0.015, math.radians(3.0)
 
 
 def camera(subject: BroughtUpRobot) -> Iterator[Finding]:
-    """``subject.base_from_board``: where the board is; without, the frames of cameras are not looked at."""
+    """Yield the findings of each camera; without ``subject.base_from_board`` the frames of cameras are not checked."""
     cameras = subject.parts(Camera)
     if not cameras:
         yield not_applicable(subject.model.name, "no camera is behind a connection")
@@ -56,9 +56,7 @@ def _age(subject: BroughtUpRobot, image: RGBDImage) -> float:
 
 
 def board_finding(name: str, image: RGBDImage, base_from_eye: Pose, base_from_board: Pose) -> Finding | None:
-    """Return the board of an image, brought into the base by the model's mount of the camera, against where it is; or
-    none.
-    """
+    """Return the finding for the board in an image, transformed to the base by the model's camera mount, or None."""
     sighting = BOARD.find(image.rgb)
     if sighting is None:
         return None

@@ -1,4 +1,4 @@
-"""What controllers tell of themselves and of their arms, compared with the robot's file; nothing moves."""
+"""Identity and arm facts that controllers report, compared with the robot's file; nothing moves."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ POSE_TOLERANCE, TURN_TOLERANCE = 0.002, math.radians(0.5)
 
 
 def identity(subject: BroughtUpRobot) -> Iterator[Finding]:
-    """The same as in an earlier part of this bring-up, if any."""
+    """Compare the identities with those of an earlier part of this bring-up, if any."""
     for name, told in subject.identities().items():
         owed = subject.signed_serials.get(name, "")
         firmware = subject.signed_firmware.get(name, "")
@@ -98,7 +98,9 @@ def _tool_pose(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
 
 
 def model_tool_pose(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Pose:
-    """Where the controller's tool should be in the arm's base, by our kinematics at the joints that it tells."""
+    """Return the controller's tool pose in the arm's base frame by our kinematics, at the joint positions it
+    reports.
+    """
     model = subject.model.of(ArmModel)[arm]
     joints = dict(zip(model.joint_names, told.positions.tolist(), strict=True))
     flange = subject.pose(flange_of(subject.model, arm), model.base_frame, joints)

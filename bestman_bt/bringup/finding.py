@@ -1,4 +1,4 @@
-"""What a step of a bring-up has found out: passed, failed, or does not apply, with figures."""
+"""A result of a bring-up step: passed, failed, or not applicable, with measurements."""
 
 from __future__ import annotations
 
@@ -11,7 +11,11 @@ Outcome = Literal["passed", "failed", "does not apply"]
 
 @dataclass(frozen=True)
 class Finding:
-    """Of one part or connection, the ``subject``. ``measured``: figure by name, in SI units if that names no other."""
+    """A result for one part or connection, the ``subject``. ``measured``: value by name, in SI units unless the name
+    says
+
+    otherwise.
+    """
 
     subject: str
     outcome: Outcome
@@ -20,13 +24,13 @@ class Finding:
 
 
 def judged(subject: str, passed: bool, text: str, **measured: float | str) -> Finding:
-    """What was measured, and whether that is as it should be."""
+    """Return a finding that passed or failed."""
     rounded = {name: round(value, 5) if isinstance(value, float) else value for name, value in measured.items()}
     return Finding(subject, "passed" if passed else "failed", text, rounded)
 
 
 def not_applicable(subject: str, reason: str) -> Finding:
-    """What cannot be looked at on this robot, and why."""
+    """Return a finding for a check that does not apply to this robot, with the reason."""
     return Finding(subject, "does not apply", reason)
 
 
@@ -39,7 +43,7 @@ class StepResult:
 
     @property
     def outcome(self) -> Outcome:
-        """Failed where one has; passed where one has and none failed."""
+        """Return failed if any finding failed, passed if any passed, else not applicable."""
         outcomes = {finding.outcome for finding in self.findings}
         return "failed" if "failed" in outcomes else "passed" if "passed" in outcomes else "does not apply"
 

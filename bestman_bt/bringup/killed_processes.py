@@ -1,4 +1,4 @@
-"""What the robot does when a process that commands it is killed while it moves: it stands, and stays where it is."""
+"""Kills the processes that command the moving robot: it must stop and stay in place."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ BASE_SPARE = 0.02
 
 
 class Mover:
-    """The program of ``mover`` in a process of its own; ``at``: where it has told last that the part was."""
+    """The program ``mover`` in a separate process. ``at``: the last position of the part that it reported."""
 
     def __init__(self, subject: BroughtUpRobot, part: str) -> None:
         self._process = subprocess.Popen(
@@ -62,7 +62,7 @@ class Mover:
             time.sleep(0.005)
 
     def pid_of(self, process: str) -> int | None:
-        """Of one of ``PROCESSES``, or None if there is none."""
+        """Return the process id of one of ``PROCESSES``, or None if there is none."""
         pid = self._process.pid
         for _ in range(PROCESSES.index(process)):
             below = [child for child in _children(pid) if b"python" in Path(f"/proc/{child}/cmdline").read_bytes()]
@@ -72,7 +72,7 @@ class Mover:
         return pid
 
     def close(self) -> None:
-        """Kill what is left of it."""
+        """Kill the remaining processes."""
         left = [pid for process in PROCESSES if (pid := self.pid_of(process)) is not None]
         for pid in left:
             with suppress(ProcessLookupError):
@@ -144,7 +144,7 @@ def _stands(subject: BroughtUpRobot, what: str, part: JointGroup, at: NDArray[np
 
 
 def _dead_man(subject: BroughtUpRobot, name: str, base: MobileBase) -> Finding:
-    """Judge the base of a robot whose robot process is killed while it creeps: nobody tells it to stop."""
+    """Judge the base of a robot whose robot process is killed while it creeps: it receives no stop command."""
     at, _ = kill(subject, name, PROCESSES[1])
     here = base.odometry()
     way = float(np.hypot(here.x - at[0], here.y - at[1]))

@@ -22,7 +22,9 @@ PERIOD = 0.02
 
 
 def main() -> None:
-    """``name part``, the robot's settings on standard input; tells where the part is, a line of JSON each time."""
+    """Move one part: arguments ``name part``, the robot's settings on standard input; prints positions as JSON
+    lines.
+    """
     name, part_name = sys.argv[1:]
     settings: dict[str, Any] = json.loads(sys.stdin.readline())
     with suppress(RobotError), IsolatedRobot(load_robot_model(name, settings)) as robot:  # its processes are killed

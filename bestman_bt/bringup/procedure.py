@@ -1,4 +1,4 @@
-"""The steps of a bring-up in their order; each one that was done is written into the file at once."""
+"""The steps of a bring-up in order; each completed step is written to the file at once."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from hal.api import RobotError
 
 @dataclass(frozen=True)
 class Step:
-    """``moves``: what of the robot moves, for the person who is asked whether it may; empty: nothing does."""
+    """One step. ``moves``: the parts that move, for the confirmation; empty if none moves."""
 
     name: str
     what: str
@@ -55,7 +55,7 @@ STEPS = (
 
 
 def run_step(subject: BroughtUpRobot, step: Step) -> StepResult:
-    """Never raises for what is wrong with the robot: that is a finding."""
+    """Run one step. Faults of the robot become findings; they are not raised."""
     findings: list[Finding] = []
     try:
         if step.moves:
@@ -95,9 +95,7 @@ def bring_up(
 
 
 def begun(subject: BroughtUpRobot, path: Path) -> BringUpFile:
-    """Return the file as it is; a new one where there is none, or where it tells of another content of the robot's
-    file.
-    """
+    """Return the existing file; a new one if there is none, or if it belongs to another content of the robot's file."""
     if path.is_file():
         file = BringUpFile.read(path)
         if file.content == subject.model.content:
@@ -112,7 +110,7 @@ def left(file: BringUpFile) -> list[Step]:
 
 
 def signed_if_whole(file: BringUpFile) -> BringUpFile:
-    """With a signature where no step is left, without one else."""
+    """Return the file, signed if no step is left, else unsigned."""
     return replace(file, signed=None if left(file) else Signature(user(), now()))
 
 
@@ -122,7 +120,7 @@ def now() -> str:
 
 
 def user() -> str:
-    """Who does it, by the name of the login."""
+    """Return the login name of the user."""
     try:
         return getpass.getuser()
     except (KeyError, OSError):

@@ -1,4 +1,4 @@
-"""How soon and within which distance arms and bases stand after a stop, at three speeds, against what is promised."""
+"""Stopping time and distance of arms and bases at three speeds, compared with their promises."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ WATCHED, PERIOD, PATIENCE = 1.0, 0.004, 5.0
 
 @dataclass(frozen=True)
 class Stop:
-    """``speed``: at the stop, per second. ``latency``, ``rest``: seconds until it was slower, and stood.
+    """One stop. ``speed``: at the stop, per second. ``latency``, ``rest``: seconds until it slowed down, and stood.
 
-    ``way``, in the ``unit``: rad or m.
+    ``way``: the stopping distance in ``unit``, rad or m.
     """
 
     unit: str
@@ -42,12 +42,12 @@ class Stop:
 
     @property
     def longest_way(self) -> float:
-        """In the unit."""
+        """Return the largest promised stopping distance, in the unit."""
         return MEAN_SHARE * REST_TIME * self.speed + SPARE
 
     @property
     def kept(self) -> bool:
-        """Whether the promise was."""
+        """Return whether the promise was kept."""
         return self.rest <= REST_TIME and self.way <= self.longest_way
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""The sign of the wrist's wrench: the hand's weight in two postures against what it feels."""
+"""The sign of the wrist's wrench: the hand's weight in two postures compared with the measurement."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hal.api import ForceTorque
 
 
 def wrench(subject: BroughtUpRobot) -> Iterator[Finding]:
-    """Of each force-torque sensor behind a connection that an arm carries."""
+    """Yield the finding of each force-torque sensor that an arm carries and that has a connection."""
     wrists = {
         name: arm
         for name, part in subject.robot.parts.items()

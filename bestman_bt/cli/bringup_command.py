@@ -35,9 +35,7 @@ def bringup(
         ),
     ] = None,
     twin: Annotated[bool, typer.Option("--twin", help="Bring up twins that are started for it, unattended.")] = False,
-    yes: Annotated[
-        bool, typer.Option("--yes", help="Do not ask before the robot moves: somebody looks at it.")
-    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the robot moves: a person watches it.")] = False,
     settings: Settings = None,
     as_json: Json = False,
 ) -> None:
@@ -53,7 +51,7 @@ def bringup(
     given = _robot_settings(settings)
 
     def ask(one: Step) -> None:
-        question = f"{one.name}: {one.moves}. Is the space clear, and somebody at the emergency stop?"
+        question = f"{one.name}: {one.moves}. Is the space clear, and is a person at the emergency stop?"
         if one.moves and not (yes or twin or _agreed(question)):
             raise wrong_input("bestman-bt robot bringup", f"{one.name} was not done: nothing has moved")
 
@@ -169,5 +167,5 @@ def _check_connections(name: str, model: Any) -> None:
 
 def _agreed(question: str) -> bool:
     if not sys.stdin.isatty():
-        raise wrong_input("--yes", "is to be given where nobody can be asked (no terminal)")
+        raise wrong_input("--yes", "is required without a terminal, where no confirmation is possible")
     return typer.confirm(question, err=True)

@@ -1,4 +1,4 @@
-"""The running execution that a command means, and requests to it."""
+"""Selects the running execution of a command, and sends requests to it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def node_of(text: str) -> int | str:
 
 
 def running_statuses() -> list[tuple[Path, dict[str, Any]]]:
-    """Socket and status of each running executor; one that does not answer is reported and left out."""
+    """Return the socket and status of each running executor; one that does not answer is reported and left out."""
     found = []
     for path in running_executors():
         try:
@@ -43,7 +43,7 @@ def running_statuses() -> list[tuple[Path, dict[str, Any]]]:
 
 
 def chosen(run: str | None) -> tuple[Path, dict[str, Any]]:
-    """Return the execution that ``run`` names, or the only one; ends with exit code 1 where none runs, else
+    """Return the execution that ``run`` names, or the only one. Exits with code 1 if none runs, else raises
     InputError.
     """
     running = running_statuses()
@@ -75,7 +75,7 @@ def name_of(path: Path, status: dict[str, Any]) -> str:
 
 
 def waits_at(status: dict[str, Any]) -> str:
-    """``, before fetch/pick``, where a run waits at a breakpoint; empty elsewhere."""
+    """Return ``, before fetch/pick`` if a run waits at a breakpoint, else an empty text."""
     held_at = status["held_at"]
     return f", {held_at['when']} {held_at['node']}" if held_at is not None and held_at["node"] is not None else ""
 

@@ -38,7 +38,7 @@ from bestman_bt.extras import DEFAULT_SIMULATOR, EXTRA_OF_SIMULATOR
 
 
 class EvaluationView:
-    """Shows an evaluation on ``console``; ``told`` is to be called with each result."""
+    """Shows the progress of an evaluation on ``console``; pass each result to ``told``."""
 
     def __init__(self, evaluation: Evaluation, console: Console) -> None:
         self._evaluation, self._console = evaluation, console
@@ -66,7 +66,7 @@ class EvaluationView:
             self._live.stop()
 
     def told(self, entry: SuiteEntry, result: RunResult) -> None:
-        """One more episode is done."""
+        """Show the result of one episode."""
         if not result.success and not entry.control:
             why = result.failure.why if result.failure else str(result.outcome)
             why = f"{result.failure.named}: {why}" if result.failure and result.failure.named else why
@@ -94,7 +94,7 @@ class EvaluationView:
 
 
 def table(evaluation: Evaluation) -> Table:
-    """How each entry stands."""
+    """Return the table of the progress of each entry."""
     shown = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     shown.add_column("")
     for name in ("run", "well", "95 %", "false", "× real"):
@@ -139,7 +139,7 @@ def _simulator(name: str) -> str:
 
 @dataclass(frozen=True)
 class EpisodeOptions:
-    """Which episodes are run, and in which scene with which robot, where it is not that of the task."""
+    """The episodes to run; the scene and the robot if they differ from the task's."""
 
     episodes: Annotated[
         int | None, typer.Option(min=1, help="How many seeds of each; 10, or what the suite says.", show_default=False)
@@ -165,7 +165,7 @@ class EpisodeOptions:
 
 @dataclass(frozen=True)
 class JobOptions:
-    """How many processes run the episodes, and on which machines."""
+    """The number of processes, and the machines."""
 
     jobs: Annotated[int, typer.Option(min=1, help="Processes that run at the same time.")] = 1
     shard: Annotated[
@@ -224,7 +224,7 @@ def evaluate(
     compare: bool = False,
     keep_old: bool = False,
 ) -> NoReturn:
-    """Run, or merge, the suite that ``make`` gives for ``tasks``, print what it came to, and exit with its code."""
+    """Run or merge the suite that ``make`` returns for ``tasks``, print the result, and exit with its code."""
     with json_output(as_json) as tell:
         execution.check()
         merged = [*(execution.merge or ()), *(Path(task) for task in tasks if execution.merge and Path(task).is_dir())]
@@ -301,7 +301,7 @@ def ranges(numbers: Sequence[int]) -> str:
 
 
 def tell_in_words(document: dict[str, Any]) -> None:
-    """Print what an evaluation has come to."""
+    """Print the result of an evaluation as text."""
     episodes = "" if document["interrupted"] else f"{document['episodes']} episodes, "
     print(
         f"{document['evaluation']}: {verdict(document)}; {episodes}"

@@ -1,4 +1,4 @@
-"""Wrong input is told once, on standard error, with exit code 2."""
+"""Invalid input is reported once, on standard error, with exit code 2."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""With ``--json``, standard output holds one document and nothing else, whatever libraries and plug-ins print."""
+"""With ``--json``, standard output holds exactly one document; prints of libraries and plug-ins go elsewhere."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from typing import Any
 
 @contextmanager
 def json_output(wanted: bool) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """Give what takes the document; where ``wanted``, it is printed at the end, and all other prints go elsewhere.
+    """Yield a function that takes the document; if ``wanted``, it is printed at the end and other prints are
+    redirected.
 
-    That holds for the prints of C libraries too: they write to the file descriptor.
+    The redirection includes C libraries: it replaces the file descriptor.
     """
     documents: list[dict[str, Any]] = []
     if not wanted:

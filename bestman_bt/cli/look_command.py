@@ -27,7 +27,7 @@ from bestman_bt.world_model.semantic_map import MapFurniture
 
 @dataclass(frozen=True)
 class WhereToLook:
-    """In which scene, with which robot."""
+    """The scene and the robot."""
 
     scene: Scene = None
     robot: Robot = None

@@ -61,7 +61,7 @@ STARTING = ("demo", "run", "plan", "eval", "sweep", "look", "twin", "monitor", "
 
 
 class Verbs(TyperGroup):
-    """Finds ``bestman_bt.cli.<verb>_command:command`` (or ``verbs``, a group) when a verb is asked for."""
+    """Imports ``bestman_bt.cli.<verb>_command:command`` (or ``verbs``, a group) when a verb is used."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return all verbs, in the order of use."""

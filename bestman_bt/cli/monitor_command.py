@@ -36,7 +36,7 @@ class Connections:
     runs: Annotated[Path, typer.Option(help="Where --connect makes run folders.")] = Path("runs")
 
     def watchers(self) -> list[Groot2Watcher]:
-        """One for each process, not started yet."""
+        """Return one watcher for each process, not started."""
         if not self.connect:
             return []
         from bestman_bt.monitor.groot2.client import parse_address

@@ -34,7 +34,7 @@ Robot = Annotated[str, typer.Option(help="The robot whose gripper grasps are for
 
 @dataclass(frozen=True)
 class ObjectOptions:
-    """What is said of a new object, as it is written."""
+    """The properties of a new object, as text."""
 
     name: Annotated[str, typer.Option(help="What scenes call it.")]
     scale: Annotated[str, typer.Option(metavar="LENGTH", help="Metres per unit of the mesh; also '1 mm'.")] = "1"
@@ -49,7 +49,7 @@ class ObjectOptions:
     )
 
     def read(self) -> NewObject:
-        """Return the same as values. Raises ConfigurationError if one makes no sense."""
+        """Return the properties as values. Raises ConfigurationError if one is invalid."""
         from bestman_bt.runtime.object_import import NewObject
 
         return NewObject(

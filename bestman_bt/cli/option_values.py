@@ -1,4 +1,4 @@
-"""Values of options that typer does not check, and the error for what is wrong with one."""
+"""Checks of option values that typer does not do, and their error."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def grouped_options(command: Callable[..., None]) -> Callable[..., None]:
-    """For typer: a parameter of ``command`` that is a dataclass becomes an option for each of its fields."""
+    """Expand each parameter of ``command`` that is a dataclass to one option per field, for typer."""
     options: list[inspect.Parameter] = []
     groups: dict[str, tuple[Callable[..., Any], list[str]]] = {}
     for parameter in inspect.signature(command, eval_str=True).parameters.values():
@@ -42,7 +42,7 @@ def grouped_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def writable_file(path: Path | None) -> Path | None:
-    """Told before the work whose result goes there."""
+    """Check that a result file can be written, before the work starts. Raises typer.BadParameter."""
     if path is None:
         return None
     if path.is_dir() or not path.parent.is_dir():
@@ -53,7 +53,7 @@ def writable_file(path: Path | None) -> Path | None:
 
 
 def refuse_unwritable_folder(path: Path, option: str) -> None:
-    """BadParameter where a folder, which may have to be made, cannot be written to."""
+    """Raise typer.BadParameter if the folder, which may not exist yet, cannot be written to."""
     there = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
     if not there.is_dir():
         raise typer.BadParameter(f"'{there}' is no folder", param_hint=option)
@@ -114,7 +114,7 @@ MONITOR_PORT = 8750
 
 @dataclass(frozen=True)
 class PlanningOptions:
-    """What is planned for, and what is known there; ``world`` is read beside the request."""
+    """The planning problem and the known world; ``world`` is read along with the request."""
 
     task: Annotated[
         str | None, typer.Option(help="The task in whose scene, with whose robot; for its goal, if none is given.")
@@ -128,7 +128,7 @@ class PlanningOptions:
 
     @property
     def request(self) -> RunRequest:
-        """As what is asked of a run."""
+        """Return the options as a run request."""
         from bestman_bt.configuration.run import RunRequest
 
         return RunRequest(self.task, None, self.scene, self.robot, self.seed, self.settings, self.plugins)
@@ -136,7 +136,7 @@ class PlanningOptions:
 
 @dataclass(frozen=True)
 class MonitorOptions:
-    """Whether the page of the live monitor is shown, and where."""
+    """Whether and where the page of the live monitor is shown."""
 
     monitor: Monitor = False
     monitor_port: MonitorPort = MONITOR_PORT

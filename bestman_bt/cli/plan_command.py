@@ -41,7 +41,7 @@ from bestman_bt.task_planning.symbolic.problem import PlanningError, Problem, Ta
 
 @contextmanager
 def shown_log(package: str) -> Iterator[None]:
-    """Print what the loggers of ``package`` say from INFO on, and of nobody else."""
+    """Print the log of ``package`` from INFO on, and of no other package."""
     logger = logging.getLogger(package)
     handler = logging.StreamHandler(sys.stderr)
     level, passes = logger.level, logger.propagate
@@ -58,7 +58,7 @@ def shown_log(package: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class GoalOptions:
-    """What is wanted, and who plans and builds it within which limits."""
+    """The goal, and the planner, the builder and their limits."""
 
     text: Annotated[str | None, typer.Argument(metavar="[TEXT]", help="What is wanted, in words.")] = None
     goal: Annotated[
@@ -76,7 +76,7 @@ class GoalOptions:
     ] = ""
 
     def check(self) -> None:
-        """Raises ConfigurationError for what contradicts itself."""
+        """Check the options. Raises ConfigurationError if they contradict each other."""
         if self.text is not None and self.goal is not None:
             raise wrong_input("bestman-bt plan", "give a text or --goal, one of them")
         if self.text is not None and not self.text.strip():
@@ -87,7 +87,7 @@ class GoalOptions:
 
 @dataclass(frozen=True)
 class TranscriptOptions:
-    """Where the words of the language model go, or come from."""
+    """The files that receive or replay the dialogue with the language model."""
 
     record: Annotated[
         Path | None,
@@ -100,7 +100,7 @@ class TranscriptOptions:
 
 @dataclass(frozen=True)
 class TreeFiles:
-    """Where the tree is written and drawn."""
+    """The files that receive the tree and its picture."""
 
     output: Annotated[
         Path | None, typer.Option("-o", metavar="FILE.xml", help="Where the tree is written.", callback=writable_file)
@@ -113,26 +113,27 @@ class TreeFiles:
 
 @dataclass(frozen=True)
 class ExecutionOptions:
-    """Whether the plan is run, and where its run folder is made."""
+    """Whether the plan is run, and the folder of its run folder."""
 
     run: Annotated[bool, typer.Option("--run", help="Run it at once, and plan anew where it fails.")] = False
     yes: Annotated[bool, typer.Option("--yes", help="Run what a model made of a text without asking you.")] = False
     runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs")
 
     def check(self, text: str | None, world: Path | None) -> None:
-        """Raises ConfigurationError if what is asked cannot be run; nothing for what is not to be."""
+        """Raise ConfigurationError if the plan cannot be run; does nothing without ``--run``."""
         if not self.run:
             return
         if world is not None:
             raise wrong_input(f"--world {world}", "is for planning; --run has its own beliefs")
         if text is not None and not self.yes and not sys.stdin.isatty():
             raise wrong_input(
-                "--run", "a model's reading of a text is run when you agree, and nobody can be asked here; give --yes"
+                "--run",
+                "a model's reading of a text is run after your confirmation, which is impossible here; give --yes",
             )
         refuse_unwritable_folder(self.runs, "--runs")
 
     def is_wanted(self, text: str | None) -> bool:
-        """Return whether it is to be run; what a model made of ``text`` only if somebody agrees."""
+        """Return whether to run the plan; a plan that a model made of ``text`` needs confirmation."""
         return self.run and (text is None or self.yes or typer.confirm("Run it?", err=True))
 
 

@@ -1,4 +1,4 @@
-"""The run of a tree that was just planned, judged by the facts that were asked for."""
+"""The run of a planned tree, judged by the requested facts."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 
 def run_plan(question: PlanQuestion, problem: Problem, made: PlanTree, planner: str, runs: Path) -> RunResult:
-    """Run the tree in the scene that was planned for; where it fails, it is planned anew from what is believed then.
+    """Run the tree in the scene that was planned for; on failure, plan again from the current beliefs.
 
-    A language model is asked no more: its goal is planned for by ``symbolic``.
+    The language model is not called again: ``symbolic`` plans for its goal.
     """
     goal = " and ".join(map(str, problem.goal))
     asked = FactsFields(
@@ -39,8 +39,10 @@ def run_plan(question: PlanQuestion, problem: Problem, made: PlanTree, planner: 
 
 
 def judged_by_goal(setup: Setup, problem: Problem, asked: FactsFields, tree: Path) -> RunConfig:
-    """Return the run's configuration with the plan's goal for that of the task, if it has one; facts that cannot be
-    judged are told.
+    """Return the run's configuration with the plan's goal in place of the task's, if it has one; reports facts that
+    cannot
+
+    be judged.
     """
     judged = sum(map(can_be_judged, problem.goal))
     for literal in problem.goal:

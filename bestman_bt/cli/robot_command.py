@@ -146,7 +146,7 @@ class PartOptions:
 def move_into_limits(
     name: Name,
     settings: Settings = None,
-    yes: Annotated[bool, typer.Option("--yes", help="Move without asking: somebody looks at the robot.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Move without asking: a person watches the robot.")] = False,
 ) -> None:
     """Bring joints of a real robot that stand outside of their configured range back into it, slowly."""
     from bestman_bt.robot_model.compose import load_robot_model
@@ -167,7 +167,7 @@ def move_into_limits(
             for way in ways:
                 print(f"{way.part}: {way}, at 5 % of the speed limits")
                 if not yes:
-                    typer.confirm("Is the way free, and somebody at the emergency stop?", abort=True)
+                    typer.confirm("Is the path free, and is a person at the emergency stop?", abort=True)
                 if fault := go_back(robot, way):
                     print(f"bestman-bt: {way.part} is not back: {fault}", file=sys.stderr)
                     raise typer.Exit(1)
@@ -229,11 +229,11 @@ def import_urdf(
 @verbs.command()
 def release(
     name: Name,
-    yes: Annotated[bool, typer.Option("--yes", help="Somebody has looked already: do not ask.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="The robot has been inspected: do not ask.")] = False,
     settings: Settings = None,
     as_json: Json = False,
 ) -> None:
-    """Tell what keeps a real robot's controllers stopped, ask whether somebody has looked, release them, log who."""
+    """Tell what keeps a real robot's controllers stopped, ask for an inspection, release them, log the user."""
     from bestman_bt.runtime.robot_release import held_controllers, log_release
     from hal.parts.part_connection import ConnectionFailedError
 
@@ -243,9 +243,9 @@ def release(
             held = held_controllers(name, settings or ())
             for controller, cause in held:
                 print(f"{controller.name}: {cause}", file=sys.stderr, flush=True)
-                if not yes and not _agreed("Has somebody looked at the robot, and may it be released?"):
+                if not yes and not _agreed("Have you inspected the robot, and may it be released?"):
                     raise wrong_input(
-                        "bestman-bt robot release", f"{controller.name} stays as it is: nobody has looked"
+                        "bestman-bt robot release", f"{controller.name} stays stopped: the inspection was not confirmed"
                     )
                 controller.release()
                 released.append(log_release(name, controller.name, cause))
@@ -297,7 +297,7 @@ def wrist(
 
 def _agreed(question: str) -> bool:
     if not sys.stdin.isatty():
-        raise wrong_input("--yes", "is to be given where nobody can be asked (no terminal)")
+        raise wrong_input("--yes", "is required without a terminal, where no confirmation is possible")
     return typer.confirm(question, err=True)
 
 

@@ -100,9 +100,9 @@ LAST_WORDS = 1.0
 
 @contextmanager
 def shown_live(recording: Path) -> Iterator[None]:
-    """Show what is written to ``recording``: in a window, which stays; where none can be opened on a page, to the end.
+    """Show ``recording`` while it is written: in a window, which stays open, or on a page until the end.
 
-    A viewer that does not start is told, and no reason to stop.
+    A viewer that does not start is reported and does not stop the run.
     """
     window = has_window_system()
     ended = threading.Event()
@@ -134,7 +134,7 @@ def shown_live(recording: Path) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What is run, as far as it is not the task's own."""
+    """The parts of a run that differ from the task."""
 
     task: Annotated[str | None, typer.Option(help="A shipped task or a YAML file.")] = None
     scene: Scene = None
@@ -153,7 +153,7 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class DriverOptions:
-    """What single drivers take."""
+    """Options of single drivers."""
 
     recording: Annotated[
         Path | None, typer.Option(metavar="RUN", help="With --driver replay: a run folder made with --record.")
@@ -165,7 +165,7 @@ class DriverOptions:
 
 @dataclass(frozen=True)
 class TreeOptions:
-    """What of the tree is not here, and what to do about it."""
+    """The handling of parts that are missing from the tree."""
 
     search: Search = None
     pretend: Annotated[
@@ -190,7 +190,7 @@ class TreeOptions:
 
 @dataclass(frozen=True)
 class ViewOptions:
-    """How a run may be watched."""
+    """The ways to watch a run."""
 
     pictures: Annotated[bool, typer.Option("--pictures", help="Render start.png, grasp.png and end.png.")] = False
     gui: Annotated[bool, typer.Option("--gui", help="Show the simulator's window.")] = False
@@ -313,7 +313,7 @@ def asked_on_the_terminal(session: Session, tree: Tree) -> Callable[[], None]:
             asked.acquire()
             line = sys.stdin.readline()
             if not line:
-                return  # nobody is there; the page and the shell answer as well
+                return  # no terminal; the page and the shell answer as well
             while confirmation.pending is not None:
                 word = line.strip().lower()
                 if confirmation.decline() if word in ("n", "no") else confirmation.start():
@@ -330,7 +330,7 @@ def no_faster_than_real_time(
     wall: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
 ) -> Callable[[], None]:
-    """Wait after each tick until as much real time has passed; what computing took longer is not caught up with."""
+    """Return a callable that waits after each tick until real time has caught up; computing delays are not made up."""
     clock = session.robot.clock
     began = wall() - clock.now()
 
@@ -359,7 +359,7 @@ def _all_of(watchers: Sequence[Watcher]) -> Watcher:
 
 
 def _ask_judge(judge: Path, driver: str) -> None:
-    """Whether somebody judges there, before anything connects; raises ConfigurationError."""
+    """Check that a judge answers there, before anything connects; raises ConfigurationError."""
     if driver != "hardware":
         raise ConfigurationError([Problem(f"--judge {judge}", None, "", "is of twins: give --driver hardware, too")])
     try:

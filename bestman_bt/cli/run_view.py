@@ -53,7 +53,7 @@ class RunView:
             self._live.stop()
 
     def watch(self, session: Session, tree: Tree) -> Callable[[], None]:
-        """Attach to a tree; returns what to call after each tick."""
+        """Attach to a tree; returns a callable for the end of each tick."""
         clock, start, wall_start = session.robot.clock, session.robot.clock.now(), time.perf_counter()
         self._simulated = isinstance(clock, SimulatedClock)
         shown = LiveTree(describe_tree(tree), self._title, simulated=self._simulated)

@@ -192,7 +192,7 @@ def _print(document: dict[str, Any]) -> None:
         ]
         print(f"  simulated types: {_some(names)}")
     if document["invented_entries"]:
-        print(f"  entries that nobody writes, given a value here: {_some(document['invented_entries'])}")
+        print(f"  entries that no node writes, given a value here: {_some(document['invented_entries'])}")
     for what, number in document["first_seed_of"].items():
         if what == "time limit":
             print(f"  possible endless loop: with seed {number} it ran to the time limit")

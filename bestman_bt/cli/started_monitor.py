@@ -1,4 +1,4 @@
-"""``--monitor`` of verbs that run something: the monitor that serves already, or a new one in a process of its own."""
+"""``--monitor`` of verbs that run something: the running monitor, or a new one in a separate process."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LARGEST_ANSWER = 10_000
 
 
 def show_in_monitor(port: int) -> None:
-    """Print the address of a monitor, starting one where none serves; raises ConfigurationError where that fails."""
+    """Print the address of a monitor; starts one if none serves. Raises ConfigurationError if that fails."""
     token = os.environ.get(TOKEN_VARIABLE) or None
     served = _health(port, token)
     if served.get("service") != SERVICE:

@@ -30,7 +30,7 @@ from hal.twins.twin_host import Hosted, TwinHost
 
 @dataclass(frozen=True)
 class TwinOptions:
-    """Whose controllers are stood in for, and in which world."""
+    """The robot whose controllers the twins replace, and the world."""
 
     robot: Annotated[str, typer.Option(help="A shipped robot or a YAML file.")] = "diff_xarm6"
     scene: Annotated[str, typer.Option(help="A shipped scene or a YAML file.")] = "pick_place_table"

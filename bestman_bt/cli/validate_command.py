@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from bestman_bt.robot_model.model import RobotModel
 
 MOST_NAMES = 20
-"""Unknown nodes, and trees that nobody uses, that a summary names."""
+"""Unknown nodes, and unused trees that a summary names."""
 _UNKNOWN = re.compile(r"unknown node '(.*)'")
 
 

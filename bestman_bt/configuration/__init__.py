@@ -1,4 +1,4 @@
-"""YAML to checked frozen dataclasses, and where shipped data lies.
+"""YAML to checked frozen dataclasses, and the location of shipped data.
 
-What reads YAML is imported when it is used: who only looks for a file need not load the machinery of the checks.
+Modules that read YAML are imported on use: finding a file does not load the checks.
 """

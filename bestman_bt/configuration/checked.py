@@ -1,4 +1,4 @@
-"""From documents to checked frozen dataclasses: every fault at once, each with file, line, field and remedy."""
+"""Documents to checked frozen dataclasses: all faults at once, each with file, line, field and remedy."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ def check(document: Document, dataclass_type: type[T]) -> T:
 
 
 def salvage(document: Document, dataclass_type: type[T]) -> tuple[T, list[Problem]]:
-    """As ``check``, but what is wrong is left out of the value, so that the rest of it can be checked further.
+    """Check a document like ``check``, but leave wrong parts out, so that the rest can be checked further.
 
-    Also returns all problems. A wrong field has its default; one without a default raises UnreadError when it is asked
-    for. Wrong entries of mappings and lists are missing; ``numbered`` tells which entries of a list those are that are
-    left.
+    Returns the value and all problems. A wrong field has its default; one without a default raises UnreadError on
+    access.
+    Wrong entries of mappings and lists are missing; ``numbered`` gives the original indices of list entries.
     """
     kind: Any = dataclass_type  # mypy takes the types of dataclasses for unhashable
     try:
@@ -70,12 +70,12 @@ def salvage(document: Document, dataclass_type: type[T]) -> tuple[T, list[Proble
 
 
 def numbered(entries: Sequence[T]) -> Iterator[tuple[int, T]]:
-    """The entries of a list with their numbers in the file, some of which salvage may have left out."""
+    """Yield the entries of a list with their numbers in the file; ``salvage`` may have left some out."""
     return zip(entries.numbers if isinstance(entries, _Left) else range(len(entries)), entries, strict=True)
 
 
 def is_whole(value: Any) -> bool:
-    """Return whether nothing that is owed was left out of a salvaged value, nor of what it holds."""
+    """Return whether no required field of a salvaged value, or of its parts, is missing."""
     if dataclasses.is_dataclass(value):
         return not hasattr(type(value), "UNREAD") and all(map(is_whole, vars(value).values()))
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Where shipped data lies: assets, configurations and trees, by kind and name."""
+"""The location of shipped data: assets, configurations and trees, by kind and name."""
 
 from __future__ import annotations
 
@@ -45,24 +45,22 @@ def shipped_trees() -> tuple[Path, ...]:
 
 
 def own_objects() -> Path:
-    """Where users keep objects of their own: the checkout's, else ``$XDG_DATA_HOME/bestman-bt/objects``."""
+    """Return the folder of the user's objects: the checkout's, else ``$XDG_DATA_HOME/bestman-bt/objects``."""
     if (data_root() / "pyproject.toml").is_file():
         return data_root() / _FOLDERS["object"][0]
     return _user_folder("object")
 
 
 def own_parts() -> Path:
-    """Where users keep parts of their own: the checkout's, else ``$XDG_DATA_HOME/bestman-bt/parts``."""
+    """Return the folder of the user's parts: the checkout's, else ``$XDG_DATA_HOME/bestman-bt/parts``."""
     if (data_root() / "pyproject.toml").is_file():
         return data_root() / _FOLDERS["part"][0]
     return _user_folder("part")
 
 
 def pybullet_data() -> Path | None:
-    """Return the folder of models in PyBullet's wheel: installed with it, else where ``bestman-bt robot descriptions``
-    put it.
-
-    None if it is neither.
+    """Return the folder of PyBullet's models, from its wheel or from ``bestman-bt robot descriptions``; None if
+    missing.
     """
     installed = find_spec("pybullet_data")
     if installed is not None and installed.submodule_search_locations:
@@ -72,7 +70,7 @@ def pybullet_data() -> Path | None:
 
 
 def no_pybullet_data() -> str:
-    """What is said of a file of PyBullet's models where they are missing."""
+    """Return the remedy for missing PyBullet models."""
     with_it = f", {install_command('sim')} with it" if PYBULLET_HAS_WHEELS else ""
     return (
         "is in pybullet_data, which is not here: `bestman-bt robot descriptions` brings it without the simulator"
@@ -81,7 +79,7 @@ def no_pybullet_data() -> str:
 
 
 def own_pybullet_data() -> Path:
-    """Where the models lie that come without PyBullet: ``$XDG_DATA_HOME/bestman-bt/pybullet_data``."""
+    """Return the folder of PyBullet's models without PyBullet: ``$XDG_DATA_HOME/bestman-bt/pybullet_data``."""
     return _user_data() / "pybullet_data"
 
 
@@ -92,12 +90,11 @@ def data_names(kind: str) -> list[str]:
 
 
 def find_data(kind: str, name: str | Path, asked_by: Problem | None = None) -> Path:
-    """Return the file of ``name``: a path (with a folder or a suffix) means that file, a bare name a shipped one.
+    """Return the file of ``name``: a path (with a folder or a suffix), or the name of a shipped file.
 
-    Of an object, a part or a robot, a bare name also means one that the user has added.
-
-    ``asked_by``: the place that names it, for the error's source, line and field (its message is not used).
-    Raises ConfigurationError that suggests the closest shipped name.
+    For an object, a part or a robot, a bare name also finds the user's own. ``asked_by``: the place of the name, for
+    the error's source, line and field (its message is not used). Raises ConfigurationError that suggests the closest
+    name.
     """
     suffixes = _FOLDERS[kind][1]
     text = str(name)
@@ -135,12 +132,12 @@ def _alike(kind: str, path: Path) -> str:
 
 
 def beside(file: Path, kind: str, name: str) -> str:
-    """What ``name`` means where ``file`` says it: a path is counted from that file's folder, a bare name is kept."""
+    """Resolve ``name`` in ``file``: a path is relative to the file's folder, a bare name is kept."""
     return str(file.parent / name) if _is_path(kind, name) else name
 
 
 def in_folders(name: str, folders: Iterable[Path]) -> str:
-    """Return the path of a file in the first of ``folders`` that has it, else ``name``; a name without a suffix is
+    """Return the path of a file in the first of ``folders`` that has it, else ``name``; a name without suffix is
     kept.
     """
     if not Path(name).suffix:
@@ -149,7 +146,7 @@ def in_folders(name: str, folders: Iterable[Path]) -> str:
 
 
 def user_folders() -> dict[str, Path]:
-    """Kind → the folder in which bare names also find what the user has added."""
+    """Return the folders of the user's own data by kind."""
     return {kind: _user_folder(kind) for kind in _OF_USERS}
 
 

@@ -1,4 +1,4 @@
-"""Scripted disturbances of a task: what somebody does while the robot works, each once."""
+"""Scripted disturbances of a task: interventions during the robot's work, each once."""
 
 from __future__ import annotations
 
@@ -30,13 +30,14 @@ _OF_ALL = ("kind", "after")
 
 @dataclass(frozen=True)
 class DisturbanceConfig:
-    """What somebody does once in a run, as soon as something has happened; seeds draw when and where.
+    """One intervention in a run, triggered by an event; the seed draws time and place.
 
-    ``kind``: ``moved``: once ``object`` was seen, and before it is in the hand, it is put ``distance`` metres away on
-    its surface. ``elsewhere``: it is then put on ``surface``, without one on a surface that the seed chooses.
-    ``slips``: once ``object`` was lifted, it falls out of the hand. ``shut``: once the door or drawer ``articulation``
-    was opened, somebody pushes it shut; with ``object`` only before that is in the hand.
-    ``after``: how many seconds later.
+    ``kind``: ``moved``: after ``object`` was seen and before it is in the hand, it is put ``distance`` metres away on
+    its
+    surface. ``elsewhere``: it is put on ``surface``, by default one that the seed chooses. ``slips``: after ``object``
+    was
+    lifted, it falls out of the hand. ``shut``: after the door or drawer ``articulation`` was opened, it is pushed shut;
+    with ``object`` only before that is in the hand. ``after``: the delay, seconds.
     """
 
     kind: DisturbanceKind
@@ -48,7 +49,9 @@ class DisturbanceConfig:
 
 
 def disturbance_faults(asked: Sequence[DisturbanceConfig], document: Document) -> Iterator[Problem]:
-    """What types cannot tell of a task's ``disturbances``: fields that a kind needs or does not have."""
+    """Yield the faults of a task's ``disturbances`` that types cannot express: missing or superfluous fields of a
+    kind.
+    """
     for index, disturbance in numbered(asked):
         yield from _faults_of_one(disturbance, document, ("disturbances", index))
 

@@ -1,4 +1,4 @@
-"""YAML documents that remember where each value was written."""
+"""YAML documents that record the origin of each value."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Document:
         return Problem(source, line, dotted(path), message)
 
     def count(self, path: FieldPath) -> int | None:
-        """Return how many entries the list at ``path`` has as written, the wrong ones too, or None if there is no
+        """Return the number of entries of the list at ``path`` as written, including wrong ones; None if there is no
         list.
         """
         written: Any = self.data
@@ -74,7 +74,7 @@ class Document:
         return Document(data, origins)
 
     def below(self, *path: str | int) -> Document:
-        """Return the mapping at ``path`` as a document of its own; origins go along."""
+        """Return the mapping at ``path`` as a document, with its origins."""
         data: Any = self.data
         for key in path:
             data = data[key]
@@ -92,7 +92,7 @@ def dotted(path: FieldPath) -> str:
 
 
 def read_document(path: Path, faults: list[Problem] | None = None) -> Document:
-    """Read a YAML file that holds a mapping; raises and ``faults`` as of ``parse_document``."""
+    """Read a YAML file that holds a mapping. Raises, and uses ``faults``, like ``parse_document``."""
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
@@ -107,8 +107,8 @@ def read_document(path: Path, faults: list[Problem] | None = None) -> Document:
 def parse_document(text: str, source: str, faults: list[Problem] | None = None) -> Document:
     """Parse YAML text that holds a mapping; ``source`` names it in errors.
 
-    ConfigurationError names file and line of what is not YAML, and of names given twice; with ``faults`` those are
-    added there instead, and the later one counts, so that the rest can be checked, too.
+    Raises ConfigurationError with file and line for invalid YAML and for duplicate keys. With ``faults`` they are added
+    there instead and the later value is used, so that the rest can be checked too.
     """
     problems: list[Problem] = []
     twice: list[Problem] = problems if faults is None else faults

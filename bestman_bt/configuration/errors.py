@@ -1,4 +1,4 @@
-"""What is wrong with a configuration: all problems of a file at once."""
+"""The faults of a configuration: all problems of a file at once."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Problem:
-    """One fault: ``source`` is a file or ``--set key=value``, ``line`` counts from 1 (None: no line applies).
+    """One fault. ``source``: a file or ``--set key=value``. ``line``: counts from 1; None if no line applies.
 
-    ``field``: dotted path of the field, empty for the whole file.
+    ``field``: dotted path of the field; empty for the whole file.
     """
 
     source: str
@@ -40,7 +40,7 @@ class ConfigurationError(InputError, ValueError):
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
     def within(self, *path: str) -> ConfigurationError:
-        """Return the same faults, their fields named from further out: ``drawers`` within ``generate.drawers``."""
+        """Return the same faults with a prefix on their fields: ``drawers`` within ``generate.drawers``."""
         outer = ".".join(path)
         return ConfigurationError(
             replace(problem, field=f"{outer}.{problem.field}" if problem.field else outer) for problem in self.problems
@@ -48,7 +48,9 @@ class ConfigurationError(InputError, ValueError):
 
 
 class UnreadError(ConfigurationError):
-    """A field is asked for that could not be read; it has no problems of its own, as what is wrong is told already."""
+    """A field that could not be read is accessed; without problems of its own, because the fault is already
+    reported.
+    """
 
     def __init__(self, field: str) -> None:
         super().__init__(())
@@ -65,7 +67,7 @@ UNREAD: Any = _Unread()
 
 
 def as_far_as_read(check: Callable[P, Iterable[T]]) -> Callable[P, Iterator[T]]:
-    """A check of something salvaged: it ends where it asks for what could not be read."""
+    """Wrap a check of a salvaged value: it ends at the first access to an unread field."""
 
     @wraps(check)
     def checked(*args: P.args, **kwargs: P.kwargs) -> Iterator[T]:
@@ -83,7 +85,7 @@ _NAMED = re.compile(rf"{_OPTION}(?: ([^\s;,)]*[^\s:;,)]))?")
 
 @contextmanager
 def told_to_programs() -> Iterator[None]:
-    """Where faults that the body raises name options of the command line, name the parameters of Python functions."""
+    """Within the context, faults name parameters of Python functions instead of command-line options."""
     try:
         yield
     except InputError as error:
@@ -117,13 +119,13 @@ def _as_parameter(option: re.Match[str]) -> str:
 
 @dataclass
 class ProblemCollector:
-    """Gathers the faults of several steps, so that one that fails does not hide what is wrong elsewhere."""
+    """Collects the faults of several steps, so that one failure does not hide others."""
 
     problems: list[Problem] = field(default_factory=list)
 
     @contextmanager
     def step(self) -> Iterator[None]:
-        """Note the faults of a ConfigurationError that the body raises, and go on behind it."""
+        """Collect the faults of a ConfigurationError that the body raises, and continue after it."""
         try:
             yield
         except ConfigurationError as error:

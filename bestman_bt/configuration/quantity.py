@@ -41,10 +41,10 @@ _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\
 
 
 def parse_quantity(value: object, *dimensions: str, needs_unit: bool = False) -> float:
-    """``value`` in SI units: a number, or text with a unit of one of the ``dimensions`` (none: a plain number).
+    """Return ``value`` in SI units: a number, or text with a unit of one of the ``dimensions`` (none: a plain number).
 
-    ``needs_unit``: only 0 may come without one. Raises PydanticCustomError (a ValueError) that names the units that
-    would be accepted.
+    ``needs_unit``: only 0 is accepted without a unit. Raises PydanticCustomError (a ValueError) that lists the accepted
+    units.
     """
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         try:

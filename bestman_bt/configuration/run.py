@@ -28,15 +28,16 @@ _NAMED_FILE = re.compile(r"(.+\.\w+)((?<=\.py):\w+)?")
 
 @dataclass(frozen=True)
 class RunConfig:
-    """Everything that decides a run.
+    """The complete configuration of a run.
 
-    ``name``: in results and folders, of the task, or of the tree that is run in place of the task's.
-    ``scene_settings``, ``robot_settings``: dotted keys → values for
-    ``load_scene`` and ``load_robot_model``. ``driver``: which implementation of the Robotics API; ``recording``: the
-    run folder that the driver ``replay`` plays. ``entry``: of the suite that the run belongs to; changes nothing in it.
-    ``confirm``: a person is asked before each motion. ``search``: folders that have SubTrees of the tree. ``pretend``:
-    leaves without code here are simulated, as the file ``scenario`` says, or at random. ``written``: the task as it was
-    written and where, for messages; not part of the run.
+    ``name``: for results and folders; the task's, or that of the tree that replaces the task's.
+    ``scene_settings``, ``robot_settings``: dotted keys → values for ``load_scene`` and ``load_robot_model``.
+    ``driver``:
+    the implementation of the Robotics API. ``recording``: the run folder that the driver ``replay`` plays. ``entry``:
+    the
+    suite entry of the run; has no effect on it. ``confirm``: ask a person before each motion. ``search``: folders with
+    SubTrees of the tree. ``pretend``: simulate leaves without code, by the file ``scenario`` or at random. ``written``:
+    the task as written, for messages; not part of the run.
     """
 
     name: str
@@ -55,7 +56,7 @@ class RunConfig:
     scenario: str = ""
 
     def changed(self, **fields: Any) -> RunConfig:
-        """Return the same run with other values of these fields."""
+        """Return a copy with other values of these fields."""
         return _remembering(dataclasses.replace(self, **fields), self.written)
 
     def problem(self, path: FieldPath, message: str) -> Problem:
@@ -66,10 +67,10 @@ class RunConfig:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """What is asked of a run, by its task's name or without one, by options or arguments; nothing is checked yet.
+    """A request for a run, from options or arguments, unchecked.
 
-    ``settings``: ``key=value``, where ``scene.…`` and ``robot.…`` reach into those and anything else into the task.
-    ``driver``: which implementation of the Robotics API. ``name``: of the run, another than the task's.
+    ``settings``: ``key=value``; ``scene.…`` and ``robot.…`` set those, other keys the task. ``driver``: the
+    implementation of the Robotics API. ``name``: the run's name, by default the task's.
     """
 
     task: str | Path | None = None
@@ -98,9 +99,10 @@ def load_run(  # noqa: PLR0913 - the arguments of a run, each by its name
 ) -> RunConfig:
     """Merge a task (or, without one, a tree, a scene and a robot) with the other arguments.
 
-    They are the fields of ``RunRequest``. Without a task and a tree, the run's ``tree`` is empty: a session is given
-    its trees later.
-    Raises ConfigurationError, which names arguments; scene and robot settings are checked when those are loaded.
+    The arguments are the fields of ``RunRequest``. Without a task and a tree, the run's ``tree`` is empty; the session
+    receives its trees later. Raises ConfigurationError, which names arguments; scene and robot settings are checked
+    when
+    those are loaded.
     """
     with told_to_programs():
         run = run_of_options(RunRequest(task, tree, scene, robot, seed, settings, plugins, record, driver))
@@ -109,10 +111,10 @@ def load_run(  # noqa: PLR0913 - the arguments of a run, each by its name
 
 
 def run_of_options(asked: RunRequest, faults: list[Problem] | None = None) -> RunConfig:
-    """As ``load_run``, for the command line: what is wrong names its options.
+    """Merge like ``load_run``, for the command line: errors name its options.
 
-    With ``faults`` what is wrong is added there and left out, if the rest can be checked further: a tree, scene or
-    robot that is not there is empty.
+    With ``faults``, faults are added there and the wrong parts left out if the rest can be checked further: a missing
+    tree, scene or robot is empty.
     """
     task = asked.task
     tree = "" if asked.tree is None and task is None else asked.tree
@@ -203,7 +205,7 @@ def dump_run(run: RunConfig, absolute: bool = False) -> str:
 
 
 def read_run(path: Path) -> RunConfig:
-    """Read what ``dump_run`` wrote; raises ConfigurationError."""
+    """Read a file of ``dump_run``. Raises ConfigurationError."""
     document = read_document(path)
     run = check(document, RunConfig)
     task = document.below("task")

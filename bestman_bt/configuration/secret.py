@@ -18,12 +18,12 @@ Secret = Annotated[str, SecretMark()]
 
 
 def may_tell_secret(key: str) -> bool:
-    """Return whether the value of an option ``--set`` with that key is left out of messages and files."""
+    """Return whether messages and files hide the value of the ``--set`` option with this key."""
     return _TELLING.search(key) is not None
 
 
 def shown_setting(setting: str) -> str:
-    """``key=value`` of an option ``--set`` for messages: the value of a key that may tell a secret is left out."""
+    """Return ``key=value`` of a ``--set`` option for messages, without a value that may be secret."""
     key, equals, _ = setting.partition("=")
     telling = _TELLING.search(key)
     if telling is None:

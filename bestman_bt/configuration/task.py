@@ -1,4 +1,4 @@
-"""Tasks: which tree, scene and robot; the goal; what counts as success and what the robot may touch."""
+"""Tasks: tree, scene, robot, goal, success criteria and allowed contacts."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ TickRate = Annotated[Frequency, Field(le=1000)]  # physics takes steps of about 
 
 @dataclass(frozen=True)
 class TolerancesConfig:
-    """How near a success has to come: metres, radians (``yaw`` None: any), seconds of rest before it is judged."""
+    """The tolerances of a success: metres, radians (``yaw`` None: any), seconds of rest before the judgement."""
 
     position: PositiveLength = 0.02
     tilt: AngleTolerance = _TEN_DEGREES
@@ -65,7 +65,7 @@ class TolerancesConfig:
 
 @dataclass(frozen=True)
 class Nav2Names:
-    """Names of Nav2's configuration, as its trees write them → algorithms of ours; empty: the configured one."""
+    """Names in Nav2's configuration, as its trees use them → our algorithms; empty: the configured one."""
 
     planners: Mapping[str, str] = field(default_factory=dict)
     controllers: Mapping[str, str] = field(default_factory=dict)
@@ -81,15 +81,16 @@ class Nav2Names:
 class TaskConfig:
     """A task.
 
-    ``goals``: what is asked, each a kind of goal with its fields: ``{placed: {object: cup, at: place, …}}``. The kinds,
-    files of ``bestman_bt.facts.goals``, check them where the run is prepared, as plug-ins may bring kinds of their own.
-    ``predicate``: the name of the success predicate, or several that must all hold. ``allowed_contacts``: of what
-    skills declare to touch, the only pairs that may, each an object, a piece of furniture, ``fingers``, ``robot`` or
-    one of its links; None: all that they declare. ``max_penetration``: metres. ``time_limit``: simulated seconds.
-    ``tick_rate``: hertz, 1000 at most. ``known_start``: whether the robot is told, roughly, where on its map it starts.
-    ``disturbances``: what somebody does while the robot works.
-    ``algorithms``: slot → ``algorithm: NAME`` and its parameters, laid over the shipped default. ``nav2``: what Nav2's
-    names of algorithms mean.
+    ``goals``: each a goal kind with its fields: ``{placed: {object: cup, at: place, …}}``. The kinds, files of
+    ``bestman_bt.facts.goals``, check them when the run is prepared, because plug-ins may add kinds.
+    ``predicate``: the success predicate, or several that must all hold. ``allowed_contacts``: the only pairs that may
+    touch, of those that skills declare; each an object, a piece of furniture, ``fingers``, ``robot`` or a link; None:
+    all
+    that they declare. ``max_penetration``: metres. ``time_limit``: simulated seconds. ``tick_rate``: hertz, at most
+    1000.
+    ``known_start``: whether the robot receives its approximate start pose on the map. ``disturbances``: interventions
+    during the run. ``algorithms``: slot → ``algorithm: NAME`` and its parameters, merged over the shipped default.
+    ``nav2``: the meaning of Nav2's algorithm names.
     """
 
     tree: str
@@ -110,12 +111,12 @@ class TaskConfig:
     description: str = ""
 
     def asked(self, kind: str) -> Mapping[str, Any] | None:
-        """Return the fields of the first goal of a kind, as they were written, or None if it is not asked."""
+        """Return the fields of the first goal of a kind, as written, or None if there is none."""
         return next((goal[kind] for goal in self.goals if kind in goal), None)
 
     @property
     def predicates(self) -> tuple[str, ...]:
-        """The names of the predicates; none where the task is not judged."""
+        """Return the names of the predicates; empty if the task is not judged."""
         if self.predicate is None:
             return ()
         return (self.predicate,) if isinstance(self.predicate, str) else self.predicate
@@ -169,10 +170,11 @@ def load_task(name_or_path: str | Path) -> TaskConfig:
 
 
 def check_task(document: Document, faults: list[Problem] | None = None) -> TaskConfig:
-    """Return a task from its document; raises ConfigurationError.
+    """Return the task of a document. Raises ConfigurationError.
 
-    With ``faults`` what is wrong is added there instead and left out of the task, so that the rest can be checked, too;
-    an algorithm that is wrong is then the default, and a tree, scene or robot that is not named is empty.
+    With ``faults``, faults are added there instead and the wrong parts left out, so that the rest can be checked: a
+    wrong
+    algorithm becomes the default, and a missing tree, scene or robot is empty.
     """
     problems: list[Problem] = []
     document = _in_goals(document, problems)
@@ -217,9 +219,9 @@ def _in_goals(document: Document, faults: list[Problem]) -> Document:
 
 
 def task_of_tree(tree: str) -> str | None:
-    """Return the shipped task that names a shipped tree, the first in the order of names, or None if there is none.
+    """Return the first shipped task, by name, that uses a shipped tree, or None if there is none.
 
-    ``tree``: its name or its file. A file of the same name elsewhere is another tree.
+    ``tree``: its name or file. A file of the same name elsewhere is another tree.
     """
     wanted = Path(tree).stem
     is_file = Path(tree).name != tree or Path(tree).suffix

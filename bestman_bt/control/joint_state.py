@@ -82,7 +82,7 @@ class JointStateSensor:
 
     def _record(self) -> None:
         assert self._clock is not None
-        with contextlib.suppress(JointStateError):  # a gap; whoever moves the joints is told why
+        with contextlib.suppress(JointStateError):  # a gap; the caller that moves the joints gets the reason
             self._history.add(self._clock.now(), self.positions())
 
     def positions(self) -> Mapping[str, float]:

@@ -38,7 +38,7 @@ class RobotStop:
             self._robot.clear_stop()
         except RobotError as error:
             return str(error)
-        if self._held:  # asked for meanwhile: it may be what was cleared, and nobody has commanded anything yet
+        if self._held:  # asked for meanwhile: it may be what was cleared, and there was no command yet
             self._robot.stop()
             return HELD
         return "it was stopped again at once" if self._robot.stopped else ""

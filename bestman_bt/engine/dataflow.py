@@ -143,8 +143,8 @@ def render_ports(tree: Tree) -> str:
             kind = board.entry(key).type if slot.exists else "any"
             value = "" if slot.value is None else f" = {slot.value!r}"
             lines.append(f"  {key}: {kind}{value}")
-            lines.append(f"    written by {', '.join(sorted(writers[id(slot)])) or 'nobody in the tree'}")
-            lines.append(f"    read by    {', '.join(sorted(readers[id(slot)])) or 'nobody in the tree'}")
+            lines.append(f"    written by {', '.join(sorted(writers[id(slot)])) or 'no node of the tree'}")
+            lines.append(f"    read by    {', '.join(sorted(readers[id(slot)])) or 'no node of the tree'}")
     return "\n".join(lines) + "\n"
 
 

@@ -193,7 +193,7 @@ def audit(
 
 
 def _since(record: AuditRecord, began: float) -> AuditRecord:
-    """Return the record with all times but those of penetrations, which nobody is told, counted from ``began`` on."""
+    """Return the record with all times but those of penetrations, which are not reported, counted from ``began`` on."""
     lists = {field.name: getattr(record, field.name) for field in fields(record) if field.name != "penetrations"}
     shifted: dict[str, Any] = {
         name: tuple(_shifted(one, began) for one in seen) for name, seen in lists.items() if type(seen) is tuple

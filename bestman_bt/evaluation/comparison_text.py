@@ -12,7 +12,7 @@ from bestman_bt.evaluation.paired_comparison import (
 )
 
 MOST_PAIRS = 1000
-"""Numbers of pairs above it are not told: nobody runs them."""
+"""Larger numbers of pairs are not reported: no one runs so many."""
 
 
 def sentences(comparison: PairedComparison, first: str, second: str) -> list[str]:

@@ -22,7 +22,7 @@ from hal.simulation.audit_record import DisturbanceEvent
 from hal.simulation.disturbance_injector import DisturbanceInjector
 from hal.simulation.ground_truth import GroundTruth
 
-# Where somebody puts an object during a run: upright, free, and not where no robot could reach it.
+# Where a scripted intervention puts an object during a run: upright, free, and not where no robot could reach it.
 
 
 EDGE = 0.04
@@ -95,7 +95,7 @@ class NewPlaces:
         return surface_pose(self._evidence, surface)[1]
 
     def _place(self, name: str, surface: str, x: float, y: float, rng: np.random.Generator) -> NewPlace | None:
-        """At ``x``, ``y`` of a surface (x from its front to its back), turned anyhow, or None if that is no good
+        """At ``x``, ``y`` of a surface (x from its front to its back), with a random yaw, or None if that is no good
         place.
         """
         piece, map_from_surface, size, room = surface_pose(self._evidence, surface)
@@ -117,9 +117,9 @@ class NewPlaces:
 
 
 HAND_AWAY = 0.6
-"""Metres between the robot's hand and an object that somebody else takes."""
+"""Metres between the robot's hand and an object that a scripted person takes."""
 HAND_OUT = 0.35
-"""Metres between the robot's hand and the handle of a door or drawer that somebody else pushes."""
+"""Metres between the robot's hand and the handle of a door or drawer that a scripted person pushes."""
 LIFTED = 0.03
 """Metres above where it stood from which on an object counts as lifted."""
 ABOVE = 0.10
@@ -128,9 +128,9 @@ STILL = (0.01, 0.1)
 """Metres and radians per second below which an object rests."""
 UPRIGHT = math.radians(10.0)
 PUSH_SPEED: dict[JointKind, float] = {"prismatic": 0.25, "revolute": 0.8}
-"""Metres and radians per second at which somebody shuts a drawer or door."""
+"""Metres and radians per second at which a scripted person shuts a drawer or door."""
 TRIES_AGAIN = 1.0
-"""Seconds after which somebody tries again who was in the robot's way or found no room."""
+"""Seconds until an intervention that was in the robot's way, or had no room, is retried."""
 
 
 _Event = DisturbanceEvent | None
@@ -226,7 +226,7 @@ class Disturbances:
         handle = piece.pose @ leaf.moved(opened) @ leaf.handle.pose
         return script.asked.object not in self._was_held and math.dist(self._hand(), handle.position) > HAND_OUT
 
-    # What somebody then does
+    # The intervention
 
     def _move_on_surface(self, script: _Script) -> _Event:
         asked = script.asked

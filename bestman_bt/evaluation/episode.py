@@ -60,7 +60,9 @@ AFTER_RECORDING = 1.0
 
 
 class _Observers:
-    """What looks at the simulation from outside; made right after connecting. Later, nobody gets a view for free."""
+    """What looks at the simulation from outside; made right after connecting. Afterwards no view can be added
+    without cost.
+    """
 
     def __init__(
         self,
@@ -112,7 +114,7 @@ class _Observers:
         return self.disturbances.events if self.disturbances is not None else ()
 
     def audit_record(self) -> AuditRecord | None:
-        """What the monitor of the world has seen; None of a world that nobody watches."""
+        """What the monitor of the world has seen; None if nothing watches the world."""
         if self.robot is not None:
             return self.robot.audit_record()
         return self.truth.audit_record() if isinstance(self.truth, RemoteTruth) else None
@@ -372,7 +374,9 @@ def run_episode(
 
 
 def _recorder(stack: ExitStack, setup: Setup, folder: Path | None, keeping: Keeping) -> Callable[[Robot], Robot] | None:
-    """What writes down, for the driver ``replay``, all that skills read and command, or None if nobody asked for it."""
+    """What writes down, for the driver ``replay``, all that skills read and command, or None if it was not
+    requested.
+    """
     if folder is None or not setup.config.record:
         return None
 
@@ -467,10 +471,10 @@ def _pretended(result: RunResult, types: dict[str, str]) -> RunResult:
 def _why_not_judged(config: RunConfig, execution: Execution) -> str:
     if not config.task.predicates:
         facts = config.task.asked("facts")
-        return NO_GOAL if facts is None else f"not judged: nobody sees whether {facts['goal']}"
+        return NO_GOAL if facts is None else f"not judged: no ground truth shows whether {facts['goal']}"
     if execution.ending is Ending.CANCELLED:
         return "not judged: it was cancelled"
-    return "not judged: nobody knows what is true here"
+    return "not judged: no ground truth is available here"
 
 
 def _failure(

@@ -150,7 +150,7 @@ def _serve(connection: Connection) -> None:
 
 
 def _end_with_the_parent() -> None:
-    """An episode that nobody waits for any more is not run to its end."""
+    """An episode whose result is no longer needed is not run to its end."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

@@ -72,7 +72,7 @@ class RunResult:
         if not self.success:
             return ""
         if self.interventions:
-            return f"somebody intervened: {'; '.join(self.interventions[:3])}{'; …' * (len(self.interventions) > 3)}"
+            return f"a person intervened: {'; '.join(self.interventions[:3])}{'; …' * (len(self.interventions) > 3)}"
         if self.held_at_start:
             return "the goal held before the run began"
         moved = ", ".join(f"the {name}" for name in self.moved_by_others)

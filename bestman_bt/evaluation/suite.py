@@ -192,7 +192,7 @@ def load_suite(
     for kind in ("tasks", "controls"):
         for key, entry in _read_entries(asked, kind).items():
             if {f"{kind}.{key}.task", f"{kind}.{key}.plugins"} & {field.partition("[")[0] for field in wrong}:
-                continue  # nobody knows what is to be run
+                continue  # the run is not known
             with faults.step():
                 config = _prepared(path, Entered(document, kind, key, entry), seed, tuple(settings), driver)
                 number = entry.episodes or episodes or asked.episodes

@@ -14,15 +14,15 @@ __all__ = ["watch"]
 
 
 def watch(tree: BehaviourTree, name: str = "", runs: str | Path | None = "runs") -> PyTreesWatch:
-    """Show a tree of py_trees, unmodified, on the live page (``bestman-bt monitor``) and record it in a run folder.
+    """Show an unmodified py_trees tree on the live page (``bestman-bt monitor``) and record it in a run folder.
 
     Args:
         tree: ticked by ``tree.tick()`` or ``tick_tock`` as before.
-        name: what the run is called; the root's name by default.
-        runs: where the run folder is made; None keeps nothing.
+        name: the name of the run; the root's name by default.
+        runs: the folder that receives the run folder; None records nothing.
 
     Returns:
-        What watches until it is closed, at the latest at the end of the program; a context manager.
+        The watch, a context manager; it ends with ``close``, at the latest at the end of the program.
 
     Raises:
         PyTreesWatchError: the tree has too many nodes, or the folder cannot be made.

@@ -1,6 +1,6 @@
-"""Connections to the monitor: a bounded number, each with little time for its request, so that a stop always comes in.
+"""Connections to the monitor: a bounded number, each with a short time for its request, so that a stop always gets in.
 
-Whoever opens connections and asks for nothing (half-open ones) takes no room from those who ask.
+Half-open connections, which send no request, do not keep out the others.
 """
 
 from __future__ import annotations
@@ -19,20 +19,21 @@ RESERVED = 96
 
 
 def most_connections() -> int:
-    """Return how many connections there may be: fewer where the process may have few file descriptors."""
+    """Return the largest number of connections; smaller if the process may open few file descriptors."""
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     return MOST_CONNECTIONS if soft == resource.RLIM_INFINITY else max(16, min(MOST_CONNECTIONS, soft - RESERVED))
 
 
 class BoundedProtocol(H11Protocol):
-    """HTTP/1.1 whose connections make room: the one that has waited longest goes where there are too many.
+    """HTTP/1.1 connections of a bounded number: at the limit, the one that has waited longest is closed.
 
-    An answer takes milliseconds, so the oldest connection is one that asks for nothing or does not read; pages, whose
-    WebSockets have protocols of their own, stay.
+    An answer takes milliseconds, so the oldest connection sends no request or does not read. Pages stay connected:
+    their
+    WebSockets have separate protocols.
     """
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # a socket's
-        """Begin to wait for the request."""
+        """Start the deadline for the request."""
         self._overdue = self.loop.call_later(HEADER_TIME, transport.abort)
         if len(self.connections) >= most_connections():
             waiting = (other for other in self.connections if isinstance(other, BoundedProtocol))
@@ -43,7 +44,7 @@ class BoundedProtocol(H11Protocol):
         super().connection_made(transport)
 
     def data_received(self, data: bytes) -> None:
-        """What has asked is no longer overdue; between requests uvicorn's own time counts."""
+        """End the deadline: the request has arrived. Between requests uvicorn's timeout applies."""
         super().data_received(data)
         if self.cycle is not None:
             self._overdue.cancel()

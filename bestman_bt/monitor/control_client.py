@@ -15,7 +15,7 @@ from bestman_bt.runtime_folder import runtime_folder
 
 
 SERVICE = "bestman-bt monitor"
-"""What ``/health`` tells everybody."""
+"""The answer of ``/health``, without a token."""
 TOKEN_VARIABLE = "BESTMAN_BT_MONITOR_TOKEN"
 """Of the environment: a token on the command line is seen by all users of the machine."""
 
@@ -34,7 +34,7 @@ class ControlError(Error):
 
 
 def socket_folder() -> Path:
-    """Where the sockets of this user's executors are (mode 0700)."""
+    """Return the folder of the sockets of this user's executors (mode 0700)."""
     try:
         return runtime_folder()
     except PermissionError as error:
@@ -42,7 +42,7 @@ def socket_folder() -> Path:
 
 
 def running_executors() -> list[Path]:
-    """Return the sockets of the executors that run now; sockets that nobody serves any more are removed."""
+    """Return the sockets of the running executors; sockets without a server are removed."""
     alive = []
     for path in sorted(socket_folder().glob("*.sock")):
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
@@ -52,7 +52,7 @@ def running_executors() -> list[Path]:
             except (ConnectionRefusedError, FileNotFoundError):
                 path.unlink(missing_ok=True)
                 continue
-            except OSError:  # somebody serves it, but is too busy to answer now
+            except OSError:  # it has a server, which is too busy to answer now
                 pass
         alive.append(path)
     return alive

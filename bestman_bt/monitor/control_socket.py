@@ -35,10 +35,10 @@ class Channel(Protocol):
         """Carry out one request."""
 
     def subscribe(self, message: Request, outbox: Outbox) -> None:
-        """Let the events come that a request has asked for, which ``answer`` has agreed to."""
+        """Start sending the events of a subscription that ``answer`` has accepted."""
 
     def forget(self, outbox: Outbox) -> None:
-        """Send somebody nothing more."""
+        """Send no more events to ``outbox``."""
 
 
 @contextmanager
@@ -108,7 +108,7 @@ def _answer_line(answer: dict[str, Any]) -> bytes:
 
 
 def topics_of(message: Request) -> frozenset[Topic]:
-    """What a request subscribes to. Raises RequestRefusedError for what is no topic."""
+    """Return the topics of a subscription. Raises RequestRefusedError for an unknown topic."""
     topics = message.get("topics", list(TOPICS))
     if not isinstance(topics, list) or not all(topic in TOPICS for topic in topics):
         raise RequestRefusedError(f"topics is a list of some of {', '.join(TOPICS)}")

@@ -1,4 +1,4 @@
-"""What the page may ask of an executor: each request is checked and put into the control channel's words."""
+"""The controls of the page: each request is checked and translated to the control channel."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Request = dict[str, Any]
 
 
 class UnknownControlError(RunError):
-    """There is no such control; the message names the one that was probably meant, else all."""
+    """The control is unknown; the message suggests the closest name, else lists all."""
 
     def __init__(self, what: str) -> None:
         meant = closest(what, CONTROLS)
@@ -34,7 +34,7 @@ def check_fields(what: str, asked: Request) -> None:
 
 
 async def control(run: MonitoredRun, asked: Request) -> Request:
-    """Carry out one control and give the executor's answer; raises RunError with what was wrong."""
+    """Execute one control and return the executor's answer. Raises RunError if the request is invalid or refused."""
     what = asked.get("do")
     if what not in CONTROLS:
         raise UnknownControlError(str(what))

@@ -1,4 +1,4 @@
-"""From the executor's thread to files and subscribers, by a thread that makes events of what happened."""
+"""Sends events from the executor to files and subscribers; a separate thread builds them."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class _TreeStanding:
 
 
 class Standing:
-    """Takes every event, and gives those that tell the same at once."""
+    """The current state of an execution: ``take`` updates it, ``events`` returns events that reproduce it."""
 
     def __init__(self) -> None:
         self._run: RunEvent | None = None
@@ -64,7 +64,7 @@ class Standing:
         self._trees[event.tree] = _TreeStanding(event, {node.uid: IDLE for node in event.nodes})
 
     def take(self, event: Event) -> None:
-        """Keep what an event tells."""
+        """Store the content of an event."""
         match event:
             case RunEvent():
                 self._run = event
@@ -87,7 +87,7 @@ class Standing:
                 self._latest[event.event] = event
 
     def events(self, topics: Collection[Topic]) -> Iterator[Event]:
-        """The run, the trees, and how all stands of these topics; nothing before the first event."""
+        """Yield the run, the trees and the current state of these topics; nothing before the first event."""
         if self._run is None:
             return
         yield self._run
@@ -130,7 +130,7 @@ class _Subscription:
 
 
 class EventStream:
-    """``tell`` costs the executor a put into a queue; everything else happens in the stream's own thread."""
+    """The events of an execution. ``tell`` only puts an item into a queue; a separate thread does the rest."""
 
     def __init__(self) -> None:
         self._waiting: queue.SimpleQueue[Making | None] = queue.SimpleQueue()
@@ -142,15 +142,19 @@ class EventStream:
         self._flushed = 0.0
         self._thread = threading.Thread(target=self._run, name="events", daemon=True)
         self.wanted: frozenset[Topic] = frozenset()
-        """The topics that somebody has subscribed to."""
+        """The topics that have subscribers."""
 
     def start(self, log: RunLogWriter | None, keeping: Keeping | None = None) -> None:
-        """Begin; ``log`` is written to, and closed at the end or where a write fails, which ``keeping`` is told."""
+        """Start the thread.
+
+        ``log`` receives every event; it is closed at the end or at the first failed write, which is reported to
+        ``keeping``.
+        """
         self._log, self._keeping = log, keeping or Keeping()
         self._thread.start()
 
     def tell(self, make: Making) -> bool:
-        """Have events made and handed on, after all that was told before; False where the queue is full."""
+        """Queue an event for publication, in order. Returns False if the queue is full."""
         if self._waiting.qsize() >= MAX_WAITING:
             self._lost += 1
             return False
@@ -159,23 +163,25 @@ class EventStream:
 
     @property
     def waiting(self) -> int:
-        """How much of what was told has not been handed on yet."""
+        """Return the number of queued events that are not published yet."""
         return self._waiting.qsize()
 
     def add(self, outbox: Outbox, topics: frozenset[Topic]) -> None:
-        """Tell somebody how all stands, and then every event of these topics; replaces an earlier subscription."""
+        """Send the current state of ``topics`` to ``outbox``, then every event of them; replaces an earlier
+        subscription.
+        """
         self.tell(lambda: self._add(_Subscription(outbox, topics)))
 
     def forget(self, outbox: Outbox) -> None:
-        """Tell somebody nothing more."""
+        """Send no more events to ``outbox``."""
         self.tell(lambda: self._forget(outbox))
 
     def begin_anew(self) -> None:
-        """Forget how all stood: nobody will be told what happens until somebody subscribes."""
+        """Discard the current state: without subscribers, no state is kept."""
         self.tell(self._forget_standing)
 
     def close(self) -> None:
-        """Hand on what waits, close the files and end all subscriptions."""
+        """Publish the queued events, close the files and end all subscriptions."""
         self._waiting.put(None)
         self._thread.join(LAST_EVENTS)
         for subscription in self._subscriptions:

@@ -1,4 +1,4 @@
-"""Lines on their way to one reader of the control channel, who may be slow, asleep or hostile."""
+"""The queue of lines to one reader of the control channel, which may be slow, stopped or hostile."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ LAST_WORDS = 0.2
 
 
 class Outbox:
-    """Writes to one connection in a thread of its own: a reader who sleeps never holds up the robot.
+    """Writes to one connection in a separate thread: a reader that does not read never blocks the robot.
 
-    What overflows is dropped, and from then on everything until half of what waits has been read: ``dropped`` counts.
+    On overflow, lines are dropped until half of the queue has been read; ``dropped`` counts them.
     """
 
     def __init__(self, connection: socket.socket, backlog: int = MAX_BACKLOG) -> None:
@@ -32,11 +32,11 @@ class Outbox:
 
     @property
     def has_room(self) -> bool:
-        """Whether one who has missed something may be told how things stand."""
+        """Return whether the queue has room to resend the current state after lines were dropped."""
         return self._waiting <= self._backlog // 2
 
     def send(self, line: bytes) -> bool:
-        """Let the reader have a line; False where it was dropped."""
+        """Queue a line. Returns False if it was dropped."""
         with self._changed:
             if self._waiting and self._waiting + len(line) > self._backlog:
                 self.dropped += 1

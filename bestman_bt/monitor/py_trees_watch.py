@@ -47,7 +47,7 @@ class PyTreesWatchError(Error):
 
 
 class PyTreesWatch:
-    """Implement ``bestman_bt.monitor.watch``. A tree whose nodes are changed begins another run."""
+    """The watch of ``bestman_bt.monitor.watch``. If the tree's nodes change, another run starts."""
 
     def __init__(self, tree: BehaviourTree, name: str, runs: Path | None) -> None:
         self._tree, self._name, self._runs = tree, name, runs
@@ -62,7 +62,7 @@ class PyTreesWatch:
         atexit.register(self.close)
 
     def close(self) -> None:
-        """Watch no more; the tree goes on."""
+        """Stop watching; the tree continues."""
         if self._shown is None:
             return
         atexit.unregister(self.close)
@@ -108,7 +108,7 @@ class PyTreesWatch:
             shown.__exit__(None, None, None)
 
     def _before(self, tree: BehaviourTree) -> None:
-        """Wait while somebody has asked for a pause."""
+        """Wait while a pause is requested."""
         with self._pace:
             if not self._is_paused or self._shown is None:
                 return

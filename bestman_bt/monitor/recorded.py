@@ -21,7 +21,7 @@ LARGEST_RESULT = 1 << 20
 
 
 def run_folders(given: Path) -> list[Path]:
-    """Return the run folders that a path means: itself, or those in it; or a log of BehaviorTree.CPP."""
+    """Return the run folders at a path: itself, those inside it, or a log of BehaviorTree.CPP."""
     if has_record(given) or is_log(given):
         return [given]
     return sorted(path for path in given.iterdir() if has_record(path)) if given.is_dir() else []
@@ -33,7 +33,7 @@ def identity_of(folder: Path) -> str:
 
 
 class RecordedRun(MonitoredRun):
-    """The history is read when somebody opens the run, in a thread of its own, and may be unloaded afterwards."""
+    """A recorded run. Its history is read in a separate thread when a page opens it, and may be unloaded later."""
 
     kind = "recorded"
 
@@ -49,7 +49,7 @@ class RecordedRun(MonitoredRun):
 
     @property
     def state(self) -> str:
-        """``ended``; ``interrupted`` where neither a result nor an end is recorded."""
+        """Return ``ended``, or ``interrupted`` if neither a result nor an end is recorded."""
         return "ended" if self._result or self.history.end else "interrupted"
 
     def summary(self) -> dict[str, Any]:
@@ -60,7 +60,7 @@ class RecordedRun(MonitoredRun):
         return told
 
     def look(self) -> None:
-        """Read what lists tell: the result and the first event. What is damaged is told when the run is opened."""
+        """Read the result and the first event, for lists. Damage is reported when the run is opened."""
         self._result, self._fault = {}, ""
         try:
             self._result = _read_result(self.folder)
@@ -78,7 +78,7 @@ class RecordedRun(MonitoredRun):
         self.unload()
 
     def unload(self) -> None:
-        """Hold only what lists tell."""
+        """Discard the history; keep only the summary for lists."""
         self.is_loaded = False
         self.history = self._with_result(RunHistory())
 
@@ -90,7 +90,7 @@ class RecordedRun(MonitoredRun):
         return history
 
     async def open(self) -> None:
-        """Read the folder, if that was not done yet; raises RunError where it cannot be read."""
+        """Read the folder unless it is loaded. Raises RunError if it cannot be read."""
         async with self._loading:
             self.opened = time.monotonic()
             if not self.is_loaded:
@@ -116,10 +116,10 @@ class RecordedRun(MonitoredRun):
 
 
 def read_run(folder: Path) -> RunHistory:
-    """Return all that a run folder tells; what is damaged or missing is told in its log.
+    """Read a run folder; damaged or missing parts are reported in its log.
 
     Raises:
-        RunError: it is no run folder, or nothing in it can be read.
+        RunError: the folder is not a run folder, or none of it can be read.
     """
     try:
         history = read(folder)

@@ -18,7 +18,7 @@ class RunError(Error):
 
 
 class MonitoredRun(ABC):
-    """``watchers`` are woken when there is something new; all of it happens in the server's event loop."""
+    """A run that the monitor shows; ``watchers`` are woken by news. Everything runs in the server's event loop."""
 
     kind: str
 
@@ -34,11 +34,11 @@ class MonitoredRun(ABC):
 
     @property
     def is_live(self) -> bool:
-        """Whether it goes on."""
+        """Return whether the run continues."""
         return self.state in ("running", "paused")
 
     def summary(self) -> dict[str, Any]:
-        """What lists of runs tell of it."""
+        """Return the summary for lists of runs."""
         history = self.history
         told = {key: history.about.get(key) for key in TOLD}
         return {
@@ -52,23 +52,23 @@ class MonitoredRun(ABC):
         }
 
     def wake_watchers(self) -> None:
-        """Tell all viewers that there is something new."""
+        """Notify all viewers of news."""
         for watcher in self.watchers:
             watcher.set()
 
     @abstractmethod
     async def open(self) -> None:
-        """Somebody wants to look at it; raises RunError where it cannot be read."""
+        """Load the run for a viewer. Raises RunError if it cannot be read."""
 
     @abstractmethod
     async def request(self, message: dict[str, Any]) -> dict[str, Any]:
-        """Ask its executor for something; raises RunError where that is refused."""
+        """Send a request to the executor and return its answer. Raises RunError if the executor refuses it."""
 
     @abstractmethod
     async def picture(self, number: int) -> bytes:
-        """Return a picture as JPEG or PNG; raises RunError where there is none any more."""
+        """Return a picture as JPEG or PNG. Raises RunError if it is no longer available."""
 
 
 def running_first(runs: Iterable[MonitoredRun]) -> list[MonitoredRun]:
-    """Return the order in which lists show runs: those that go on, then the newest."""
+    """Return the runs in the order of lists: running ones first, then newest first."""
     return sorted(runs, key=lambda run: (not run.is_live, -float(run.history.about.get("started") or 0), run.id))

@@ -1,4 +1,4 @@
-"""All runs that the monitor knows: of the executors of this machine, as they come and go, and of run folders."""
+"""All runs that the monitor knows: executors of this machine, which come and go, and run folders."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ FOLLOWED: tuple[Topic, ...] = ("states", "blackboard", "robot", "scan", "log")
 RETRY = 0.5
 """Seconds between attempts to reach an executor whose connection broke."""
 REFUSALS = 2
-"""So many attempts in a row that nobody listens to: a new executor makes its socket a moment before it listens."""
+"""Number of consecutive refused connections: a new executor makes its socket a moment before it listens."""
 ANSWER_WAIT = 5.0
 LOOK_AGAIN = 1.0
-"""Seconds without an event after which it is looked whether anybody still wants them."""
+"""Seconds without an event after which the connection checks that its viewers are still there."""
 FROZEN = 3.0
 """Seconds to wait for an executor that accepts a connection."""
 Take = Callable[[Event], None]
 
 
 class AttachedRun(MonitoredRun):
-    """Follows from ``start`` until the executor's end; pictures only while somebody has the run open."""
+    """A live run, followed from ``start`` to the executor's end; pictures are sent only while a page shows the run."""
 
     kind = "live"
 
@@ -47,7 +47,7 @@ class AttachedRun(MonitoredRun):
 
     @property
     def state(self) -> str:
-        """As the executor told last; lost where it went away without a word."""
+        """Return the last reported state; ``lost`` if the executor disappeared without an end."""
         if self.history.end is not None:
             return "ended"
         if self.is_lost:
@@ -55,7 +55,7 @@ class AttachedRun(MonitoredRun):
         return "paused" if self.history.paused is not None else "running"
 
     def start(self) -> None:
-        """Begin to follow."""
+        """Start to follow the executor."""
         self._tasks.append(asyncio.create_task(self._follow(), name=f"follow {self.id}"))
 
     async def stop(self) -> None:
@@ -68,12 +68,12 @@ class AttachedRun(MonitoredRun):
                 await task
 
     async def open(self) -> None:
-        """Have the executor send pictures from now on, until nobody looks any more."""
+        """Request pictures from the executor while a page shows the run."""
         if (self._pictures is None or self._pictures.done()) and not self.is_over:
             self._pictures = asyncio.create_task(self._follow_pictures(), name=f"pictures {self.id}")
 
     async def request(self, message: dict[str, Any]) -> dict[str, Any]:
-        """Send one request on a connection of its own, so that a stop waits for nothing."""
+        """Send one request on a separate connection, so that a stop does not wait."""
         if self.is_over:
             raise RunError("the run is over")
         try:
@@ -103,11 +103,11 @@ class AttachedRun(MonitoredRun):
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing more will come."""
+        """Return whether no further events can arrive."""
         return self.history.end is not None or self.is_lost
 
     async def _follow(self) -> None:
-        """Read events until the end; where the connection breaks and somebody still listens, begin anew.
+        """Read events until the end; where the connection breaks and a viewer is still there, reconnect.
 
         A process that was killed leaves its socket behind: it is removed.
         """
@@ -204,9 +204,9 @@ LOOK_PERIOD = 0.5
 FOLDER_PERIOD = 5.0
 """Seconds between two looks for new run folders."""
 MAX_ENDED = 10
-"""Live runs that are kept after their end, while nobody looks at them."""
+"""Live runs that are kept after their end without viewers."""
 MAX_LOADED = 6
-"""Recorded runs whose history is held while nobody looks at them."""
+"""Recorded runs whose history is held without viewers."""
 
 
 class RunList:
@@ -223,7 +223,7 @@ class RunList:
         self._tasks: list[asyncio.Task[None]] = []
 
     async def start(self) -> None:
-        """Look once, then again and again."""
+        """Search for runs now, then periodically."""
         await asyncio.to_thread(self._look_for_folders)
         self._look_for_executors()
         self._tasks = [asyncio.create_task(self._look()), asyncio.create_task(self._look_at_folders())]
@@ -241,12 +241,12 @@ class RunList:
         return next((run for run in self._runs() if run.id == identity), None)
 
     def summaries(self) -> list[dict[str, Any]]:
-        """What lists show."""
+        """Return the summaries of all runs."""
         return [run.summary() for run in running_first(self._runs())]
 
     @property
     def is_idle(self) -> bool:
-        """Whether no executor runs and nobody looks."""
+        """Return whether no executor runs and no page is open."""
         return not self.watchers and not any(run.is_live for run in self._attached.values())
 
     def _runs(self) -> list[MonitoredRun]:

@@ -1,4 +1,4 @@
-"""Who may speak to the server: its own pages, under its own names, with a token where others can reach it."""
+"""Access control of the server: only its own pages and host names, with a token if other machines can reach it."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ def is_loopback(host: str) -> bool:
 
 
 def new_token() -> str:
-    """Return a token that nobody guesses."""
+    """Return a random token."""
     return secrets.token_urlsafe(24)
 
 
 @dataclass(frozen=True)
 class AccessRules:
-    """``token``: None if none is demanded. ``hosts``: names that a request may be for; empty: any.
+    """``token``: None if none is required. ``hosts``: accepted host names; empty: any.
 
-    Host names are checked on loopback, where a foreign page could make its own name point to this machine.
+    Host names are checked on loopback, because a foreign page could resolve its own name to this machine.
     """
 
     port: int
@@ -71,12 +71,12 @@ class AccessRules:
 
 
 class Guard:
-    """Stands before the application: refuses what may not enter, and adds the headers that guard the page."""
+    """ASGI middleware: refuses requests without access, and adds the security headers of the page."""
 
     def __init__(self, app: ASGIApp, rules: AccessRules) -> None:
         self._app = app
         self._rules = rules
-        # The cookie is another secret than the token: whoever reads a browser's cookies does not learn the token.
+        # The cookie differs from the token: an attacker who reads a browser's cookies does not learn the token.
         self._session = secrets.token_urlsafe(24)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

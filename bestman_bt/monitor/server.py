@@ -188,7 +188,7 @@ async def _asked(request: Request) -> dict[str, Any]:
 
 
 class MonitorServer:
-    """Serves until it is told to end; ``socket`` is already bound, so that a taken port is told before."""
+    """The HTTP server. ``socket`` is already bound, so that a port in use is reported before the start."""
 
     def __init__(self, config: ServerConfig) -> None:
         self.config = config
@@ -212,7 +212,7 @@ class MonitorServer:
         )
 
     def run(self, listening: socket.socket, started: Callable[[], None] | None = None) -> None:
-        """Serve in this thread until ``end`` is called or a signal comes."""
+        """Serve in this thread until ``end`` is called or a signal arrives."""
 
         async def serve() -> None:
             serving = asyncio.create_task(self._server.serve([listening]))
@@ -227,7 +227,7 @@ class MonitorServer:
         asyncio.run(serve())
 
     def end(self) -> None:
-        """Make ``run`` return; may be called from any thread."""
+        """Make ``run`` return; thread-safe."""
         self._server.should_exit = True
 
     async def _end_when_idle(self) -> None:

@@ -1,4 +1,4 @@
-"""What one viewer is told of one run: everything first, then what is new, or how it was at another time."""
+"""The messages to one viewer of one run: the full state first, then changes, or the state at another time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Message = dict[str, Any]
 
 
 class Updates:
-    """One run, as one viewer follows it. ``messages`` tells what is due; nothing queues up while nobody asks."""
+    """One run for one viewer. ``messages`` returns what is due; nothing accumulates without calls."""
 
     def __init__(self, run: MonitoredRun) -> None:
         self.run = run
@@ -36,12 +36,12 @@ class Updates:
         self._running: list[int] = []
 
     def look_at(self, time: float | None) -> None:
-        """Tell how it was at ``time`` from now on; None: how it is."""
+        """Show the state at ``time`` from now on; None: the current state."""
         self._at = time
         self._must_tell_all = True
 
     def messages(self, now: float) -> list[Message]:
-        """What is to be sent; ``now`` in seconds of any clock."""
+        """Return the messages to send. ``now``: seconds of any clock."""
         history, told = self.run.history, []
         if self._tree_version != history.tree_version:
             self._tree_version = history.tree_version

@@ -1,4 +1,4 @@
-"""One open page: reads its requests and sends what is new, at most 30 times a second and never faster than it reads."""
+"""One open page: handles its requests and sends changes, at most 30 times a second and never faster than it reads."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ MAX_OUTCOMES = 100_000
 
 
 def compare(a: RunHistory, b: RunHistory) -> dict[str, Any]:
-    """``parted`` (None if they never do) and ``words``.
+    """Compare two runs; returns ``parted`` (None if they never differ) and ``words``.
 
-    Compared are the outcomes of the leaves in their order, not their times: two runs that differ in speed alone do not
-    part. Leaves are the same where their paths are.
+    The outcomes of the leaves are compared in order, not their times: two runs that differ only in speed do not part.
+    Leaves are identified by path.
     """
     common = 0
     for mine, other in zip_longest(_story(a), _story(b)):
@@ -85,7 +85,7 @@ def _words(history: RunHistory, outcome: Transition | None) -> str:
 PERIOD = 1 / 30
 """Seconds between two sendings."""
 IDLE_PERIOD = 1.0
-"""Seconds after which it is looked again, even where nobody has told of anything new."""
+"""Seconds after which it is looked again, even without a notification."""
 MOST_OPEN = 8
 MOST_WAITING = 64
 """Requests that wait to be carried out, and answers to be sent; beyond them no request is read."""
@@ -119,7 +119,7 @@ class Viewer:
         self._runs_version = -1
 
     async def run(self) -> None:
-        """Serve until the connection ends; what ended it is raised, if it is more than the end."""
+        """Serve until the connection ends. Raises the error that ended it, unless the peer closed the connection."""
         self._runs.watchers.add(self._wake)
         await self._tell(
             {"type": "hello", "version": version("bestman-bt"), "read_only": self._read_only} | self._list()
@@ -317,7 +317,7 @@ def _names(run: MonitoredRun, asked: Message) -> list[str]:
 
 
 def encoded(message: Message) -> str:
-    """JSON as browsers read it: numbers that are none become null."""
+    """Encode a message as JSON for browsers: NaN and infinities become null."""
     try:
         return json.dumps(message, allow_nan=False, separators=(",", ":"))
     except ValueError:

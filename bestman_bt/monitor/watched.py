@@ -34,9 +34,10 @@ LONGEST_NAME = 60
 
 
 class WatchedExecution:
-    """A context: found by every monitor of this user while it lasts, and recorded below ``runs`` where that is given.
+    """A watched execution, a context manager: every monitor of this user finds it; it is recorded below ``runs`` if
+    given.
 
-    ``control``: carries out what is asked but ``status``, or raises RequestRefusedError; called from other threads.
+    ``control``: executes requests other than ``status``, or raises RequestRefusedError; called from other threads.
 
     Raises:
         OSError: the folder cannot be made.
@@ -73,7 +74,7 @@ class WatchedExecution:
         self._stream.close()
 
     def tell(self, event: Event) -> bool:
-        """Publish and record an event; False where it was lost."""
+        """Publish and record an event. Returns False if it was lost."""
         if isinstance(event, (PausedEvent, ResumedEvent)):
             self._paused = event if isinstance(event, PausedEvent) else None
         elif isinstance(event, BreakpointsEvent):
@@ -81,7 +82,9 @@ class WatchedExecution:
         return self._stream.tell(lambda: (event,))
 
     def tell_states(self, time: float, changes: list[tuple[int, int]], messages: dict[int, str] | None = None) -> bool:
-        """What changed at one moment, ``time`` in seconds since the start, in order; False where it was lost."""
+        """Publish the state changes of one moment, in order. ``time``: seconds since the start. Returns False if
+        lost.
+        """
         self.time, self.tick = max(self.time, time), self.tick + 1
         self.states.update(changes)
         for uid, state in changes:
@@ -131,11 +134,11 @@ class WatchedExecution:
         }
 
     def subscribe(self, message: Request, outbox: Outbox) -> None:
-        """Let the events come that a request has asked for."""
+        """Start sending the events of a subscription."""
         self._stream.add(outbox, topics_of(message))
 
     def forget(self, outbox: Outbox) -> None:
-        """Send somebody nothing more."""
+        """Send no more events to ``outbox``."""
         self._stream.forget(outbox)
 
     def _running_leaves(self) -> Iterable[Any]:
@@ -152,7 +155,7 @@ def _held_at(paused: PausedEvent) -> dict[str, Any]:
 
 
 def refuse(message: Request) -> None:
-    """Of an execution that can only be looked at."""
+    """Refuse a request to an execution that can only be watched."""
     raise RequestRefusedError(
         f"this execution is only watched: {message.get('do')!r} has to be asked of its own process"
     )

@@ -20,7 +20,7 @@ MAIN_TREE = 0
 
 Topic = Literal["states", "blackboard", "robot", "scan", "images", "log"]
 TOPICS: tuple[Topic, ...] = ("states", "blackboard", "robot", "scan", "images", "log")
-"""What one can subscribe to; events of no topic are told to everybody."""
+"""What one can subscribe to; events without a topic are sent to every subscriber."""
 Level = Literal["debug", "info", "warning", "error"]
 Category = Literal["action", "condition", "control", "decorator", "subtree"]
 

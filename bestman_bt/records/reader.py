@@ -45,7 +45,7 @@ PICTURES_FOLDER = "pictures"
 PICTURE_SUFFIXES = (".jpg", ".jpeg", ".png")
 MOST_FAULTS, LONGEST_FAULT = 20, 300
 OUTCOMES = {SUCCESS: "success", FAILURE: "failure"}
-"""Of a tree that nobody judges, after what its root returned last."""
+"""Of a tree without a judge, after what its root returned last."""
 _LEVELS = get_args(Level)
 
 

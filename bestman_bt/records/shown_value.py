@@ -30,7 +30,7 @@ def show_value(value: Any, kind: Any = None) -> ShownEntry:
     try:
         name = type_name(type(value) if kind is None else kind)
         return ShownEntry(name, _text(value), value if _is_plain(value) else None)
-    except Exception as error:  # noqa: BLE001 - the value is somebody else's, and so is what its methods raise
+    except Exception as error:  # noqa: BLE001 - the value is of a user's type, whose methods may raise anything
         return ShownEntry(type(value).__name__, f"cannot be shown: {type(error).__name__}")
 
 

@@ -37,7 +37,7 @@ def with_hardware(model: RobotModel, connections: Mapping[str, ConnectionConfig]
 
 
 FIRST_JOINT_SPEED, FIRST_TOOL_SPEED = 0.1, 0.25
-"""Share of the joints' limits, and m/s: at most, of real arms whose bring-up nobody has signed."""
+"""Share of the joints' limits, and m/s: at most, of real arms without a signed bring-up."""
 
 
 def with_first_limits(model: RobotModel) -> RobotModel:

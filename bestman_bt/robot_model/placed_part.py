@@ -48,7 +48,7 @@ from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, locate_urdf, 
 
 
 DENSITY = 1000.0
-"""kg/m³, of the convex hull of a link whose mass nobody tells: castings with motors in them weigh about as much."""
+"""kg/m³, of the convex hull of a link of unknown mass: castings with motors in them weigh about as much."""
 
 _ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from bestman_bt.scene.scene_config import SceneConfig
 
 
-# What stands on the floor, seen from above: what a start, a goal or somebody who walks keeps away from.
+# What stands on the floor, seen from above: what a start, a goal or a pedestrian keeps away from.
 
 
 _OVERHEAD = 1.8
-"""Metres above the floor from which on nobody meets a board, such as the lintel of a door."""
+"""Metres above the floor from which on a board obstructs no pedestrian, such as the lintel of a door."""
 
 
 def standing_outlines(walls: Iterable[Wall], furniture: Iterable[PlacedFurniture]) -> list[Points]:

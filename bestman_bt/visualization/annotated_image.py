@@ -1,4 +1,4 @@
-"""A camera's picture with what was found in it: masks, boxes, axes with their uncertainty, handles, grasps."""
+"""A camera image with the perceived scene: masks, boxes, axes with uncertainty, handles, grasps."""
 
 from __future__ import annotations
 
@@ -54,10 +54,11 @@ class Label:
 def place_labels(
     labels: Sequence[Label], keep_clear: Sequence[Rectangle], picture: tuple[float, float]
 ) -> list[Rectangle]:
-    """Return a rectangle for each label within the ``picture`` (width, height), chosen one after the other.
+    """Return one rectangle per label within the ``picture`` (width, height), placed in order.
 
-    Each takes the place around its anchor that covers least of the labels before it, then least of ``keep_clear``, then
-    lies nearest. A label that is larger than the picture begins at its left or upper border.
+    Each takes the position around its anchor that covers least of the earlier labels, then least of ``keep_clear``,
+    then
+    the nearest. A label larger than the picture starts at its left or upper border.
     """
     placed: list[Rectangle] = []
     for label in labels:
@@ -130,7 +131,7 @@ class Canvas:
         self._kept_clear: list[Rectangle] = []
 
     def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Pixels (N, 2) of the canvas, where points (N, 3) are; NaN behind the camera."""
+        """Return the pixels (N, 2) of points (N, 3); NaN behind the camera."""
         k = self._image.intrinsics
         x, y, z = self._camera_from_frame.apply(np.atleast_2d(points)).T
         z = np.where(z > 0.02, z, np.nan)
@@ -143,7 +144,9 @@ class Canvas:
         return np.asarray(((pixels >= 0) & (pixels < limit)).all(axis=1))  # NaN is not
 
     def seen(self, points: NDArray[np.float64], margin: float) -> NDArray[np.bool_]:
-        """Which of the points (N, 3) the image shows: not those with measured depth ``margin`` metres before them."""
+        """Return which points (N, 3) the image shows: those without measured depth more than ``margin`` metres before
+        them.
+        """
         pixels = self.project(points)
         seen = self.inside(pixels)
         columns, rows = (pixels[seen] / self._scale).astype(int).T
@@ -171,7 +174,7 @@ class Canvas:
         cv2.drawContours(self.pixels, outlines, -1, color, 1, cv2.LINE_AA)
 
     def keep_clear(self, points: NDArray[np.float64]) -> None:
-        """No label should cover the rectangle around points (N, 3) metres."""
+        """Keep labels off the rectangle around points (N, 3), metres."""
         pixels = self.project(points)
         pixels = pixels[np.isfinite(pixels).all(axis=1)]
         if len(pixels):
@@ -179,7 +182,7 @@ class Canvas:
             self._kept_clear.append((float(left), float(top), float(right), float(bottom)))
 
     def label(self, point: NDArray[np.float64], text: str, color: Color) -> None:
-        """A text near a point (3,) metres; none where that is not in the picture."""
+        """Add a text near a point (3,), metres; none if the point is outside the picture."""
         place = self.project(point)
         if self.inside(place)[0]:
             (width, height), base = cv2.getTextSize(text, FONT, FONT_SIZE, 1)
@@ -221,9 +224,9 @@ OUTLINE_STEPS = 20
 
 
 def annotated_image(image: RGBDImage, frame_from_camera: Pose, marks: SceneMarks, scale: int = 2) -> NDArray[np.uint8]:
-    """Return the picture, ``scale`` times as large, with all ``marks`` of the frame drawn into it; (H, W, 3) uint8 rgb.
+    """Return the image, scaled by ``scale``, with all ``marks`` of the frame drawn; (H, W, 3) uint8 RGB.
 
-    What the picture does not show, because something else is before it, is left out.
+    Occluded marks are left out.
     """
     canvas = Canvas(image, frame_from_camera, scale)
     for surface in marks.surfaces:

@@ -1,4 +1,4 @@
-"""What goes wrong when a run is shown or recorded."""
+"""Errors of showing or recording a run."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ class VisualizationError(Error):
 
 
 class RecordingError(VisualizationError):
-    """A recording cannot be written, or was given something that it cannot show."""
+    """A recording cannot be written, or cannot show the given data."""
 
 
 class ViewerError(VisualizationError):
@@ -18,4 +18,4 @@ class ViewerError(VisualizationError):
 
 
 class ScreenshotError(VisualizationError):
-    """No picture of a recording could be taken."""
+    """No picture of a recording could be made."""

@@ -1,4 +1,4 @@
-"""What perception found, as marks to be drawn into pictures and recordings; everything in one frame."""
+"""The perceived scene as marks for pictures and recordings; everything in one frame."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from bestman_bt.messages import Handle, ObjectModel, PlacedShape, Pose, YawSet
 
 @dataclass(frozen=True, eq=False)
 class ObjectMark:
-    """An object: where, how sure, which points were measured of it ((N, 3) metres, may be none).
+    """An object: pose, confidence and its measured points ((N, 3) metres, may be empty).
 
-    ``recognised``: False for a thing without a model, whose ``model`` is its box.
+    ``recognised``: False for an object without a model; ``model`` is then its box.
     """
 
     name: str

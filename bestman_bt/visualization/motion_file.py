@@ -1,7 +1,7 @@
-"""Where everything was during a run, as a file of JSON lines: written while it happens, read to film it afterwards.
+"""The poses of a run as a file of JSON lines: written during the run, read to render it later.
 
 The first line names the joints and bodies, ``{"motion": 1, "joints": […], "bodies": […]}``. Each other line is a moment
-and tells what has changed since the line before: ``{"time": s, "tick": n, "base": [x, y, z, qx, qy, qz, qw],
+and holds the changes since the line before: ``{"time": s, "tick": n, "base": [x, y, z, qx, qy, qz, qw],
 "joints": {index: position}, "bodies": {index: pose}}``. Poses are in the map frame; metres, radians, seconds since the
 first moment.
 """
@@ -102,7 +102,7 @@ class MotionRecord:
 
     @property
     def duration(self) -> float:
-        """Seconds from the first to the last moment."""
+        """Return the seconds from the first to the last moment."""
         return float(self.times[-1])
 
     def at(self, time: float) -> RobotSnapshot:
@@ -132,9 +132,8 @@ def _between(before: NDArray[np.float64], after: NDArray[np.float64], share: flo
 
 
 def read_motion(path: Path) -> MotionRecord:
-    """Read a file; of a run that was killed, up to the last whole line.
-
-    Raises RecordingError if it is none, or damaged.
+    """Read a file; after a killed run, up to the last whole line. Raises RecordingError if it is damaged or no motion
+    file.
     """
     try:
         if path.stat().st_size > MAX_BYTES:

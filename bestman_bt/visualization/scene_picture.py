@@ -1,4 +1,4 @@
-"""A planning scene from two sides, what is in each other's way in red."""
+"""A planning scene from two sides, with colliding pairs in red."""
 
 from __future__ import annotations
 

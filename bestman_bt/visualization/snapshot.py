@@ -1,4 +1,4 @@
-"""Where everything is at one moment of a run, and what the bodies of the scene look like."""
+"""The poses of a moment of a run, and the visual shapes of the scene's bodies."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from bestman_bt.messages import PlacedShape, Pose
 class RobotSnapshot:
     """The robot and the movable bodies at ``stamp`` seconds of the robot's clock, during tick number ``tick``.
 
-    ``map_from_base``: where the robot is. ``believed_map_from_base``: where it believes to be, None if it has no
-    belief. ``joint_positions``: joint name → rad or m. ``body_poses``: body name → map_from_body.
+    ``map_from_base``: the true pose of the base. ``believed_map_from_base``: the believed one, or None.
+    ``joint_positions``: joint name → rad or m. ``body_poses``: body name → map_from_body.
     """
 
     stamp: float
@@ -26,9 +26,9 @@ class RobotSnapshot:
 
 @dataclass(frozen=True)
 class RecordedBody:
-    """A rigid body of the scene at ``pose`` (map_from_body) when the recording starts.
+    """A rigid body of the scene at ``pose`` (map_from_body) at the start of the recording.
 
-    ``colors``: one rgba, each 0 to 1, for each of the ``shapes``; an alpha below 1 is drawn see-through.
+    ``colors``: one rgba, each 0 to 1, per shape of ``shapes``; an alpha below 1 is drawn transparent.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The tree as it runs, for ``rich.live.Live``; it only renders, printing is left to the caller."""
+"""The running tree for ``rich.live.Live``; it only renders, the caller prints."""
 
 from __future__ import annotations
 
@@ -21,11 +21,10 @@ from bestman_bt.visualization.node_labels import node_label
 
 
 def folded_nodes(tree: NodeList, states: NodeStates, lines: int) -> set[int]:
-    """Return the uids of nodes whose children to hide so that at most ``lines`` nodes remain, as far as that is
-    possible.
+    """Return the uids of nodes to fold so that at most ``lines`` nodes remain, if possible.
 
-    What runs stays visible with everything above it. Nodes that were never ticked fold first, then what succeeded, then
-    what failed; among equals the deepest first, so that no more is hidden than needed.
+    Running nodes and their ancestors stay visible. Nodes that were never ticked fold first, then succeeded ones, then
+    failed ones; the deepest first among equals, so that as little as possible is hidden.
     """
     sizes = _subtree_sizes(tree)
     active = _with_running_below(tree, states)
@@ -45,7 +44,7 @@ def folded_nodes(tree: NodeList, states: NodeStates, lines: int) -> set[int]:
 
 
 def hidden_count(tree: NodeList, uid: int) -> int:
-    """Return how many nodes lie below a node."""
+    """Return the number of nodes below a node."""
     return _subtree_sizes(tree)[uid] - 1
 
 
@@ -90,7 +89,7 @@ def _hidden_in(tree: NodeList, top: DescribedNode, folded: set[int], hidden_belo
 
 @dataclass(frozen=True)
 class NodeEvent:
-    """``node`` came to ``state`` at ``time`` seconds; ``message``: why, in words."""
+    """``node`` changed to ``state`` at ``time`` seconds; ``message``: the reason."""
 
     time: float
     node: DescribedNode
@@ -99,7 +98,7 @@ class NodeEvent:
 
     @property
     def look(self) -> Look:
-        """How to show it."""
+        """Return the style of the event."""
         return LOOKS[self.state]
 
     def __str__(self) -> str:
@@ -109,14 +108,14 @@ class NodeEvent:
 
 
 class NodeEvents:
-    """Turns state changes of leaves into events; a leaf that repeats itself is told once."""
+    """Turns state changes of leaves into events; a repeated event is reported once."""
 
     def __init__(self, history: RunHistory) -> None:
         self._history = history
         self._told: dict[int, tuple[int, str]] = {}
 
     def of(self, event: StatesEvent) -> list[NodeEvent]:
-        """What is told of the changes of a tick, and how the root of their tree ended."""
+        """Return the events of a tick's changes, including the result of the tree's root."""
         events = []
         offset, _ = self._history.nodes.range_of(event.tree)
         for change in self._history.shown(event):
@@ -144,9 +143,11 @@ FEWEST_TREE_LINES = 5
 class LiveTree:
     """A rich renderable of a running tree.
 
-    Feed it with ``take`` and ``set_time``. On a terminal show it with ``rich.live.Live``; elsewhere write the
-    events that ``take`` returns, one line each. Trees higher than the terminal are folded where nothing runs.
-    ``simulated``: whether the robot's clock is a simulation's, which runs apart from real time.
+    Feed it with ``take`` and ``set_time``. On a terminal show it with ``rich.live.Live``; elsewhere write the events
+    that
+    ``take`` returns, one line each. Trees higher than the terminal are folded where nothing runs. ``simulated``:
+    whether
+    the robot's clock is simulated and runs apart from real time.
     """
 
     def __init__(self, tree: TreeEvent, title: str = "", event_lines: int = 6, simulated: bool = True) -> None:
@@ -163,9 +164,9 @@ class LiveTree:
         self._wall_time = 0.0
 
     def take(self, event: StatesEvent | TreeEvent) -> list[NodeEvent]:
-        """Take over state changes; returns what is worth a line in a log.
+        """Store state changes. Returns the events worth a line in a log.
 
-        Of trees that a leaf of this one ticks the events are shown; they are not drawn.
+        Events of trees that a leaf of this one ticks are returned too, but those trees are not drawn.
         """
         if isinstance(event, TreeEvent):
             self._history.take(event)
@@ -182,7 +183,7 @@ class LiveTree:
         self._messages[uid] = message
 
     def set_time(self, robot_time: float, wall_time: float) -> None:
-        """Set what has passed on the robot's clock and on the wall's, seconds."""
+        """Set the elapsed time of the robot's clock and of the wall clock, seconds."""
         self._robot_time = robot_time
         self._wall_time = wall_time
 

@@ -164,7 +164,7 @@ def test_unknown_planners_builders_and_missing_goals_are_refused(bestman_bt: Com
         ((), "give a text, --goal, or a --task with the goal facts"),
         (("words", "--goal", GOAL), "give a text or --goal, one of them"),
         (("--goal", GOAL, "--run", "--world", "x.yaml"), "--run has its own beliefs"),
-        (("words", "--run"), "nobody can be asked here; give --yes"),
+        (("words", "--run"), "after your confirmation, which is impossible here; give --yes"),
     ):
         answer = bestman_bt("plan", *arguments)
         assert (answer.code, words in answer.err) == (2, True), answer.err

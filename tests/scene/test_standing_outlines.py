@@ -1,4 +1,4 @@
-"""What a start, a goal or somebody who walks keeps away from."""
+"""What a start, a goal or a pedestrian keeps away from."""
 
 from __future__ import annotations
 

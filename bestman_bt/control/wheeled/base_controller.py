@@ -165,7 +165,7 @@ class _Action:
     """Driving by ``follower`` (None: coming to rest), towards ``goal`` (None: wherever).
 
     ``by_odometry``: in its frame, without the map. ``speed``: m/s, no faster than that. ``corrections``: of the
-    heading, made so far. ``gave_way``: seconds when it last began to stand for somebody who walks, None while it does
+    heading, made so far. ``gave_way``: seconds when it last stopped for a pedestrian, None while it does
     not.
     """
 
@@ -218,7 +218,7 @@ class BaseController:
         self._own_follower = follower
         self._action: _Action | None = None
         self._gave_up = False
-        self._lock = threading.RLock()  # held by each tick, and by whoever changes what a tick uses
+        self._lock = threading.RLock()  # held by each tick, and by any thread that changes what a tick uses
         follower.configure(base.model)
 
     @property
@@ -564,7 +564,7 @@ class ProgressWatch:
     def is_stuck(self, pose: Pose2D, now: float, speed_share: float = 1.0) -> bool:
         """Take in where the base is at ``now`` seconds; one that is slower by ``speed_share`` has longer.
 
-        The time of a pause, in which nobody drives it, does not count.
+        The time of a pause, without commands, does not count.
         """
         moved = self._pose is None or pose.distance_to(self._pose) > self._distance
         if self._pose is None or moved or abs(wrap_angle(pose.theta - self._pose.theta)) > self._angle:

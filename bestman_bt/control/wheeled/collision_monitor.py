@@ -92,7 +92,7 @@ class CollisionMonitor:
         self._high: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
 
     def use_footprint(self, footprint: Footprint) -> None:
-        """What is driven from now on: an arm that stands out above is kept from whoever and whatever is tall."""
+        """What is driven from now on: an arm that stands out above is kept away from people and tall obstacles."""
         self._above = FootprintMotion(footprint.above, self.margin)
         # Its outline has a margin of its own, for how the arm sways.
         self._overhang = None if footprint.overhang is None else FootprintMotion(footprint.above, 0.0)
@@ -114,7 +114,7 @@ class CollisionMonitor:
         """What of ``wanted`` may be driven by a base that moves at ``velocity`` (measured), both in the base frame.
 
         ``tall``: (N, 3) discs around people, x, y and radius in metres, in the base frame. ``are_tall``: which points
-        (N, 2) of the base frame are of what reaches up to the arm; None: nobody knows, and only people are.
+        (N, 2) of the base frame are of what reaches up to the arm; None: unknown, and only people are.
         """
         if not self.enabled:
             return MonitoredCommand(wanted, MonitorAction.NONE)

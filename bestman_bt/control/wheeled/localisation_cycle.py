@@ -56,7 +56,7 @@ class PlacedScan:
 class LocalisationCycle:
     """Keeps ``world.base`` up to date with each ``step``; ``seen`` is told of each scan.
 
-    ``lost``: it does not know where it is, until a scan has fitted again; whoever drives by the map sets it.
+    ``lost``: it does not know where it is, until a scan fits again; the controller that drives by the map sets it.
     """
 
     def __init__(

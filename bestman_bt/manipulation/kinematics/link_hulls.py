@@ -111,7 +111,7 @@ def _corners(shape: coal.CollisionGeometry) -> NDArray[np.float64]:
     return np.vstack([np.column_stack([ring, np.full(_TURNS, z)]) for z in (-shape.halfLength, shape.halfLength)])
 
 
-# Where an arm with its hand, and what it holds, is in space: for whoever drives it past something.
+# Where an arm with its hand, and what it holds, is in space: for controllers that drive it past obstacles.
 
 
 class ArmBodies:

@@ -1,4 +1,6 @@
-"""Asks a process what Groot2 asks: its tree, states, blackboards and recorded transitions; sets hooks on nodes."""
+"""A Groot2 client: reads the tree, states, blackboards and recorded transitions of a process, and sets hooks on
+nodes.
+"""
 
 from __future__ import annotations
 
@@ -29,11 +31,11 @@ class TreeChangedError(Groot2Error):
 
 
 class Groot2Client:
-    """One connection for requests, one that hears of breakpoints; may be asked from several threads.
+    """A connection for requests and one for breakpoints; thread-safe.
 
     Raises:
-        Groot2Error: nobody answers, or not as version 2 of the protocol says. Each request raises it as well,
-            ``RequestError`` where the process refuses, and ``TreeChangedError``.
+        Groot2Error: no process answers, or it violates version 2 of the protocol. Each request raises it too,
+            ``RequestError`` if the process refuses, and ``TreeChangedError``.
     """
 
     def __init__(self, host: str, port: int, timeout: float = TIMEOUT) -> None:
@@ -89,7 +91,9 @@ class Groot2Client:
         return dict(zip(read["uid"].tolist(), states.tolist(), strict=True))
 
     def record(self) -> float:
-        """Begin to record transitions; the time of the process, in seconds since the epoch, that theirs count from."""
+        """Start to record transitions. Returns the time in the process, seconds since the epoch, at which the record
+        starts.
+        """
         told = self.ask(RequestKind.TOGGLE_RECORDING, b"start")
         try:
             return min(max(0.0, int(told) * 1e-6), 1e11)
@@ -101,7 +105,7 @@ class Groot2Client:
         self.ask(RequestKind.TOGGLE_RECORDING, b"stop")
 
     def transitions(self) -> Transitions:
-        """What was recorded since the last call; the process keeps 1,000."""
+        """Return the transitions since the last call; the process keeps the last 1,000."""
         read = self._records(self.ask(RequestKind.TRANSITIONS), _TRANSITION)
         self._check(read["status"])
         times = (read["time"] + read["time_high"] * 2.0**32) * 1e-6
@@ -120,21 +124,21 @@ class Groot2Client:
         return {str(name): entries for name, entries in boards.items() if isinstance(entries, dict)}
 
     def insert_hook(self, uid: int, position: int, mode: int, once: bool, result: str = "SKIPPED") -> None:
-        """Put a hook before or after a node, or change the one that is there; see ``hooks``."""
+        """Set a hook before or after a node, or change the existing one; see ``hooks``."""
         hook = {"enabled": True, "uid": uid, "position": position, "mode": mode, "once": once, "desired_status": result}
         self.ask(RequestKind.INSERT_HOOK, json.dumps(hook).encode())
 
     def remove_hook(self, uid: int, position: int) -> None:
-        """Take a hook away, and let go what it holds up."""
+        """Remove a hook, and release a tick that it holds."""
         self.ask(RequestKind.REMOVE_HOOK, json.dumps({"uid": uid, "position": position}).encode())
 
     def unlock(self, uid: int, position: int, result: str, remove: bool) -> None:
-        """Let the tick go on that a breakpoint holds up, with a result in the node's place or SKIPPED."""
+        """Release the tick that a breakpoint holds, with ``result`` for the node, or SKIPPED."""
         asked = {"uid": uid, "position": position, "desired_status": result, "remove_when_done": remove}
         self.ask(RequestKind.UNLOCK_BREAKPOINT, json.dumps(asked).encode())
 
     def hooks(self) -> list[dict[str, Any]]:
-        """Those that stand, also of other clients."""
+        """Return the hooks that are set, including those of other clients."""
         try:
             told = json.loads(self.ask(RequestKind.DUMP_HOOKS) or b"[]")
         except (ValueError, RecursionError) as error:
@@ -146,7 +150,7 @@ class Groot2Client:
         self._breakpoints = ZmtpConnection(self._host, self._port + 1, "SUB", self._timeout)
 
     def reached(self) -> int | None:
-        """Return the uid of the next node whose hook a tick has reached, or None if no more have been told."""
+        """Return the uid of the next node whose hook a tick has reached, or None if there is no further one."""
         if self._breakpoints is None or not select.select([self._breakpoints], [], [], 0)[0]:
             return None
         parts = self._breakpoints.receive()

@@ -1,8 +1,8 @@
-"""Hooks that Groot2 puts on nodes: breakpoints that hold up a tick, and results given in a node's place.
+"""Hooks that Groot2 sets on nodes: breakpoints that hold a tick, and results that replace a node.
 
-They act as those of BehaviorTree.CPP's ``Groot2Publisher``: one before and one after each node, a second one on the
-same place changes the first. A breakpoint holds the thread that ticks: simulated time stands still, motions of a robot
-that are under way go on. A cancelled execution leaves it.
+They follow the ``Groot2Publisher`` of BehaviorTree.CPP: one before and one after each node; a second hook at the same
+position changes the first. A breakpoint blocks the thread that ticks: simulated time stops, motions of a robot that
+have started continue. A cancelled execution leaves the breakpoint.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ _REPLACING = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}
 
 
 class Position(IntEnum):
-    """Where a hook is."""
+    """The position of a hook."""
 
     BEFORE = 0
     AFTER = 1
 
 
 class Mode(IntEnum):
-    """What a hook does."""
+    """The action of a hook."""
 
     BREAKPOINT = 0
     REPLACE = 1
@@ -87,7 +87,9 @@ class _Hook:
 
 
 class Groot2Hooks:
-    """The hooks on the nodes of ``tree``. ``reached``: told, in the ticking thread, of each node whose hook is met."""
+    """The hooks on the nodes of ``tree``. ``reached``: called, in the ticking thread, with each node whose hook is
+    reached.
+    """
 
     def __init__(self, tree: Tree, reached: Callable[[int], None]) -> None:
         self._tree = tree
@@ -96,7 +98,7 @@ class Groot2Hooks:
         self._hooks: dict[tuple[Position, int], _Hook] = {}
 
     def answer(self, request: Request) -> bytes | None:
-        """Do what is asked of hooks; the second part of the answer. Raises RequestError for a request of no kind."""
+        """Execute a hook request and return the second part of the answer. Raises RequestError for an unknown kind."""
         match request.kind:
             case RequestKind.INSERT_HOOK:
                 self.insert(request.needed())
@@ -115,7 +117,7 @@ class Groot2Hooks:
         return None
 
     def insert(self, content: bytes) -> None:
-        """Put or change one hook, or a list of them; those on unknown nodes are left out, as BehaviorTree.CPP does."""
+        """Set or change one hook or a list of hooks; unknown nodes are ignored, as in BehaviorTree.CPP."""
         several = content.lstrip().startswith(b"[")
         for one in _read(list[_Insertion], content) if several else [_read(_Insertion, content)]:
             with self._changed:
@@ -128,13 +130,13 @@ class Groot2Hooks:
                     self._put(_Hook(one, self._run))
 
     def remove(self, content: bytes) -> None:
-        """Take one hook away and let go whatever it holds up."""
+        """Remove one hook and release the tick that it holds."""
         asked = _read(_Message, content)
         with self._changed:
             self._take(self._standing(asked))
 
     def remove_all(self) -> None:
-        """Take all hooks away and let go whatever they hold up."""
+        """Remove all hooks and release the ticks that they hold."""
         with self._changed:
             for hook in list(self._hooks.values()):
                 self._take(hook)
@@ -147,7 +149,7 @@ class Groot2Hooks:
             self._changed.notify_all()
 
     def unlock(self, content: bytes) -> None:
-        """Let the tick that a breakpoint holds up go on, with a result in the node's place if one is given."""
+        """Release the tick that a breakpoint holds, with the given result for the node if there is one."""
         asked = _read(_Unlock, content)
         with self._changed:
             hook = self._standing(asked)

@@ -1,7 +1,8 @@
-"""Groot2's wire protocol, version 2, as BehaviorTree.CPP 4.10 speaks it (``loggers/groot2_protocol.h``).
+"""Groot2's wire protocol, version 2, as in BehaviorTree.CPP 4.10 (``loggers/groot2_protocol.h``).
 
 A request: 6 bytes ``<BBI`` (protocol, letter of the kind, id that the client chose), then at most one part. A reply:
-the same 6 bytes and 16 of the tree's UUID, then at most one part. What fails is answered by ``error`` and words.
+the same 6 bytes and the 16 bytes of the tree's UUID, then at most one part. A failure is answered by ``error`` and a
+text.
 """
 
 from __future__ import annotations
@@ -23,17 +24,17 @@ from bestman_bt.records.shown_value import show_value
 
 
 class Groot2Error(Error):
-    """The publisher cannot serve: no library, no port, or a tree that the protocol cannot number."""
+    """The publisher cannot serve: the extra is missing, the port is in use, or the tree has too many nodes."""
 
 
 class RequestError(Error):
-    """A request cannot be answered; its text is told to the one who asked."""
+    """A request cannot be answered; the client receives the message."""
 
 
 def import_zmq() -> Any:
-    """ZeroMQ, where MessagePack is there, too; Groot2Error that names the extra where they are not."""
+    """Return the ``zmq`` module. Raises Groot2Error if ZeroMQ or MessagePack is not installed."""
     try:
-        import msgpack  # noqa: F401 - used by whoever asks for zmq
+        import msgpack  # noqa: F401 - used by the callers that ask for zmq
         import zmq
     except ImportError as error:
         raise Groot2Error(f"Groot2 needs the extra groot2: {install_command('groot2')}") from error
@@ -50,7 +51,7 @@ _INTEGERS = range(-(2**63), 2**64)
 
 
 def dump_blackboards(tree: Tree, names: str) -> bytes:
-    """The entries of the blackboards ``names``, separated by ``;``: paths of SubTrees, or the tree's own name.
+    """Return the entries of the blackboards ``names``, separated by ``;``: paths of SubTrees, or the tree's name.
 
     Unknown names are left out; nil if none is left. Raises RequestError if a SubTree is itself named ROOT.
     """
@@ -137,7 +138,7 @@ class RequestKind(IntEnum):
 
 @dataclass(frozen=True)
 class Request:
-    """One request; ``kind`` is the letter as it came, known or not; ``content`` None if there is no second part."""
+    """One request. ``kind``: the letter as received, known or not. ``content``: None if there is no second part."""
 
     kind: int
     identifier: int
@@ -145,7 +146,7 @@ class Request:
 
     @classmethod
     def parse(cls, parts: Sequence[bytes]) -> Request:
-        """Read the parts of a message. Raises RequestError if they are no request."""
+        """Parse a message. Raises RequestError if it is not a request."""
         if not parts or len(parts[0]) != _HEADER.size:
             raise RequestError("wrong request header")
         _, kind, identifier = _HEADER.unpack(parts[0])
@@ -163,16 +164,16 @@ class Request:
 
 
 def reply(request: Request, tree_uuid: bytes, content: bytes | None) -> list[bytes]:
-    """Return the parts of an answer; ``tree_uuid``: 16 bytes that tell one loaded tree from another."""
+    """Return the parts of an answer. ``tree_uuid``: 16 bytes that identify the loaded tree."""
     parts = [request.header() + tree_uuid]
     return parts if content is None else [*parts, content]
 
 
 def error_reply(words: str) -> list[bytes]:
-    """Return the parts of an answer to what cannot be done."""
+    """Return the parts of an error answer."""
     return [b"error", words.encode()]
 
 
 def breakpoint_message(identifier: int, uid: int) -> list[bytes]:
-    """What is published when a tick reaches a hook on node ``uid``."""
+    """Return the message that is published when a tick reaches a hook on node ``uid``."""
     return [Request(RequestKind.BREAKPOINT_REACHED, identifier, None).header(), str(uid).encode()]

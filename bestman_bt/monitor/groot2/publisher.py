@@ -1,4 +1,4 @@
-"""Shows a tree to Groot2, live, and lets it hold up and replace what nodes do."""
+"""Publishes a running tree to Groot2, and serves its breakpoints and replaced results."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ if TYPE_CHECKING:
 IDLE_AFTER = 10
 """Added to the state that a node had before it became idle: Groot2 draws it faintly."""
 MOST_TRANSITIONS = 1000
-"""Kept of a recording that nobody fetches; older ones are dropped."""
+"""Transitions kept of a recording that is not fetched; older ones are dropped."""
 _STATE = struct.Struct("<HB")
 _MOST_MICROSECONDS = 2**48 - 1
 
 
 class ObservedStates:
-    """Takes the state changes of ``tree`` in its thread, where it only keeps them; answers in another one."""
+    """The states of ``tree``: stores changes in its thread and answers requests in another."""
 
     def __init__(self, tree: Tree) -> None:
         self._clock = tree.clock
@@ -56,11 +56,11 @@ class ObservedStates:
         self._recording_since: float | None = None
 
     def on_changes(self, changes: StateChanges) -> None:
-        """Take the changes of a tick."""
+        """Store the changes of a tick."""
         self._kept.append(changes)
 
     def take_in(self) -> None:
-        """Look through what was kept; to be called now and then, else it piles up."""
+        """Process the stored changes; call it regularly, or they accumulate."""
         while self._kept:
             changes = self._kept.popleft()
             stamp = b""
@@ -86,12 +86,12 @@ class ObservedStates:
         return str(time.time_ns() // 1000).encode()
 
     def stop_recording(self) -> None:
-        """Record no longer; what was recorded stays until it is fetched."""
+        """Stop recording; the record stays available until it is fetched."""
         self.take_in()
         self._recording_since = None
 
     def take_transitions(self) -> bytes:
-        """What was recorded since the last call: u48 microseconds since the start, u16 uid, u8 state each."""
+        """Return the transitions since the last call: u48 microseconds since the start, u16 uid, u8 state each."""
         self.take_in()
         taken = b"".join(self._transitions)
         self._transitions.clear()
@@ -108,12 +108,11 @@ LOOPBACK = "127.0.0.1"
 class Groot2Publisher:
     """Serves one tree between ``open`` and ``close``; a context manager.
 
-    Answers come from a thread of its own: a tick only notes its state changes, and waits only at breakpoints.
+    A separate thread answers requests: a tick only stores its state changes, and waits only at breakpoints.
 
-    ``host``, ``port``: where requests are answered; breakpoints are told on the next port.
-
-    ``heartbeat``: seconds without a request after which nobody is there any more and hooks are switched off;
-    ``poll``: seconds between looks; ``most_bytes``: of a message.
+    ``host``, ``port``: the address for requests; breakpoints are published on the next port. ``heartbeat``: seconds
+    without a request after which the client counts as gone and hooks are disabled. ``poll``: seconds between checks.
+    ``most_bytes``: the maximum size of a message.
     """
 
     tree: Tree
@@ -137,10 +136,10 @@ class Groot2Publisher:
         self._breakpoints: zmq.Socket[Any] | None = None
 
     def open(self) -> Groot2Publisher:
-        """Bind both ports and begin to answer.
+        """Bind both ports and start to answer.
 
         Raises:
-            Groot2Error: the extra is not installed, a port is taken, or the tree cannot be shown.
+            Groot2Error: the extra is not installed, a port is in use, or the tree cannot be shown.
         """
         if len(self.tree.nodes) > MOST_NODES:
             raise Groot2Error(f"the tree has {len(self.tree.nodes)} nodes; Groot2 can tell {MOST_NODES} apart")
@@ -156,7 +155,7 @@ class Groot2Publisher:
         return self
 
     def close(self) -> None:
-        """Let go what breakpoints hold up, and stop answering."""
+        """Release the ticks that breakpoints hold, and stop answering."""
         if self._thread is None:
             return
         self._closing.set()
@@ -228,7 +227,7 @@ class Groot2Publisher:
 
 
 def check_servable(port: int = DEFAULT_PORT, host: str = LOOPBACK) -> None:
-    """Whether a tree could be served there. Raises Groot2Error if the extra is not installed or a port is taken."""
+    """Check that a tree could be served. Raises Groot2Error if the extra is not installed or a port is in use."""
     context, _, _ = _bound(port, host)
     context.destroy(linger=0)
 

@@ -60,10 +60,11 @@ def _print(words: str) -> None:
 
 
 class Groot2Watcher:
-    """Watches the process at ``host``:``port`` between ``start`` and ``stop``, in a thread of its own.
+    """Watches the process at ``host``:``port`` between ``start`` and ``stop``, in a separate thread.
 
-    ``runs``: where run folders are made, and the breakpoints of each tree are kept; nothing is kept without.
-    ``say``: is given what goes wrong, once for as long as it lasts.
+    ``runs``: the folder for run folders and for the breakpoints of each tree; None records nothing. ``say``: called
+    with
+    each problem, once while it lasts.
     """
 
     def __init__(self, host: str, port: int, runs: Path | None, say: Callable[[str], None] = _print) -> None:
@@ -72,11 +73,11 @@ class Groot2Watcher:
         self._thread = threading.Thread(target=self._watch, name=f"groot2 {host}:{port}", daemon=True)
 
     def start(self) -> None:
-        """Begin to look for the process."""
+        """Start to look for the process."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End the executions that are watched; the process goes on."""
+        """End the watched executions; the process continues."""
         self._stopping.set()
         if self._thread.ident is not None:
             self._thread.join()
@@ -248,9 +249,7 @@ class _Session:
 
 
 def read_tree(xml: str, address: str) -> TreeEvent:
-    """Return the tree as events have it; raises what the reading of logs does, and EventError for numbers out of
-    order.
-    """
+    """Return the tree as an event. Raises the errors of reading logs, and EventError for uids out of order."""
     tree = describe_xml(xml, address)
     NodeList().add(tree)
     return tree

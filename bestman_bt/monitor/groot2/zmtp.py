@@ -20,10 +20,11 @@ _AT_ONCE = 1 << 16
 
 
 class ZmtpConnection:
-    """A client socket of the kind ``REQ`` or ``SUB``; a context manager. ``timeout``: seconds for a whole message.
+    """A ZeroMQ client socket of the kind ``REQ`` or ``SUB``; a context manager. ``timeout``: seconds for a whole
+    message.
 
     Raises:
-        Groot2Error: nobody listens there, or what answers is no ZeroMQ, is too slow, or sends too much.
+        Groot2Error: nothing listens there, or the peer does not speak ZeroMQ, is too slow, or sends too much.
     """
 
     def __init__(self, host: str, port: int, kind: str, timeout: float, most_bytes: int = MOST_BYTES) -> None:
@@ -32,7 +33,7 @@ class ZmtpConnection:
         try:
             self._socket = socket.create_connection((host, port), timeout)
         except (OSError, UnicodeError) as error:
-            raise Groot2Error(f"nobody answers at {self._address}: {error}") from error
+            raise Groot2Error(f"no process answers at {self._address}: {error}") from error
         try:
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._shake_hands(kind)
@@ -41,7 +42,7 @@ class ZmtpConnection:
             raise
 
     def fileno(self) -> int:
-        """For ``select``: whether a message has begun to come."""
+        """Return the file descriptor for ``select``: readable when a message starts to arrive."""
         return self._socket.fileno()
 
     def send(self, *parts: bytes) -> None:

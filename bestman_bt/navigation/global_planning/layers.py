@@ -140,7 +140,7 @@ def _possible_outlines(piece: MapFurniture, heading_error: float) -> Iterator[ND
         yield Pose2D(centre[0], centre[1], turn).apply(corners)
 
 
-# Cells of an occupancy grid, such as SLAM makes: the occupied ones, and those that nobody has seen.
+# Cells of an occupancy grid, such as SLAM makes: the occupied ones, and those that no scan has covered.
 
 
 @dataclass(frozen=True, eq=False)

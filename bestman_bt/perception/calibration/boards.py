@@ -28,7 +28,7 @@ class DegenerateMotionError(CalibrationError):
 
 
 class ContradictingViewsError(CalibrationError):
-    """So many views contradict the others that nobody can tell which are right; ``views``: their indices."""
+    """So many views contradict the others that the right ones cannot be determined; ``views``: their indices."""
 
     def __init__(self, views: Sequence[int], names: Sequence[str]) -> None:
         self.views = tuple(views)

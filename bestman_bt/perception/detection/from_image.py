@@ -166,7 +166,7 @@ class FromImage(Detector):
         return labelled, rest
 
     def _segmented(self, detection: ImageDetection, scene: SegmentedScene, view: View) -> bool:
-        """Return whether the segmentation found what the mask shows, whoever has its name by now."""
+        """Return whether the segmentation found what the mask shows, whichever object has its name by now."""
         pixels = [view.project(cluster.points)[0] for cluster in scene.clusters]
         return sum(int(detection.holds(some).sum()) for some in pixels) >= self.min_points
 

@@ -27,7 +27,7 @@ class SymmetrySearch:
     ``tolerance``: metres that a turned surface may be off itself, anywhere.
 
     ``roundness``: the same for turns by any angle, as a share of the radius: a prism of 12 sides or more (3.4 %)
-    counts as a cylinder that somebody drew with few triangles, one of 10 sides (4.9 %) does not.
+    counts as a cylinder drawn with few triangles, one of 10 sides (4.9 %) does not.
     ``samples``: of the surface; ``tried``: how many of them, and as many corners, are turned and compared.
     """
 

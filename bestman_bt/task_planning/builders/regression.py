@@ -59,7 +59,7 @@ class Ready(NamedTuple):
 def staircase(steps: Sequence[PlanStep], goal: Iterable[Literal], most_ways: int) -> tuple[Ready, ...]:
     """Return when each step leads to the goal if later ones may be left out; the last ready step is the best.
 
-    After a step any later one may follow, or the goal: whoever needs the mug does not depend on a drawer that is to be
+    After a step any later one may follow, or the goal: a step with the mug does not depend on a drawer that is to be
     shut later. Parallel actions are also separate steps, for the case that the others are done. ``most_ways``:
     alternatives per step, those that leave out the fewest steps. Raises PlanningError as ``kernels`` does.
     """
@@ -140,7 +140,7 @@ class _Bits:
     def fewest_left_out(self, ways: Mapping[int, int], later: Collection[int], most: int) -> list[tuple[int, int]]:
         """Return the first ``most`` of the simplified ways, with how many steps they leave out, the fewest first.
 
-        Not those that ``later`` ones cover: where one of these is ready anyhow, the step is not asked for.
+        Not those that ``later`` ones cover: where one of these is ready without it, the step is not required.
         """
         either = functools.reduce(operator.or_, ways, 0)
         either &= self.contrary(either)  # facts that some want to hold, and others not to

@@ -12,7 +12,7 @@ _TOKEN = re.compile(r"\s*(?:(?P<name>\{\w+\}|[A-Za-z0-9_][\w/.]*(?:-(?!>)[\w/.]+
 _PDDL = re.compile(r"\(\s*[A-Za-z][\w-]*[\s(]")
 GOAL_FORM = "on(mug, table) and not open(fridge/upper_door)"
 _DEPTH = 50
-"""Brackets within brackets; nobody means more, and the descent has an end."""
+"""Brackets within brackets; no condition needs more, and the descent has an end."""
 _WORDS = frozenset({"and", "not", "forall"})
 
 

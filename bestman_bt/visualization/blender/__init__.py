@@ -1,1 +1,1 @@
-"""Pictures by Blender (Cycles): a job is written down, and a Blender of its own, in a process of its own, paints it."""
+"""Pictures by Blender (Cycles): a job file, rendered by a separate Blender in a separate process."""

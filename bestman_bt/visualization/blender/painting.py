@@ -1,4 +1,4 @@
-"""Runs Blender on a job, in a process of its own."""
+"""Runs Blender on a job, in a separate process."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def pose_document(pose: Pose) -> list[float]:
 
 
 def placed_document(placed: PlacedShape, color: Sequence[float] | None) -> dict[str, Any]:
-    """Return a shape with its place and rgba; without a colour it keeps that of its file."""
+    """Return a shape with its pose and rgba; without a colour it keeps that of its file."""
     return {
         "shape": shape_document(placed.shape),
         "pose": pose_document(placed.pose),
@@ -73,7 +73,7 @@ class PaintedRobot:
         self._base_frame = base_frame
 
     def link_poses(self, map_from_base: Pose, joint_positions: Mapping[str, float]) -> dict[str, Pose]:
-        """Where every link is, map frame; joints that are not named stand at 0."""
+        """Return the pose of every link in the map frame; unnamed joints are at 0."""
         model, data = self._model, self._data
         q = pinocchio.neutral(model)
         for name, value in joint_positions.items():
@@ -93,7 +93,7 @@ class PaintedRobot:
         return Pose(placement.translation, quaternion.coeffs())
 
     def document(self) -> list[dict[str, Any]]:
-        """Return each link's name and what is seen of it, as plain values."""
+        """Return each link's name and visual shapes as plain values."""
         return [{"name": link.get("name", ""), "parts": list(_visuals(link))} for link in self._links]
 
 
@@ -167,7 +167,7 @@ class PaintedFrame:
 
 @dataclass(frozen=True)
 class PaintJob:
-    """``hidden``: bodies that are left out, such as walls before the camera. ``samples``: light paths per pixel."""
+    """``hidden``: bodies to leave out, such as walls before the camera. ``samples``: light paths per pixel."""
 
     robot: PaintedRobot
     bodies: Sequence[PaintedBody]
@@ -229,7 +229,7 @@ INSTALL_COMMAND = "bestman-bt render --install-blender"
 
 
 class BlenderError(VisualizationError, InputError):
-    """Blender is not there, cannot be installed, or has not painted what it should."""
+    """Blender is missing, cannot be installed, or did not render its frames."""
 
 
 def environment_folder() -> Path:
@@ -250,7 +250,7 @@ def blender_python() -> Path:
 
 
 def install_blender(tell: Callable[[str], None]) -> Path:
-    """Make the environment and install Blender into it from the Python package index; returns its Python.
+    """Create the environment and install Blender into it from the Python package index. Returns its Python.
 
     Raises BlenderError; nothing is left behind then.
     """
@@ -272,7 +272,7 @@ def install_blender(tell: Callable[[str], None]) -> Path:
 
 
 def last_lines(text: str, count: int = 12) -> str:
-    """Return the end of what a program said."""
+    """Return the last lines of a program's output."""
     return "\n".join(text.strip().splitlines()[-count:])
 
 
@@ -293,7 +293,7 @@ FRAME_DONE = "bestman-bt: painted "
 
 
 def paint(job: PaintJob, python: Path, on_frame: Callable[[Path], None]) -> None:
-    """Paint all frames; ``python``: one that has Blender. Raises BlenderError with what Blender said last."""
+    """Render all frames. ``python``: an interpreter with Blender. Raises BlenderError with Blender's last output."""
     with TemporaryDirectory() as name:
         file, errors = Path(name) / "job.json", Path(name) / "errors.txt"
         file.write_text(json.dumps(job.document(), allow_nan=False), encoding="utf-8")

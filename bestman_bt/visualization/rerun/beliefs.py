@@ -1,4 +1,4 @@
-"""What the robot believes, drawn into the scene: its map, the objects that it has found, the grasps that it weighs."""
+"""The robot's beliefs in the scene: its map, the perceived objects, the grasp candidates."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LATER_GRASP_COLOR = (150, 150, 160)
 def write_map(
     recording: rr.RecordingStream, walls: NDArray[np.float64], outlines: Mapping[str, NDArray[np.float64]]
 ) -> None:
-    """Write the map that the robot was given, on the floor, for good.
+    """Write the robot's map on the floor, for the whole recording.
 
     ``walls``: (N, 4) metres, x and y of both ends. ``outlines``: name of furniture → its (M, 2) corners.
     """
@@ -40,7 +40,7 @@ def write_map(
 
 
 def write_object(recording: rr.RecordingStream, entity: str, index: int, found: ObjectMark) -> None:
-    """Write where an object is believed to be: its box, the points that were measured of it, and a triad."""
+    """Write the believed pose of an object: its box, its measured points, and a triad."""
     import rerun as rr
 
     lower, upper = found.model.bounds()
@@ -61,7 +61,7 @@ def clear_object(recording: rr.RecordingStream, entity: str, name: str) -> None:
 
 
 def write_grasps(recording: rr.RecordingStream, entity: str, grasps: Sequence[GraspMark]) -> None:
-    """Write hands as lines, the first one, which is the best, brighter; none where there are none."""
+    """Write grasps as lines, the first and best one brighter; an empty list removes them."""
     import rerun as rr
 
     lines = [grasp_lines(grasp).astype(np.float32) for grasp in grasps]

@@ -1,4 +1,4 @@
-"""How a recording looks when it is opened: scene and camera on the left, tree and what it did on the right."""
+"""The layout of an opened recording: scene and camera on the left, tree and its log on the right."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Eye:
 
 
 def eye_on(bounds: NDArray[np.float64], azimuth: float = -2.2, elevation: float = 0.8) -> Eye:
-    """Look at the middle of a (2, 3) bounding box from outside, from above: angles in radians, seen from there."""
+    """Look from outside and above at the middle of a (2, 3) bounding box; angles in radians, seen from the middle."""
     centre, extent = bounds.mean(axis=0), bounds[1] - bounds[0]
     look_at = np.array([centre[0], centre[1], min(0.5, bounds[1][2] / 2)])
     distance = max(2.5, 0.66 * float(np.linalg.norm(extent[:2])))

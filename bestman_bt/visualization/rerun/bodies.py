@@ -40,11 +40,11 @@ class FrameTransforms:
             self._rows[child] = (parent, row)
 
     def add_pose(self, parent: str, child: str, parent_from_child: Pose) -> None:
-        """As ``add``, from a pose."""
+        """Call ``add`` with a pose."""
         self.add(parent, child, parent_from_child.position, parent_from_child.quaternion)
 
     def write(self, stamp: float, tick: int) -> int:
-        """Write what changed since the last time, at ``stamp`` seconds and ``tick``; returns the number of rows."""
+        """Write the changes since the last call, at ``stamp`` seconds and ``tick``. Returns the number of rows."""
         if not self._rows:
             return 0
         import rerun as rr
@@ -100,7 +100,7 @@ def write_pose(recording: rr.RecordingStream, name: str, map_from_pose: Pose, ax
 
 
 def write_goal(recording: rr.RecordingStream, name: str, point: NDArray[np.float64], label: str) -> None:
-    """Write a pin that stands on a point of the map."""
+    """Write a pin at a point of the map."""
     import rerun as rr
 
     tip = np.asarray(point, dtype=float)
@@ -139,7 +139,7 @@ def write_path(
 
 
 def write_belief(recording: rr.RecordingStream) -> None:
-    """Write the mark that stands for where the robot believes to be, on a frame of its own."""
+    """Write the mark of the robot's believed pose, in a separate frame."""
     import rerun as rr
 
     recording.log(
@@ -158,7 +158,7 @@ class BaseTrail:
         self._points: list[NDArray[np.float64]] = []
 
     def extend(self, position: NDArray[np.float64]) -> bool:
-        """Take the base's position, (2,) metres; True if the trail grew."""
+        """Append the base's position, (2,) metres. Returns whether the trail grew."""
         if self._points and np.linalg.norm(position - self._points[-1]) < self._step:
             return False
         self._points.append(np.array(position, dtype=float))
@@ -183,7 +183,7 @@ def body_frame(name: str) -> str:
 
 
 def write_body(recording: rr.RecordingStream, body: RecordedBody) -> None:
-    """Write the shapes of a body in its frame; its pose is a transform of its own."""
+    """Write the shapes of a body in its frame; its pose is a separate transform."""
     import rerun as rr
 
     for index, (placed, color) in enumerate(zip(body.shapes, body.colors, strict=True)):

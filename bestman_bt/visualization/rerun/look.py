@@ -28,7 +28,7 @@ CLOSER = 0.8
 
 @dataclass(frozen=True, eq=False)
 class RecordedLook:
-    """One picture: which camera, from where in the map, and its points in the map."""
+    """One picture: the camera, its pose in the map, and its points in the map."""
 
     camera: str
     image: RGBDImage

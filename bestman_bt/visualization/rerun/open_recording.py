@@ -1,4 +1,4 @@
-"""What exists while a recording is open: its constants are written at once, everything else as it happens."""
+"""The open recording: constants are written at once, everything else as it happens."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class TimeSeries:
 
 
 def short_names(names: Sequence[str]) -> list[str]:
-    """The names without what they all begin with, up to an underscore: ``panda_joint1`` is ``joint1``."""
+    """Return the names without their common prefix, up to an underscore: ``panda_joint1`` becomes ``joint1``."""
     shared = 0
     if len(names) > 1:
         first, last = min(names), max(names)
@@ -232,12 +232,12 @@ class RecordedCamera:
 
 @dataclass(frozen=True, eq=False)
 class RecordingSetup:
-    """All that a recording is told before it is opened.
+    """The configuration of a recording.
 
-    ``urdf``: the robot's URDF text, meshes by absolute path; ``base_frame``: the link whose pose snapshots give.
-    ``tree``: the main tree. ``plotted_joints``: drawn over time, radians or metres.
-    ``grippers``: gripper name → finger joints, whose sum is the opening width. ``eye``: viewpoint, None for one
-    that shows all bodies.
+    ``urdf``: the robot's URDF text, meshes by absolute path. ``base_frame``: the link whose pose snapshots give.
+    ``tree``: the main tree. ``plotted_joints``: plotted over time, radians or metres. ``grippers``: gripper name →
+    finger
+    joints, whose sum is the opening width. ``eye``: the viewpoint; None: one that shows all bodies.
     """
 
     urdf: str
@@ -251,14 +251,14 @@ class RecordingSetup:
     sensors: SensorRecording = field(default_factory=SensorRecording)
 
     def blueprint(self) -> rrb.Blueprint:
-        """How the recording looks when it is opened."""
+        """Return the layout of the opened recording."""
         plots = [entities.JOINTS] * bool(self.plotted_joints) + [entities.GRIPPERS] * bool(self.grippers)
         eye = self.eye or eye_on(bounds(self.bodies))
         return build_blueprint(_history(self.tree).nodes, eye, list(self.cameras), plots)
 
 
 class OpenRecording:
-    """The parts that write to ``stream``, and the time of what is written next."""
+    """The parts that write to ``stream``, and the current time."""
 
     def __init__(self, stream: rr.RecordingStream, setup: RecordingSetup) -> None:
         self.stream = stream
@@ -304,7 +304,7 @@ class OpenRecording:
         self.transforms.write(0.0, 0)
 
     def set_time(self, stamp: float, tick: int | None = None) -> None:
-        """Set the time of what is written next; ``tick``: None for the one before."""
+        """Set the time of the next rows; ``tick`` None keeps the current one."""
         if tick is not None:
             self._tick = tick
         self.stream.set_time(entities.SIM_TIME, duration=stamp)

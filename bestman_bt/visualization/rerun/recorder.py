@@ -71,10 +71,7 @@ class RerunRecorder:
             raise
 
     def close(self) -> None:
-        """Write what is pending and close the file; nothing if it is closed.
-
-        Raises OSError if it could not be written.
-        """
+        """Write the pending rows and close the file; does nothing if it is closed. Raises OSError if writing fails."""
         if self._open is not None:
             stream, self._open = self._open.stream, None
             try:
@@ -92,7 +89,7 @@ class RerunRecorder:
         self.close()
 
     def snapshot(self, snapshot: RobotSnapshot) -> None:
-        """Record where everything is. Raises RecordingError for joints or bodies that the recording does not have."""
+        """Record the poses of a moment. Raises RecordingError for unknown joints or bodies."""
         parts = self._at(snapshot.stamp, snapshot.tick)
         parts.robot.place(parts.transforms, snapshot.map_from_base, snapshot.joint_positions)
         for name, pose in snapshot.body_poses.items():
@@ -114,7 +111,7 @@ class RerunRecorder:
             bodies.write_path(parts.stream, "driven", parts.driven.points, bodies.DRIVEN_COLOR)
 
     def changes(self, event: StatesEvent) -> None:
-        """Record the state changes of one tick of the main tree, and what its nodes say."""
+        """Record the state changes of one tick of the main tree, and the messages of its nodes."""
         if not event.changes:
             return
         parts = self._at(event.time, event.tick)
@@ -150,11 +147,11 @@ class RerunRecorder:
         bodies.write_path(self._at(stamp).stream, name, points, bodies.PLANNED_COLOR)
 
     def map(self, walls: NDArray[np.float64], outlines: Mapping[str, NDArray[np.float64]]) -> None:
-        """Record the map that the robot was given: (N, 4) ends of walls, and (M, 2) corners of furniture by name."""
+        """Record the robot's map: (N, 4) ends of walls, and (M, 2) corners of furniture by name."""
         beliefs.write_map(self._at(0.0).stream, walls, outlines)
 
     def objects(self, found: Sequence[ObjectMark], stamp: float) -> None:
-        """Record where objects are believed to be; those that are not named any more are removed."""
+        """Record the believed poses of objects; objects that are no longer listed are removed."""
         parts = self._at(stamp)
         for name in parts.objects.keys() - {mark.name for mark in found}:
             beliefs.clear_object(parts.stream, parts.objects.pop(name), name)

@@ -1,4 +1,4 @@
-"""What sensors saw: images of cameras, clouds, scans."""
+"""Sensor data: images of cameras, clouds, scans."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CLOUD_COLOR = (240, 200, 80)
 
 @dataclass(frozen=True)
 class SensorRecording:
-    """What is kept of sensor data; ``depth_step``: metres, the noise of a camera does not compress below it."""
+    """The recorded share of sensor data. ``depth_step``: metres; the noise of a camera does not compress below it."""
 
     jpeg_quality: int = 80
     depth_step: float = 0.004

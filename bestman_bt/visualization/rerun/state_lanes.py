@@ -32,7 +32,9 @@ class StateLanes:
         self._due_for_reset: set[int] = set()
 
     def write_styles(self) -> None:
-        """Write the colours of the states, and every lane empty, so that the lanes keep the order of the tree."""
+        """Write the colours of the states and an empty lane for every node, so that the lanes keep the order of the
+        tree.
+        """
         import rerun as rr
 
         shown = {state: look for state, look in LOOKS.items() if state != IDLE}

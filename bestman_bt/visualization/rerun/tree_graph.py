@@ -51,7 +51,7 @@ class TreeLayout:
 
 
 def tidy_layout(tree: NodeList, labels: Mapping[int, str], sizes: LabelSizes = LabelSizes()) -> TreeLayout:
-    """Place every node so that no two labels overlap; ``labels``: uid → text."""
+    """Place every node without overlapping labels. ``labels``: uid → text."""
     columns, steps = _columns(tree)
     rows = _rows(tree, sizes.family_gap)
     extents = {uid: steps[uid] * sizes.chain_indent + sizes.width(text) for uid, text in labels.items()}
@@ -152,7 +152,7 @@ class TreeGraph:
 
     @staticmethod
     def layout(tree: NodeList) -> TreeLayout:
-        """Where the nodes are drawn."""
+        """Return the positions of the nodes."""
         return tidy_layout(tree, {node.uid: node_label(node) for node in tree})
 
     def write_shape(self) -> None:

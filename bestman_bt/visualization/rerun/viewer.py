@@ -1,4 +1,4 @@
-"""The Rerun viewer in a process of its own, for this machine only: its own default serves the whole network."""
+"""The Rerun viewer in a separate process, for this machine only: its default serves the whole network."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LAST_WORDS = 2.0
 
 
 class LiveFeed:
-    """Copies what is appended to ``file``, which may not be there yet, to ``pipe``; between ``open`` and ``close``."""
+    """Copies new data of ``file``, which may not exist yet, to ``pipe``, between ``open`` and ``close``."""
 
     def __init__(self, file: Path, pipe: IO[bytes]) -> None:
         self._file = file
@@ -77,9 +77,9 @@ _END, _LAST_KIND = 0, 3
 
 
 def check_recording(path: Path) -> None:
-    """Raises RecordingError if ``path`` is no recording, or is damaged, or holds nothing.
+    """Raise RecordingError if ``path`` is not a recording, is damaged, or is empty.
 
-    One that ends within a message, because the run was killed, is a recording.
+    A recording that ends within a message, because the run was killed, is accepted.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -105,7 +105,7 @@ STOP_WAIT = 5.0
 
 
 class Display(StrEnum):
-    """Where a viewer draws."""
+    """The output of a viewer."""
 
     WINDOW = "window"
     BROWSER = "browser"  # serves a page
@@ -115,11 +115,12 @@ class Display(StrEnum):
 
 @dataclass(frozen=True)
 class ViewerOptions:
-    """``port``: of the recordings, ``page_port``: of the page for the browser, or None for free ones.
+    """Options of a viewer. ``port``: of the recordings. ``page_port``: of the page for the browser. None: a free port.
 
-    ``fed``: what comes by ``pipe`` is shown; of a page or a relay, which begins to serve when something has come.
-    ``source``: the address of one of these, of which all is shown. ``size``: pixels, without a display.
-    ``memory_limit``: beyond it the oldest data are dropped. ``start_timeout``: seconds.
+    ``fed``: show data from ``pipe``; a page or a relay starts to serve when data arrive. ``source``: the address of a
+    page
+    or relay to show. ``size``: pixels, without a display. ``memory_limit``: beyond it the oldest data are dropped.
+    ``start_timeout``: seconds.
     """
 
     display: Display
@@ -133,10 +134,10 @@ class ViewerOptions:
 
 
 class RerunViewer:
-    """A viewer that runs; ``stop`` ends it. Raises ViewerError if it does not start, with what it said,
-    MissingExtraError if rerun is not installed.
+    """A running viewer; ``stop`` ends it.
 
-    ``recordings``: files that it opens. ``output``: where it says what it has to say.
+    ``recordings``: files to open. ``output``: receives its output. Raises ViewerError with its output if it does not
+    start, MissingExtraError if rerun is not installed.
     """
 
     def __init__(self, options: ViewerOptions, recordings: Sequence[Path], output: IO[str]) -> None:
@@ -176,23 +177,23 @@ class RerunViewer:
 
     @property
     def address(self) -> str:
-        """By which others reach it."""
+        """Return the address for other viewers."""
         return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
 
     @property
     def pipe(self) -> IO[bytes]:
-        """Takes a recording; of a viewer that was asked to be ``fed``."""
+        """Return the pipe that takes a recording; only of a viewer that is ``fed``. Raises ViewerError."""
         if self._process.stdin is None:
             raise ViewerError("the viewer was not asked to be fed")
         return self._process.stdin
 
     @property
     def page(self) -> str:
-        """What to open in a browser."""
+        """Return the address of the page for a browser."""
         return f"http://{LOOPBACK}:{self.page_port}/?url=rerun%2Bhttp%3A%2F%2F{LOOPBACK}%3A{self.port}%2Fproxy"
 
     def wait(self) -> int:
-        """Wait until somebody closes it; its exit code."""
+        """Wait until the viewer is closed. Returns its exit code."""
         return self._process.wait()
 
     def stop(self) -> None:
@@ -206,7 +207,7 @@ class RerunViewer:
             self._process.wait()
 
     def said(self) -> str:
-        """What the viewer printed when it failed: from its panic on, else the end."""
+        """Return the output of a failed viewer: from its panic on, else the end."""
         self._output.seek(0)
         text = self._output.read()
         panic = text.find("panicked at")

@@ -1,4 +1,4 @@
-"""What things are made of: paint, wood, plaster, plastic and metal, from nothing but a colour and a kind."""
+"""Materials: paint, wood, plaster, plastic and metal, from a colour and a kind."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Finishes:
         return self._once(("shell", *color), lambda: paint("shell", color, 0.36, 0.35))
 
     def of_mesh_file(self, thing: Any, color: list[float] | None) -> None:
-        """A mesh keeps the materials of its file, unless the robot's description paints it in a colour of its own."""
+        """Keep the materials of the mesh file, unless the robot's description sets a colour."""
         is_white = color is not None and min(color[:3]) > 0.98
         own = [slot.material for slot in thing.material_slots if slot.material is not None]
         if own and (color is None or is_white):
@@ -52,7 +52,7 @@ class Finishes:
         return self._once(("floor",), planks)
 
     def ground(self) -> Any:
-        """What lies outside: light and without a feature."""
+        """Return the ground outside: bright, without features."""
         return self._once(("ground",), lambda: paint("ground", [0.82, 0.83, 0.84, 1.0], 0.9, 0.0))
 
     def _once(self, key: tuple[Any, ...], make: Any) -> Any:
@@ -90,7 +90,7 @@ def shader(name: str) -> tuple[Any, Any, Any]:
 
 
 def paint(name: str, color: list[float], roughness: float, coat: float, metallic: float = 0.0) -> Any:
-    """Return a plain surface; one that is see-through is glass."""
+    """Return a plain surface; a transparent colour gives glass."""
     material, _, surface = shader(name)
     surface.inputs["Base Color"].default_value = (*linear(color), 1.0)
     surface.inputs["Roughness"].default_value = roughness
@@ -152,7 +152,7 @@ def wood(color: tuple[float, float, float], along: int) -> Any:
 
 
 def planks() -> Any:
-    """Boards of 12 cm, laid in a bond, each with a tone of its own."""
+    """Return boards of 12 cm in a bond, each in a different tone."""
     material, tree, surface = shader("planks")
     surface.inputs["Roughness"].default_value = 0.5
     place, bricks = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeTexBrick")

@@ -15,7 +15,7 @@ SKY = (0.78, 0.86, 1.0)
 
 
 def light_the_room(finishes: Any, bodies: list[dict[str, Any]]) -> None:
-    """``bodies``: of the scene; those that stand about decide what the lamps look at."""
+    """Light the scene. ``bodies``: of the scene; the free-standing ones decide the lamps' targets."""
     places = [body["pose"][:2] for body in bodies if body["finish"] == "furniture"]
     middle = Vector((*(sum(axis) / len(places) for axis in zip(*places, strict=True)), 0.0)) if places else Vector()
     lay_floors(finishes, [body["pose"][:2] for body in bodies if body["finish"] == "wall"])
@@ -50,7 +50,7 @@ def sky() -> None:
 
 
 def lamp(name: str, place: Vector, target: Vector, watts: float, size: float, color: tuple[float, ...]) -> None:
-    """An area light that looks at a place."""
+    """Add an area light aimed at ``target``."""
     data = bpy.data.lights.new(name, "AREA")
     data.energy, data.size, data.color = watts, size, color
     data.spread = math.radians(150.0)

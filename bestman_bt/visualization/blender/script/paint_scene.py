@@ -1,7 +1,4 @@
-"""Paints a job with Blender's Cycles: ``python paint_scene.py job.json``, by a Python that has ``bpy``.
-
-A program of its own, in Blender's Python: nothing of bestman-bt is imported here, and bestman-bt imports nothing of it.
-"""
+"""Configure few light paths and a denoiser, for seconds per frame on a CPU."""
 
 from __future__ import annotations
 
@@ -61,7 +58,7 @@ def empty(name: str) -> Any:
 
 
 def build_body(body: dict[str, Any], finishes: Finishes) -> Any:
-    """Return a body of the scene at the place where it starts."""
+    """Return a body of the scene at its start pose."""
     frame = empty(body["name"])
     frame.matrix_world = matrix(body["pose"])
     for part in body["parts"]:
@@ -94,7 +91,7 @@ def hang(shape: Any, frame: Any, pose: list[float], own: Matrix | None = None) -
 
 
 def make_camera(job: dict[str, Any]) -> Any:
-    """Return a camera whose focus is on what it looks at."""
+    """Return a camera focused on its target."""
     data = bpy.data.cameras.new("camera")
     data.sensor_fit = "VERTICAL"
     data.dof.use_dof = True
@@ -106,7 +103,7 @@ def make_camera(job: dict[str, Any]) -> Any:
 
 
 def aim(camera: Any, frame: dict[str, Any]) -> None:
-    """Look from the eye to the target, upright."""
+    """Aim the camera from the eye at the target, upright."""
     eye, target = Vector(frame["eye"]), Vector(frame["target"])
     camera.location = eye
     camera.rotation_mode = "QUATERNION"
@@ -116,7 +113,7 @@ def aim(camera: Any, frame: dict[str, Any]) -> None:
 
 
 def prepare_cycles(job: dict[str, Any]) -> None:
-    """Few light paths and a denoiser: what a processor can paint in seconds."""
+    """Configure few light paths and a denoiser, for seconds per frame on a CPU."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.cycles.device = "CPU"

@@ -1,4 +1,4 @@
-"""Shapes as Blender's meshes: with rounded edges where real things have them."""
+"""Shapes as Blender meshes, with rounded edges as on real objects."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def sharp_where_bent(mesh: Any) -> None:
 
 
 def imported_file(shape: dict[str, Any]) -> list[Any]:
-    """Return the objects of a mesh file, in its own axes, with its materials."""
+    """Return the objects of a mesh file, in its axes, with its materials."""
     before = set(bpy.data.objects)
     path = shape["path"]
     importer = {".obj": bpy.ops.wm.obj_import, ".stl": bpy.ops.wm.stl_import, ".ply": bpy.ops.wm.ply_import}
