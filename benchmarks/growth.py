@@ -56,7 +56,7 @@ def loading(size: int) -> Work:
 
 
 def validate(size: int) -> Work:
-    """So many entries are read that nobody writes."""
+    """Number of entries that are read but never written."""
     tree = load_tree(MAIN + "".join(f'<Script code="w{i} := r{i}x"/>' for i in range(size)) + END, NodeRegistry())
     return lambda: tree_warnings(tree)
 

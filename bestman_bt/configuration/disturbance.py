@@ -33,11 +33,9 @@ class DisturbanceConfig:
     """One intervention in a run, triggered by an event; the seed draws time and place.
 
     ``kind``: ``moved``: after ``object`` was seen and before it is in the hand, it is put ``distance`` metres away on
-    its
-    surface. ``elsewhere``: it is put on ``surface``, by default one that the seed chooses. ``slips``: after ``object``
-    was
-    lifted, it falls out of the hand. ``shut``: after the door or drawer ``articulation`` was opened, it is pushed shut;
-    with ``object`` only before that is in the hand. ``after``: the delay, seconds.
+    its surface. ``elsewhere``: it is put on ``surface``, by default one that the seed chooses. ``slips``: after
+    ``object`` was lifted, it falls out of the hand. ``shut``: after the door or drawer ``articulation`` was opened, it
+    is pushed shut; with ``object`` only before that is in the hand. ``after``: the delay, seconds.
     """
 
     kind: DisturbanceKind

@@ -30,14 +30,12 @@ _NAMED_FILE = re.compile(r"(.+\.\w+)((?<=\.py):\w+)?")
 class RunConfig:
     """The complete configuration of a run.
 
-    ``name``: for results and folders; the task's, or that of the tree that replaces the task's.
-    ``scene_settings``, ``robot_settings``: dotted keys → values for ``load_scene`` and ``load_robot_model``.
-    ``driver``:
-    the implementation of the Robotics API. ``recording``: the run folder that the driver ``replay`` plays. ``entry``:
-    the
-    suite entry of the run; has no effect on it. ``confirm``: ask a person before each motion. ``search``: folders with
-    SubTrees of the tree. ``pretend``: simulate leaves without code, by the file ``scenario`` or at random. ``written``:
-    the task as written, for messages; not part of the run.
+    ``name``: for results and folders; the task's, or that of the tree that replaces the task's. ``scene_settings``,
+    ``robot_settings``: dotted keys → values for ``load_scene`` and ``load_robot_model``. ``driver``: the implementation
+    of the Robotics API. ``recording``: the run folder that the driver ``replay`` plays. ``entry``: the suite entry of
+    the run; has no effect on it. ``confirm``: ask a person before each motion. ``search``: folders with SubTrees of the
+    tree. ``pretend``: simulate leaves without code, by the file ``scenario`` or at random. ``written``: the task as
+    written, for messages; not part of the run.
     """
 
     name: str
@@ -101,8 +99,7 @@ def load_run(  # noqa: PLR0913 - the arguments of a run, each by its name
 
     The arguments are the fields of ``RunRequest``. Without a task and a tree, the run's ``tree`` is empty; the session
     receives its trees later. Raises ConfigurationError, which names arguments; scene and robot settings are checked
-    when
-    those are loaded.
+    when those are loaded.
     """
     with told_to_programs():
         run = run_of_options(RunRequest(task, tree, scene, robot, seed, settings, plugins, record, driver))

@@ -82,15 +82,13 @@ class TaskConfig:
     """A task.
 
     ``goals``: each a goal kind with its fields: ``{placed: {object: cup, at: place, …}}``. The kinds, files of
-    ``bestman_bt.facts.goals``, check them when the run is prepared, because plug-ins may add kinds.
-    ``predicate``: the success predicate, or several that must all hold. ``allowed_contacts``: the only pairs that may
-    touch, of those that skills declare; each an object, a piece of furniture, ``fingers``, ``robot`` or a link; None:
-    all
-    that they declare. ``max_penetration``: metres. ``time_limit``: simulated seconds. ``tick_rate``: hertz, at most
-    1000.
-    ``known_start``: whether the robot receives its approximate start pose on the map. ``disturbances``: interventions
-    during the run. ``algorithms``: slot → ``algorithm: NAME`` and its parameters, merged over the shipped default.
-    ``nav2``: the meaning of Nav2's algorithm names.
+    ``bestman_bt.facts.goals``, check them when the run is prepared, because plug-ins may add kinds. ``predicate``: the
+    success predicate, or several that must all hold. ``allowed_contacts``: the only pairs that may touch, of those that
+    skills declare; each an object, a piece of furniture, ``fingers``, ``robot`` or a link; None: all that they declare.
+    ``max_penetration``: metres. ``time_limit``: simulated seconds. ``tick_rate``: hertz, at most 1000. ``known_start``:
+    whether the robot receives its approximate start pose on the map. ``disturbances``: interventions during the run.
+    ``algorithms``: slot → ``algorithm: NAME`` and its parameters, merged over the shipped default. ``nav2``: the
+    meaning of Nav2's algorithm names.
     """
 
     tree: str
@@ -173,8 +171,7 @@ def check_task(document: Document, faults: list[Problem] | None = None) -> TaskC
     """Return the task of a document. Raises ConfigurationError.
 
     With ``faults``, faults are added there instead and the wrong parts left out, so that the rest can be checked: a
-    wrong
-    algorithm becomes the default, and a missing tree, scene or robot is empty.
+    wrong algorithm becomes the default, and a missing tree, scene or robot is empty.
     """
     problems: list[Problem] = []
     document = _in_goals(document, problems)

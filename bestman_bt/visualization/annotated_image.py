@@ -57,8 +57,7 @@ def place_labels(
     """Return one rectangle per label within the ``picture`` (width, height), placed in order.
 
     Each takes the position around its anchor that covers least of the earlier labels, then least of ``keep_clear``,
-    then
-    the nearest. A label larger than the picture starts at its left or upper border.
+    then the nearest. A label larger than the picture starts at its left or upper border.
     """
     placed: list[Rectangle] = []
     for label in labels:

@@ -144,10 +144,8 @@ class LiveTree:
     """A rich renderable of a running tree.
 
     Feed it with ``take`` and ``set_time``. On a terminal show it with ``rich.live.Live``; elsewhere write the events
-    that
-    ``take`` returns, one line each. Trees higher than the terminal are folded where nothing runs. ``simulated``:
-    whether
-    the robot's clock is simulated and runs apart from real time.
+    that ``take`` returns, one line each. Trees higher than the terminal are folded where nothing runs. ``simulated``:
+    whether the robot's clock is simulated and runs apart from real time.
     """
 
     def __init__(self, tree: TreeEvent, title: str = "", event_lines: int = 6, simulated: bool = True) -> None:

@@ -1,6 +1,6 @@
 """A driver of one's own: a robot that exists in memory only, made of the parts that real controllers get, too.
 
-It does at once and exactly what it is told; its time passes when somebody sleeps. Test it as any driver::
+It does at once and exactly the commands; its time passes in ``sleep``. Test it as any driver::
 
     pytest --pyargs hal.conformance --driver memory_robot:MemoryRobot
 """

@@ -120,7 +120,7 @@ def disconnecting_ends_motions(robot: Robot) -> None:
 
 
 def a_stop_is_kept_across_connections(robot: Robot) -> None:
-    """Whoever stopped the robot has to clear it, also where it was not connected meanwhile."""
+    """A stop stays latched until it is cleared, even without a connection."""
     robot.stop()
     with robot:
         require(robot.stopped, "a stop from before connect() should stay latched")

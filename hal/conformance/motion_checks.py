@@ -266,7 +266,7 @@ def velocities_are_the_rate_of_positions(robot: Robot, group: JointGroup) -> Non
 
 @each(JointGroup)
 def velocities_of_joints_lapse(robot: Robot, group: JointGroup) -> None:
-    """A quarter of a second after the last command, and the joints brake: nobody may be there any more."""
+    """A quarter of a second after the last command, and the joints brake: the client may be gone."""
     middle = (group.model.lower + group.model.upper) / 2
     speed = np.where(group.positions() < middle, 1, -1) * np.minimum(0.1, group.model.velocity / 2)
     group.command(velocities=speed)

@@ -171,7 +171,7 @@ def batteries_tell_their_charge(robot: Robot) -> None:
 
 
 def who_declares_commands_missing_takes_none(robot: Robot) -> None:
-    """So that nobody is spared the checks of motions by a word."""
+    """Robots that declare commands missing must refuse them."""
     if COMMANDS in robot.unsupported:
         for group in parts_of(robot, JointGroup):
             here = group.positions()

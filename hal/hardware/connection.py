@@ -99,7 +99,7 @@ class Connection(ABC):
     is imported by; ``extra``: of our package, which brings it. ``serves``: kind of part → how many of it have to, and
     may, be behind one controller; empty: any parts. ``needs_address``: whether it has one. All these are checked when a
     robot is read, before anything connects.
-    ``one_client``: whether its controller follows whoever speaks to it, so that a second client is to be refused here.
+    ``one_client``: whether its controller obeys any client, so that a second client is to be refused here.
     ``unsupported``: what of the Robotics API the controller cannot do, or a check of the conformance suite that it
     cannot pass → why; conformance lists it.
     """
@@ -179,7 +179,7 @@ class Connection(ABC):
         """
 
     def held(self) -> str | None:
-        """What somebody has to look at before the controller may be commanded, in words, or None if it is released.
+        """Return the required inspection before commands are accepted, as text, or None if it is released.
 
         By a wire of its own: it is asked of a connection that is not open, also while another process has one.
         Collisions, safety and power are the matter of people: ``open`` and ``recover`` fail with them.
@@ -187,7 +187,7 @@ class Connection(ABC):
         return None
 
     def release(self) -> None:  # noqa: B027 - for controllers that people have to release
-        """Release it for somebody who has looked. Raises ConnectionFailedError if that cannot be done from here."""
+        """Release it after an inspection. Raises ConnectionFailedError if that cannot be done from here."""
 
     def identity(self) -> Identity:
         """Which controller has answered; while connected."""
@@ -265,7 +265,7 @@ class Connection(ABC):
     def clear(self, noted: Failure | None) -> None:
         """After a stop because of ``noted``: clear what the controller reports, or connect again where it was lost.
 
-        A wire that was lost for a while is opened anew, even if it works again: nobody knows what has happened since.
+        A wire that was lost for a while is opened anew, even if it works again: the state may have changed since.
         """
         if not self.connected:
             self.connect()

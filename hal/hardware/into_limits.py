@@ -1,4 +1,4 @@
-"""Joints that stand outside of their configured range are brought back into it, slowly, while somebody looks."""
+"""Joints that stand outside of their configured range are moved back into it, slowly, under supervision."""
 
 from __future__ import annotations
 

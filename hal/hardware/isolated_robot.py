@@ -182,8 +182,8 @@ class IsolatedRobot(Robot):
 class RpcClient:
     """The wires to the other process: one for stops and cancels, one for the robot, one for each part.
 
-    So nobody waits for what another part is asked, such as an image. ``lost``: why the process that was there is there
-    no more, though nobody has disconnected; ``when_lost`` is told of it at once. Safe from any thread.
+    A request to one part, such as an image, blocks no other part. ``lost``: why the process that was there is there
+    no more, although no caller has disconnected; ``when_lost`` is told of it at once. Safe from any thread.
     """
 
     def __init__(self, parts: tuple[str, ...], when_lost: Callable[[Failure], None]) -> None:

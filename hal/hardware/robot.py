@@ -223,7 +223,7 @@ class HardwareRobot(Robot):
         return None
 
     def _stop(self, fault: Failure | None, fail: Callable[[], None] = lambda: None) -> None:
-        """``fail``: what fails motions. No command is accepted any more when somebody sees that one has ended."""
+        """``fail``: what fails motions. Commands are already refused when a caller sees that a motion has ended."""
         first = self._latch.set(fault)
         fail()
         for connection in self.connections.values():
@@ -233,7 +233,7 @@ class HardwareRobot(Robot):
             self._recorder.stopped("it was told to stop" if fault is None else str(fault))
 
     def _await_planner(self) -> None:
-        """Whoever asks lives: the signs of it come in a moment."""
+        """Wait for the caller's signs of life, which arrive shortly after its request."""
         deadline = time.monotonic() + FOUND_AGAIN_TIME
         while self._planner is not None and self._planner.silence > 0.0:
             if time.monotonic() > deadline:

@@ -110,7 +110,7 @@ class MujocoEngine(Engine):
         self._left = {name: getattr(self.data, name).tobytes() for name in WRITTEN}
 
     def _note_writes(self) -> None:
-        """Count what somebody has written into the data since the last step; it acts, and the watchers see it."""
+        """Count foreign writes to the data since the last step; they take effect, and the watchers see them."""
         for name, kind in WRITTEN.items():
             values = getattr(self.data, name)
             if values.tobytes() != self._left[name]:
@@ -206,7 +206,7 @@ class MujocoEngine(Engine):
         return Pose(self.data.xpos[at].copy(), np.array([x, y, z, w]))
 
     def link_motions(self, body: int, links: Collection[int]) -> Sequence[LinkMotion]:
-        """MuJoCo computes velocities at the beginning of a step: afresh for whoever asks after it."""
+        """MuJoCo computes velocities at the beginning of a step: recomputed for reads after it."""
         if self._moved:
             mujoco.mj_comPos(self.model, self.data)
             mujoco.mj_comVel(self.model, self.data)

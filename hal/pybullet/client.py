@@ -29,7 +29,7 @@ ALLOWED = frozenset(
         *("getDebugVisualizerCamera", "configureDebugVisualizer", "resetDebugVisualizerCamera"),
     }
 )
-"""What anybody may call while a run goes on: mathematics, descriptions without poses, drawings in the window. Every
+"""Functions that any code may call during a run: mathematics, descriptions without poses, drawings in the window. Every
 other function is counted."""
 RESETS = frozenset(
     {

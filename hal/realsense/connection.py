@@ -53,7 +53,7 @@ LEAST_DISTORTION = 0.01
 
 
 class RealSenseConnection(Connection):
-    """Streams all the time; depth is registered when somebody asks for an image.
+    """Streams all the time; depth is registered when an image is requested.
 
     Frames are stamped by the camera, in the machine's time or its own, and may change from one to the other while they
     come (``rs2_timestamp_domain``); a recording's count by when they are played. Images carry the lens that the device

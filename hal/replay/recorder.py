@@ -124,7 +124,7 @@ class RecordedRobot(Robot):
         for name, part in self._robot.parts.items():
             interface = interface_of(type(part))
             if interface.kind is Sensor:
-                continue  # of a plug-in: nobody here knows what it tells
+                continue  # of a plug-in: its content is unknown here
             told = {name: to_json(getattr(part, name)) for name in interface.attributes}
             parts[name] = {"kind": interface.kind.__name__, "description": told}
         return parts
@@ -161,7 +161,7 @@ class RecordedRobot(Robot):
         return value
 
     def _try_to_read(self, part: Part, name: str) -> None:
-        with suppress(RobotError):  # it is written down, and belongs to nobody here
+        with suppress(RobotError):  # it is recorded, and not handled here
             self._read(part, name)
 
     def _command(self, part: Part, name: str, arguments: tuple[Any, ...], keywords: dict[str, Any]) -> Any:
@@ -205,7 +205,7 @@ class RecordedRobot(Robot):
 
 
 class RecordedMotion(Motion[Any]):
-    """Writes down how ``motion`` ended when somebody first sees that it has."""
+    """Writes down how ``motion`` ended when the first caller sees that it has."""
 
     def __init__(self, motion: Motion[Any], note: Callable[..., None]) -> None:
         super().__init__()

@@ -163,7 +163,7 @@ class ReplayRobot(Robot):
         self._check_connected(part)
         found = self.tape.readings.get((part, what))
         if found is None:
-            raise NoDataError(f"{part}: nobody has read {what}() in this recording", part)
+            raise NoDataError(f"{part}: {what}() was never read in this recording", part)
         if what == "capture":
             self._go_on_to_image(part, found)
         moment = self.moment()

@@ -171,7 +171,7 @@ class ModbusWire(RobotiqWire):
         logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # it would tell the address
         self._client = client(self._address, port=self._port, timeout=self._timeout, retries=0)
         if not self._client.connect():
-            raise OSError("nobody answers")
+            raise OSError("no device answers")
 
     def close(self) -> None:
         """Close."""

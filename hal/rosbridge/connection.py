@@ -33,7 +33,7 @@ from hal.rosbridge.channels import RosBase, RosJoints, TransformOdometry, joint_
 from hal.rosbridge.link import RosLink, TopicStream
 from hal.rosbridge.options import TOPICS, RosbridgeOptions
 
-# An RGB-D camera behind ROS: compressed colour and depth, subscribed to only while somebody waits for an image.
+# An RGB-D camera behind ROS: compressed colour and depth, subscribed to only while a caller waits for an image.
 
 
 class RosCamera:

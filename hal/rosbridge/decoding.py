@@ -26,7 +26,7 @@ MILLIMETRES, METRES = "16UC1", "32FC1"
 
 
 def stamp(header: Message) -> float:
-    """Seconds of ROS time, of either version; 0 where nobody has stamped."""
+    """Seconds of ROS time, of either version; 0 without a stamp."""
     at = header["stamp"]
     if "sec" in at:
         return float(at["sec"]) + 1e-9 * float(at["nanosec"])

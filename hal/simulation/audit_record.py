@@ -54,7 +54,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class DisturbanceEvent:
-    """What somebody who disturbs has done to an object, door or drawer ``name``, from ``stamp`` to ``until`` (s).
+    """An intervention on an object, door or drawer ``name``, from ``stamp`` to ``until`` (s).
 
     ``put``: set down at ``pose`` (x, y, z and quaternion xyzw of its centre of mass, in the map). ``slip``: without
     friction, until it has come to rest. ``push``: a hand shuts it. ``text``: the same in words.
@@ -74,7 +74,7 @@ class AuditRecord:
 
     ``calls``: calls of the engine that are not allowed then, by function name; ``resets``, ``constraints``,
     ``truth_reads`` and ``tampering`` are their sums by kind. ``missed_looks``: how often the
-    monitor should have looked and was not let. The findings come from watching, whoever did it. ``disturbances``:
+    monitor should have looked and was not let. The findings come from watching, whatever the cause. ``disturbances``:
     what the scene's script did, such as people who walk. ``events``: those that were forgiven; whose they were, the
     monitor does not know.
     """

@@ -1,4 +1,4 @@
-"""Somebody who disturbs with a run: puts objects elsewhere, pushes drawers shut, makes what is held slip."""
+"""Interventions in a run: puts objects elsewhere, pushes drawers shut, makes what is held slip."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hal.simulation.guards import ReadPurpose
 from hal.simulation.robot import SimulatedRobot
 
 KEEPS_AWAY = 0.10
-"""Metres from the robot, and from what it holds, within which nobody puts anything down or pushes anything."""
+"""Metres from the robot, and from what it holds, within which no intervention puts an object down or pushes."""
 OVERLAP = 1e-3
 """Metres that an object may overlap with others where it is put; more is no free place."""
 PUTS_DOWN_FROM = 5e-4
@@ -26,7 +26,7 @@ SLIP_TIME = 1.5
 FALL_TIME = 2.0
 """Seconds in which what has slipped out of the hand comes to rest."""
 PUSH_TIME = 10.0
-"""Seconds after which somebody gives up pushing: something is in the way."""
+"""Seconds after which a blocked push is given up."""
 ENDS_WITHIN = 0.1
 """Seconds after its time in which a slip or a push has ended: it is looked after every control period."""
 PUSH_EFFORT = {"prismatic": 30.0, "revolute": 10.0}
@@ -56,7 +56,7 @@ class _Slip:
 class DisturbanceInjector:
     """The verbs of a scripted disturbance. Make it right after ``robot.connect()``, before ``close_truth``.
 
-    What it does is told in ``AuditRecord.disturbances`` and is no fault of the run, if whoever evaluates the run
+    What it does is told in ``AuditRecord.disturbances`` and is no fault of the run, if the evaluation of the run
     knows of it: each verb gives back its event, ``audit`` compares them with those that the monitor has forgiven. One
     that is made later works, too, but is a cheat like any other: each of its acts is counted and seen. It never acts on
     what is within ``KEEPS_AWAY`` of the robot, but for ``let_slip``; so no contact of the robot is ever its doing.
@@ -91,7 +91,7 @@ class DisturbanceInjector:
             self._engine.put(body, *before)
             return None
         way = float(np.linalg.norm(pose.position - before[0]))
-        text = f"somebody moves the {name} by {way:.2f} m, on {surface}"
+        text = f"a person moves the {name} by {way:.2f} m, on {surface}"
         event = DisturbanceEvent(self._now, self._now, "put", name, text, (*raised, *pose.quaternion.tolist()))
         self._log.announce(event)
         return event
@@ -106,7 +106,7 @@ class DisturbanceInjector:
         if any(running.push.place == place for running in self._pushes) or self._near_robot(*place):
             return None
         push = DoorPush(place, leaf, 0.0, speed, PUSH_EFFORT[leaf.kind])
-        until, text = self._now + PUSH_TIME, f"somebody pushes {articulation} shut"
+        until, text = self._now + PUSH_TIME, f"a person pushes {articulation} shut"
         event = DisturbanceEvent(self._now, until + ENDS_WITHIN, "push", articulation, text)
         self._pushes.append(_Push(event, push, until))
         self._log.announce(event)
@@ -159,7 +159,7 @@ class DisturbanceInjector:
             self._log.rest(event)
         elif self._hand.push(push):
             self._log.rest(event)
-            self._tell(f"somebody has shut {event.name}")
+            self._tell(f"a person has shut {event.name}")
             return True
         else:
             self._log.resume(event)
@@ -167,7 +167,7 @@ class DisturbanceInjector:
             return False
         self._hand.rest(push)
         self._log.rest(event)
-        self._tell(f"somebody lets go of {event.name}")
+        self._tell(f"a person releases {event.name}")
         return True
 
     def _touched(self, body: int) -> bool:

@@ -1,4 +1,4 @@
-"""Doors and drawers: their latches, hands that push them, and scripts by which somebody moves them.
+"""Doors and drawers: their latches, hands that push them, and scripts by which a person moves them.
 
 A latch is more dry friction near the closed position, as a magnet or a spring catch has it. A hand is a motor of the
 joint with bounded effort.
@@ -153,7 +153,7 @@ class MovingDoors:
             door = script.door
             if script.phase == 0 and math.dist(robot[:2], script.middle) < door.within:
                 script.phase = 1
-                self.log.append(Finding(now, f"somebody moves {door.leaf} to {math.degrees(door.to):.0f}°"))
+                self.log.append(Finding(now, f"a person moves {door.leaf} to {math.degrees(door.to):.0f}°"))
             if script.phase == 1 and self._hand.push(script.push):
                 script.phase = 2
                 self.log.append(Finding(now, f"{door.leaf} has come to {math.degrees(door.to):.0f}°"))

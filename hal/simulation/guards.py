@@ -42,11 +42,11 @@ class ReadPurpose(Enum):
     MONITOR = "monitor"  # the audit itself
     EVALUATION = "evaluation"
     RECORDING = "recording"
-    SCRIPT = "script"  # what somebody who disturbs sees
+    SCRIPT = "script"  # the view of interventions
 
 
 class GuardedEngine:
-    """An engine as anybody finds it in a robot: its functions are the attributes, and each of them is counted."""
+    """An engine as any code finds it in a robot: its functions are the attributes, and each of them is counted."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
@@ -73,7 +73,7 @@ class Reader:
     """A view of what is true for one purpose; the functions of TRUTH are its attributes.
 
     They are free for the module ``owner`` that opened it, and for the simulation that it is handed to. Who finds one
-    in an object of somebody else's and reads with it is counted, and so is who opens one after ``close_truth``.
+    in a foreign object and reads with it is counted, and so is who opens one after ``close_truth``.
     """
 
     def __init__(self, engine: Engine, guarded: GuardedEngine, purpose: ReadPurpose, owner: str) -> None:

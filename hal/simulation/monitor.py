@@ -174,14 +174,14 @@ class IntegrityCheck:
 
 FULL_CHECK_EVERY = 60
 PUT_THERE = (2e-3, 1e-2)
-"""Metres and radians from where somebody has put it, within which an object is at the next look."""
+"""Metres and radians from where an intervention has put it, within which an object is at the next look."""
 
 
 class AuditMonitor:
     """Watches one simulation of ``world`` from the moment its scene is built.
 
     What ``disturbance_log`` holds is forgiven: it explains what happens to one object, door or drawer for a while. Each
-    such event is in the record for good, whatever becomes of the log: whoever evaluates compares it with what the
+    such event is in the record for good, whatever becomes of the log: the evaluation compares it with what the
     task's own script has done.
     """
 
@@ -275,7 +275,7 @@ class AuditMonitor:
         )
 
     def _put_down(self, observation: SimulationState) -> set[int]:
-        """Return the objects that somebody has put, since the look before, where they are now."""
+        """Return the objects that interventions have put at their current poses since the look before."""
         objects = self._simulation.built.objects
         new, self._new = self._new, []
         return {

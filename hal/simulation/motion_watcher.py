@@ -1,4 +1,4 @@
-"""Watches for motion that no velocity explains, whoever caused it, and for joints beyond their limits."""
+"""Watches for motion that no velocity explains, of any cause, and for joints beyond their limits."""
 
 from __future__ import annotations
 

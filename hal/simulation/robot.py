@@ -140,13 +140,15 @@ class SimulatedRobot(Robot):
         return self._monitor.record()
 
     def disturbance_log(self) -> DisturbanceLog:
-        """Where somebody who disturbs tells the monitor of it; once the truth is closed, nobody listens there."""
+        """Return the log in which interventions are reported to the monitor; a detached one once the truth is
+        closed.
+        """
         if self._monitor is None or self.simulation.ledger.truth_closed:
             return DisturbanceLog()
         return self._monitor.disturbance_log
 
     def close_truth(self) -> None:
-        """Everybody who evaluates has a view of the truth: whoever opens one from now on is counted. NotConnectedError.
+        """Close the truth: views that are opened later are counted. Raises NotConnectedError.
 
         The first step of time closes it, too; a judged run closes it before its tree is loaded.
         """
@@ -250,7 +252,7 @@ class SimulatedRobot(Robot):
             self.simulation.step()
 
     def _first_step(self) -> None:
-        """Time begins to run under somebody's control."""
+        """Start the time under external control."""
         self.close_truth()
         self.clock.step = self._step
         self._step()

@@ -88,7 +88,7 @@ class SensorPipeline(Generic[Reading]):
             return
         self._taken = self._periods(now)
         self._on_their_way.append((now + self._latency, self._take()))
-        # Where nobody reads, only the newest of those that have arrived is worth keeping.
+        # Without readers, only the newest of those that have arrived is worth keeping.
         while len(self._on_their_way) > 1 and self._on_their_way[1][0] <= now:
             self._on_their_way.popleft()
 

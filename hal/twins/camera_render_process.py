@@ -140,7 +140,7 @@ def _picture(
 
 
 def _put(robot: PyBulletRobot, state: WorldState) -> None:
-    """Nobody acts in this copy: poses are set, not reached."""
+    """Nothing moves in this copy: poses are set, not reached."""
     built = robot.simulation.built
     place, set_joint = robot.client.resetBasePositionAndOrientation, robot.client.resetJointState
     place(built.robot, *state.robot)

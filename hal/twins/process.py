@@ -81,7 +81,7 @@ class TwinProcess:
 
     def start(self) -> None:
         """Start, and wait until the ports are open. Raises TwinError with what the process said."""
-        with tempfile.TemporaryFile("w+") as errors:  # no pipe: nobody reads what they say later on
+        with tempfile.TemporaryFile("w+") as errors:  # no pipe: their later output is not read
             self._process = subprocess.Popen(
                 self._command, stdout=subprocess.PIPE, stderr=errors, stdin=subprocess.PIPE, text=True
             )

@@ -177,11 +177,11 @@ class RosbridgeServer:
         self._server.close_clients()
 
     def has_subscriber(self, topic: str) -> bool:
-        """Return whether anybody wants a topic."""
+        """Return whether a topic has subscribers."""
         return any(s.topic == topic for client in tuple(self._clients) for s in tuple(client.subscriptions.values()))
 
     def publish(self, topic: str, message: Callable[[], Message]) -> None:
-        """Send to whom it is due; made only if there is somebody."""
+        """Send a message to the subscribers; it is built only if there are any."""
         if takers := [client for client in tuple(self._clients) if client.wants(topic)]:
             document = json.dumps({"op": "publish", "topic": topic, "msg": message()}).encode()
             for client in takers:

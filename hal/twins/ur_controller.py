@@ -76,7 +76,7 @@ class URController:
         self._tripped = -UNLOCK_DELAY
         self._astray = 0.0
         self._digital_outputs = 0
-        self._payload = payload(model, flange_of(model, arm.name)).mass  # as somebody has set it at the pendant
+        self._payload = payload(model, flange_of(model, arm.name)).mass  # as set at the pendant
         self._slider, self._paused = 1.0, False
         self._wrench_sign = 1.0
         self._measured: dict[str, Any] = {}
@@ -130,7 +130,7 @@ class URController:
         self._world.post(self._end_program)
 
     def set_slider(self, share: float) -> None:
-        """Somebody moves the speed slider of the pendant."""
+        """The speed slider of the pendant is moved."""
         self._slider = share
 
     def pause(self, paused: bool) -> None:
@@ -173,7 +173,7 @@ class URController:
         return True
 
     def be_released(self) -> None:
-        """Somebody has looked, and releases the arm at the pendant: no buttons pressed, power on, brakes open."""
+        """After an inspection, the arm is released at the pendant: no buttons pressed, power on, brakes open."""
         self.safety_mode, self.robot_mode = SafetyMode.NORMAL, RobotMode.RUNNING
 
     def restart_safety(self) -> None:

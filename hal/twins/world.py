@@ -1,4 +1,4 @@
-"""The world of the twins: one simulated robot that runs in real time, and whoever wants something of it."""
+"""The world of the twins: one simulated robot that runs in real time, and its clients."""
 
 from __future__ import annotations
 

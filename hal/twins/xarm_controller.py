@@ -1,6 +1,6 @@
 """The control box of an xArm as a state machine over the arm and the gripper of the twins' world.
 
-It begins as somebody has left it in UFACTORY Studio, with its motors on. After an error they are off, and clearing it
+It starts as set in UFACTORY Studio, with its motors on. After an error they are off, and clearing it
 does not switch them on: "need to be manually enabled motion(arm.motion_enable(True)) and set
 state(arm.set_state(state=0)) after clean error" (xarm-python-sdk 1.18, ``XArmAPI.clean_error``).
 """
@@ -109,7 +109,7 @@ class XArmController:
         self.halt()
 
     def be_released(self) -> None:
-        """Somebody has looked, and presses *Clear error* and *Enable robot* in UFACTORY Studio."""
+        """After an inspection, *Clear error* and *Enable robot* are pressed in UFACTORY Studio."""
         self.clear_error()
         self.enable(True)
         self.set_state(0)

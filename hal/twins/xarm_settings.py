@@ -1,4 +1,4 @@
-"""What an xArm's control box has been told of its arm, as somebody has set it in UFACTORY Studio, and who it is."""
+"""The settings of an xArm's control box, as made in UFACTORY Studio, and its identity."""
 
 from __future__ import annotations
 

@@ -45,7 +45,9 @@ class URDigitalIO:
         self._link, self._latch = link, latch
 
     def set_output(self, kind: Kind, number: int, on: bool) -> None:
-        """Switch an output; refused while the robot is stopped. Raises ConnectionFailedError if nobody answers."""
+        """Switch an output; refused while the robot is stopped. Raises ConnectionFailedError if the controller does
+        not answer.
+        """
         self._latch.check("digital output", "set_output")
         self._check(kind, number)
         self._link.call("set_output", kind, number, bool(on), timeout=TIMEOUT)

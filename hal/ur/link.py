@@ -74,7 +74,7 @@ class URLink:
             try:
                 calls.send((name, arguments))
                 if not calls.poll(timeout):
-                    self.kill()  # nobody knows what it would still do
+                    self.kill()  # its further effect is unknown
                     raise ConnectionFailedError(f"{self._name}: the UR controller does not answer within {timeout:g} s")
                 well, result = calls.recv()
             except (EOFError, OSError) as error:

@@ -59,7 +59,7 @@ PROGRAM = (Path(__file__).parent / "control.script").read_text(encoding="ascii")
 PATH_PLACE = "    # inject move path\n"
 OLDEST = (5, 6)
 """Version of PolyScope since which the dashboard's server tells whether remote control is on."""
-LOOK_FIRST = "somebody has to look at the robot, then: bestman-bt robot release"
+LOOK_FIRST = "inspect the robot, then run: bestman-bt robot release"
 
 
 class Report(NamedTuple):

@@ -195,7 +195,7 @@ UNANSWERED = frozenset({-1, 3, 8})
 """Codes of the SDK for: not connected, no reply in time, not sent. The watchdog judges these."""
 GRIPPER_FAULT = 102
 RECOVERY_TIME = 3.0
-LOOK_FIRST = "somebody has to look at the robot, then: bestman-bt robot release"
+LOOK_FIRST = "inspect the robot, then run: bestman-bt robot release"
 MODE_CHANGE_TIME = 0.1
 """Seconds that the controller takes to change its mode."""
 

@@ -291,7 +291,7 @@ def test_the_summary_tells_what_was_measured_every_cheat_and_whose_success_it_is
 ) -> None:
     monkeypatch.setattr("bestman_bt.cli.run_view.RESULTS", Console(width=200))
     audited = audit(AuditRecord(10.0, 0, 0, 0, 40, {}, (), (), (), (), (), (), (), (), ())).to_document()
-    audited["disturbances"] = ["13.00 s: somebody moves the cup by 5.05 m, on counter/top"]
+    audited["disturbances"] = ["13.00 s: a person moves the cup by 5.05 m, on counter/top"]
     metrics = {"final_error_mm": 2.34, "path_ratio": 1.0432, "tilt_deg": 0.26, "tilt_deg_cup": 0.2}
     result = RunResult("drive", 7, True, Outcome.SUCCESS, "SUCCESS", True, None, audited, metrics, 1.0, 1.0)
     setup: Any = SimpleNamespace(goals=[SimpleNamespace(object="cup", source="table", surface="counter")])
@@ -301,7 +301,7 @@ def test_the_summary_tells_what_was_measured_every_cheat_and_whose_success_it_is
         rows.append([" ".join(line.split()) for line in capsys.readouterr().out.splitlines()])
     assert "fetched the cup from the table to the counter" in rows[0]
     assert "measured final error 2.3 mm, path ratio 1.04, tilt 0.3°" in rows[0]
-    assert "disturbance 13.00 s: somebody moves the cup by 5.05 m, on counter/top" in rows[0]
+    assert "disturbance 13.00 s: a person moves the cup by 5.05 m, on counter/top" in rows[0]
     counters = "teleports 0, grasp constraints 0, ground truth reads 0, tampering 40, object follows open hand 0"
     assert f"audit {counters}, collisions 0, deepest contact 0.00 mm" in rows[0]
     assert set(rows[1]) - set(rows[0]) == {"note the goal held before the run began: the success is not the robot's"}

@@ -16,7 +16,7 @@ NOTHING = AuditRecord(10.0, 0, 0, 0, 0, {}, (), (), (), (), (), (), (), (), ())
 CONTACT = ContactIncident("panda_hand", "cup", ("robot", "object"), 1.0, 1.25, 40.0)
 FINGER = ContactIncident("panda_leftfinger", "cup", ("fingers", "object"), 1.0, 2.0, 40.0)
 WALKER = ContactIncident("base_link", "walker_1", ("robot", "walker"), 2.0, 3.0, 12.0, by_walker=True)
-PUT = DisturbanceEvent(1.0, 1.0, "put", "cup", "somebody moves the cup")
+PUT = DisturbanceEvent(1.0, 1.0, "put", "cup", "a person moves the cup")
 SLIP = DisturbanceEvent(2.0, 4.0, "slip", "can", "the can slips")
 
 
@@ -109,7 +109,7 @@ def test_what_was_forgiven_must_be_what_the_script_has_done() -> None:
     assert audit(record, script=(SLIP, PUT)).honest
     unasked = audit(record, script=(SLIP,))
     assert unasked.tampering == 1
-    assert unasked.findings == ("1.00 s: not by the task's script: somebody moves the cup",)
+    assert unasked.findings == ("1.00 s: not by the task's script: a person moves the cup",)
     hidden = audit(NOTHING, script=(SLIP,))
     assert hidden.tampering == 1
     assert hidden.findings == ("2.00 s: hidden from the monitor: the can slips",)

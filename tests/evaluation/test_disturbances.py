@@ -116,7 +116,7 @@ def test_a_drawer_is_pushed_shut_once_it_was_opened() -> None:
         stage.session.skills.world.articulations[DRAWER] = 0.28
         stage.wait(3.0)
         assert stage.truth.articulation_position(DRAWER) < 0.005
-        assert stage.told() == [f"somebody pushes {DRAWER} shut", f"somebody has shut {DRAWER}"]
+        assert stage.told() == [f"a person pushes {DRAWER} shut", f"a person has shut {DRAWER}"]
 
 
 @pytest.mark.parametrize(
@@ -178,4 +178,4 @@ def test_a_task_without_disturbances_forgives_nothing() -> None:
     config = load_run("pick_place_table", seed=3, settings=["time_limit=1 s", "predicate=null"])
     result = run_episode(config, watch=watch, prepare_robot=lambda robot: made.append(DisturbanceInjector(robot)))
     assert result.audit["tampering"] == 1
-    assert any("not by the task's script: somebody moves the cup" in finding for finding in result.audit["findings"])
+    assert any("not by the task's script: a person moves the cup" in finding for finding in result.audit["findings"])

@@ -63,8 +63,7 @@ class Groot2Watcher:
     """Watches the process at ``host``:``port`` between ``start`` and ``stop``, in a separate thread.
 
     ``runs``: the folder for run folders and for the breakpoints of each tree; None records nothing. ``say``: called
-    with
-    each problem, once while it lasts.
+    with each problem, once while it lasts.
     """
 
     def __init__(self, host: str, port: int, runs: Path | None, say: Callable[[str], None] = _print) -> None:

@@ -236,8 +236,7 @@ class RecordingSetup:
 
     ``urdf``: the robot's URDF text, meshes by absolute path. ``base_frame``: the link whose pose snapshots give.
     ``tree``: the main tree. ``plotted_joints``: plotted over time, radians or metres. ``grippers``: gripper name →
-    finger
-    joints, whose sum is the opening width. ``eye``: the viewpoint; None: one that shows all bodies.
+    finger joints, whose sum is the opening width. ``eye``: the viewpoint; None: one that shows all bodies.
     """
 
     urdf: str

@@ -118,8 +118,7 @@ class ViewerOptions:
     """Options of a viewer. ``port``: of the recordings. ``page_port``: of the page for the browser. None: a free port.
 
     ``fed``: show data from ``pipe``; a page or a relay starts to serve when data arrive. ``source``: the address of a
-    page
-    or relay to show. ``size``: pixels, without a display. ``memory_limit``: beyond it the oldest data are dropped.
+    page or relay to show. ``size``: pixels, without a display. ``memory_limit``: beyond it the oldest data are dropped.
     ``start_timeout``: seconds.
     """
 

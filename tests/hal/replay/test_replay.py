@@ -126,7 +126,7 @@ def test_a_newer_command_and_a_stop_end_motions(replay: ReplayRobot) -> None:
 
 def test_what_nobody_has_read_and_what_came_after_the_end_is_missing(replay: ReplayRobot) -> None:
     with replay:
-        with pytest.raises(NoDataError, match=r"nobody has read efforts\(\)"):
+        with pytest.raises(NoDataError, match=r"efforts\(\) was never read"):
             replay.part("arm", Arm).efforts()
         replay.clock.sleep(60.0)
         with pytest.raises(NoDataError, match="the nearest is at"):

@@ -264,7 +264,7 @@ def test_an_address_at_which_nobody_answers_is_in_no_log_of_modbus(caplog: pytes
     with socket.socket() as taken:  # bound, and nobody listens
         taken.bind((ADDRESS, 0))
         wire = ModbusWire(import_module, ADDRESS, taken.getsockname()[1], 0.2, 2, 0, 0)
-        with caplog.at_level(logging.DEBUG, "pymodbus.logging"), pytest.raises(OSError, match="nobody answers"):
+        with caplog.at_level(logging.DEBUG, "pymodbus.logging"), pytest.raises(OSError, match="no device answers"):
             wire.open()
     wire.close()
     assert ADDRESS not in caplog.text

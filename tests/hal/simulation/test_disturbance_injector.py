@@ -109,7 +109,7 @@ def test_somebody_puts_a_can_elsewhere_and_nothing_counts_as_teleported(robot_mo
         assert np.linalg.norm(truth.object_pose("can").position - place.position) < 0.002
         judged = audit(robot.audit_record(), script=[event])
         assert judged.honest, judged.findings
-        assert told(judged) == ["somebody moves the can by 0.25 m, on table/top"]
+        assert told(judged) == ["a person moves the can by 0.25 m, on table/top"]
 
 
 def test_a_teleport_right_after_somebody_moved_it_is_still_seen(robot_model, table_worlds) -> None:
@@ -157,7 +157,7 @@ def test_a_drawer_is_pushed_shut_at_the_speed_of_a_hand(shut: tuple[list[float],
     assert seen[4] == pytest.approx(OPEN - 0.5 * 0.3, abs=0.02)
     assert seen[-1] < 0.005
     assert judged.honest, judged.findings
-    assert told(judged) == [f"somebody pushes {DRAWER} shut", f"somebody has shut {DRAWER}"]
+    assert told(judged) == [f"a person pushes {DRAWER} shut", f"a person has shut {DRAWER}"]
 
 
 def test_nobody_pushes_a_drawer_that_the_robot_stands_at(robot_model) -> None:

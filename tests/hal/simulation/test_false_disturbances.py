@@ -61,19 +61,19 @@ def test_what_the_monitor_is_told_by_others_than_the_script_is_tampering(run: Ru
     now = run.robot.clock.now()
     monitor = run.robot._monitor
     monitor.disturbance_log.announce(
-        DisturbanceEvent(now, now, "put", "can", "somebody moves the can", (*run.aside, *UPRIGHT))
+        DisturbanceEvent(now, now, "put", "can", "a person moves the can", (*run.aside, *UPRIGHT))
     )
     judged = run.judged()
     assert judged.teleports == 0  # it was forgiven
     assert judged.tampering == 1
-    assert any("not by the task's script: somebody moves the can" in finding for finding in judged.findings)
+    assert any("not by the task's script: a person moves the can" in finding for finding in judged.findings)
 
 
 def test_nobody_listens_to_who_asks_for_the_monitors_ear_during_a_run(run: Run) -> None:
     run.teleport(run.aside)
     now = run.robot.clock.now()
     run.robot.disturbance_log().announce(
-        DisturbanceEvent(now, now, "put", "can", "somebody moves the can", (*run.aside, *UPRIGHT))
+        DisturbanceEvent(now, now, "put", "can", "a person moves the can", (*run.aside, *UPRIGHT))
     )
     assert run.judged().teleports == 1
 

@@ -1,4 +1,4 @@
-"""Doors that somebody moves before the robot: by motors, told as a disturbance, and no fault of the run."""
+"""Doors that a person moves before the robot: by motors, told as a disturbance, and no fault of the run."""
 
 from __future__ import annotations
 
@@ -46,6 +46,6 @@ def test_nobody_is_blamed_for_it(run: tuple[list[tuple[float, float]], Audit]) -
     assert judged.honest
     assert not judged.collisions
     assert [text.partition(": ")[2] for text in judged.disturbances] == [
-        f"somebody moves {DOOR} to 0°",
+        f"a person moves {DOOR} to 0°",
         f"{DOOR} has come to 0°",
     ]
