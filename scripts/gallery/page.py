@@ -15,7 +15,7 @@ def _lines(known: Mapping[str, Mapping[str, Any]], folder: str) -> Iterator[str]
     yield "# Gallery"
     yield ""
     yield "One judged run of each task, filmed by the simulator's renderer after the run had ended, and speeded up."
-    yield "Made by `make gallery`; [evaluations](evaluation.md) tell how often each task succeeds."
+    yield "Made by `make gallery`; [evaluations](evaluation.md) measure how often each task succeeds."
     for task, facts in known.items():
         yield ""
         yield f"## {task}"
