@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from bestman_bt.manipulation.collision.base import CollisionModel, CollisionWorld
     from bestman_bt.manipulation.collision.planning_scene import PlanningScene
     from bestman_bt.manipulation.kinematics.base import InverseKinematics
-    from bestman_bt.manipulation.kinematics.link_hulls import ArmBodies
+    from bestman_bt.manipulation.kinematics.link_hulls import ArmBodies, LinkBodies
     from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap
     from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm
     from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
@@ -57,6 +57,8 @@ if TYPE_CHECKING:
 
 SWAY = 0.01
 """Metres by which an arm and its load may deviate from the encoder positions while the base drives."""
+PLACED = 0.01
+"""Metres by which a localised base may stand beside where it is believed."""
 STRUCK = frozenset(
     (
         MotionErrorCode.TRACKING,
@@ -279,18 +281,19 @@ class SkillContext:
         from bestman_bt.navigation.global_planning.footprint import Footprint
 
         base, positions = Footprint.of(self.base.model), self.joints.positions()
-        if not self.has("arm"):
-            return base
         if posture is not None:
-            if posture not in self.robot.postures:
+            if not self.has("arm") or posture not in self.robot.postures:
                 return base
             tucked = self.robot.postures[posture]
             moved = self.arm_model.joint_names
             positions = {**positions, **{joint: tucked[joint] for joint in moved if joint in tucked}}
-        bodies = [
+        arms = [
             body for arm, of_arm in self._arm_bodies.items() for body in of_arm.at(positions, self.world.hands.get(arm))
         ]
-        return base.carrying(bodies, SWAY)
+        base = base.carrying(arms, SWAY)
+        if not self.has("lidar"):
+            return base
+        return base.reaching_above(self.base.lidar.height, [*self._bodies.at(positions), *arms], SWAY + PLACED)
 
     def known_costmap(self, posture: str | None = None) -> Costmap:
         """Return the costmap of walls, furniture, and open doors and drawers.
@@ -303,6 +306,12 @@ class SkillContext:
         """Return ``known_costmap`` with the obstacles that the lidar sees but the map lacks."""
         costmap = self.known_costmap(posture)
         return self.base.layer.on(costmap) if self.costmap.obstacle else costmap
+
+    @cached_property
+    def _bodies(self) -> LinkBodies:
+        from bestman_bt.manipulation.kinematics.link_hulls import LinkBodies
+
+        return LinkBodies(self.robot)
 
     @cached_property
     def _arm_bodies(self) -> dict[str, ArmBodies]:

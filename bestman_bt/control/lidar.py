@@ -44,6 +44,11 @@ class LidarSensor:
         """The lidar's pose in the base frame, seen from above."""
         return self._kinematics.pose(self._lidar.frame, {}).to_pose2d()
 
+    @cached_property
+    def height(self) -> float:
+        """Of its plane above the floor, metres."""
+        return float(self._kinematics.pose(self._lidar.frame, {}).position[2])
+
     def scan(self) -> LaserScan:
         """Return the latest scan, in the lidar frame."""
         return self._lidar.scan()

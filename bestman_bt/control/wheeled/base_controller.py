@@ -19,6 +19,7 @@ from bestman_bt.errors import WrongResultError
 from bestman_bt.messages import Failure, LaserScan, MotionErrorCode, Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.global_planning.layers import UnseenOutline
 from bestman_bt.navigation.local_planning.base import PathFollower
 from bestman_bt.navigation.local_planning.braking import GiveWay
 from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
@@ -46,7 +47,8 @@ RISE = 1.0
 class VelocityGate:
     """Commands one base. ``waits``: it is stopped for a limit or for people.
 
-    ``held_by``: why the last command was stopped or slowed down, in words.
+    ``held_by``: why the last command was stopped or slowed down, in words. ``placed``: whether the base's pose on the map
+    is known; otherwise every obstacle may be tall, and nothing is taken from the map.
     """
 
     def __init__(self, base: MobileBase, monitor: CollisionMonitor) -> None:
@@ -56,15 +58,16 @@ class VelocityGate:
         self._share = 1.0
         self.waits = False
         self.held_by = ""
+        self.placed = True
 
-    def use_footprint(self, footprint: Footprint, known: Costmap | None = None, placed: bool = True) -> None:
+    def use_footprint(self, footprint: Footprint, known: Costmap | None = None) -> None:
         """Set the footprint to protect, arm overhang included; people count as high as the overhang.
 
-        ``known``: mapped obstacles with their heights: tall and unmapped ones are kept from the arm. ``placed``:
-        whether the base is driven by its map pose; otherwise every obstacle may be tall.
+        ``known``: mapped obstacles with their heights: tall and unmapped ones are kept from the arm, and those that no
+        lidar sees from the upper body.
         """
-        self._known, self._placed = known, placed
-        self.outline = FootprintMotion(footprint, 0.0)
+        self._known = known
+        self.outline = FootprintMotion(footprint.corners, 0.0)
         self._give_way = GiveWay(footprint.above)
         self._monitor.use_footprint(footprint)
 
@@ -103,8 +106,10 @@ class VelocityGate:
         discs = np.array([(disc.x, disc.y, disc.radius) for disc in tall]).reshape(-1, 3)
         discs[:, :2] = pose.inverse().apply(discs[:, :2])
         known = self._known
-        are_tall = None if known is None else (lambda points: _tall(known, pose.apply(points), self._placed))
-        monitored = self._monitor.limit(wanted, velocity, odometry, discs, are_tall)
+        are_tall = None if known is None else (lambda points: _tall(known, pose.apply(points), self.placed))
+        mapped = () if known is None or not self.placed else known.unseen
+        unseen = [UnseenOutline(pose.inverse().apply(one.corners), one.height) for one in mapped]
+        monitored = self._monitor.limit(wanted, velocity, odometry, discs, are_tall, unseen)
         self.held_by = monitored.text or _words(velocity)
         if monitored.brake:
             self._base.stop()
@@ -382,7 +387,7 @@ class BaseController:
             if known is None and follower is not None and self.surroundings is not None:
                 known = self.surroundings()
             footprint = Footprint.of(self.model) if known is None else known.footprint
-            self._gate.use_footprint(footprint, known, not by_odometry)
+            self._gate.use_footprint(footprint, known)
             p = self._driving
             tolerance = p.position_tolerance if position_tolerance is None else position_tolerance
             motion: Motion[BasePose] = Motion(self._base.name, self._base.stop)
@@ -477,19 +482,20 @@ class BaseController:
         self._drive(action, action.follower, pose)
 
     def _drive(self, action: _Action, follower: PathFollower, pose: Pose2D) -> None:
-        period, velocity, now = self._period, self._base.velocity(), self._clock.now()
+        period, velocity, now, where = self._period, self._base.velocity(), self._clock.now(), self.localisation
         command = follower.compute(pose, velocity, period)
         people: Sequence[MovingObstacle] = ()
         if action.driven is not None:
             action.driven.swept.advance(pose.xy)
             people = self.layer.moving.obstacles if action.driven.mapped else ()
+        self._gate.placed = where.knows_where and not where.lost
         allowed = [limit for limit in (self.speed_limit, action.speed) if limit is not None]
         monitored = self._gate.command(
             command.twist,
             min(allowed, default=None),
             velocity,
-            pose,
-            self.localisation.odometry,
+            where.localizer.estimate.pose,
+            where.odometry,
             people,
             self.layer.moving.walkers,
             period,

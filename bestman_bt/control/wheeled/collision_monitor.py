@@ -1,8 +1,9 @@
-"""The last word before the wheels: as nav2's collision monitor, it knows neither path nor map nor planner.
+"""The last word before the wheels: as nav2's collision monitor, it knows neither path nor planner.
 
-It holds what the lidar sees and what the bumper feels against the motion that is commanded, with the exact footprint:
-a command goes through as it is, slowed down so far that the base stops before it touches anything ("approach"), or not
-at all. A slow approach to a table is let through up to a finger's breadth; moving away is always free.
+It holds what the lidar sees and what the bumper feels against the motion that is commanded, with the exact footprint,
+and what of the map no lidar sees, such as the top of a table, against what reaches above the lidar: a command goes
+through as it is, slowed down so far that the base stops before it touches anything ("approach"), or not at all. A slow
+approach to a table is let through up to a finger's breadth; moving away is always free.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
-from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.global_planning.footprint import Footprint, points_along
+from bestman_bt.navigation.global_planning.layers import UnseenOutline
 from bestman_bt.navigation.local_planning.braking import braking_time, safe_share
-from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
+from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion, entry
 from bestman_bt.robot_model.model import BaseModel
 from hal.api import Bumper
 
@@ -34,7 +36,15 @@ NEAR = 1.0
 """Metres beyond an arm within which it is asked how tall things are."""
 MEMORY = 30.0
 """Seconds after which what is too close to be seen is forgotten: who walked past would block the base for ever."""
-NOBODY: NDArray[np.float64] = np.zeros((0, 3))
+NOTHING: NDArray[np.float64] = np.zeros((0, 3))
+SPACING = 0.01
+"""Metres between the points of an outline that is held against what the map has: no board or handle is thinner."""
+
+
+_Look = tuple[FootprintMotion, NDArray[np.float64]]
+"""An outline that moves, and the points (N, 2) of the base frame that it is held against."""
+_Entry = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Points (N, 2) of an outline that moves, and the corners (M, 2) of an area that they are kept out of."""
 
 
 class MonitorAction(Enum):
@@ -84,18 +94,29 @@ class CollisionMonitor:
 
     def __post_init__(self) -> None:
         footprint = Footprint.of(self.base)
-        self._motion = self._above = FootprintMotion(footprint, self.margin)
-        self._overhang: FootprintMotion | None = None
-        self._wide = FootprintMotion(footprint, self.slowdown_margin)
+        self._motion = FootprintMotion(footprint.corners, self.margin)
+        self._wide = FootprintMotion(footprint.corners, self.slowdown_margin)
         self._points = NearPoints(self.same_surface)
         self._stamp, self._equal = -math.inf, 0
-        self._high: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+        self.use_footprint(footprint)
 
     def use_footprint(self, footprint: Footprint) -> None:
-        """What is driven from now on: an arm that stands out above is kept away from people and tall obstacles."""
-        self._above = FootprintMotion(footprint.above, self.margin)
-        # Its outline has a margin of its own, for how the arm sways.
-        self._overhang = None if footprint.overhang is None else FootprintMotion(footprint.above, 0.0)
+        """What is driven from now on: an arm that stands out above is kept away from people and tall obstacles.
+
+        The upper body is kept from what no lidar sees.
+        """
+        overhang, upper = footprint.overhang, footprint.upper
+        self._above = FootprintMotion(footprint.above.corners, self.margin)
+        # Outlines of what rides above have margins of their own, for how the arm sways.
+        self._overhang = None if overhang is None else FootprintMotion(footprint.above.corners, 0.0)
+        self._by_height: list[tuple[float, float, NDArray[np.float64]]] = []
+        if upper is not None:
+            low, high = upper.lidar_height, math.inf if overhang is None else overhang.height
+            self._by_height = [
+                (-math.inf, low, footprint.outline(SPACING)),
+                (low, high, points_along(upper.corners, SPACING)),
+                (high, math.inf, footprint.above.outline(SPACING)),
+            ]
 
     def observe(self, scan: LaserScan, base_from_lidar: Pose2D, odometry: Pose2D) -> None:
         """Take in a scan, taken where the odometry is ``odometry``."""
@@ -108,13 +129,15 @@ class CollisionMonitor:
         wanted: Twist2D,
         velocity: Twist2D,
         odometry: Pose2D,
-        tall: NDArray[np.float64] = NOBODY,
+        tall: NDArray[np.float64] = NOTHING,
         are_tall: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None,
+        unseen: Sequence[UnseenOutline] = (),
     ) -> MonitoredCommand:
         """What of ``wanted`` may be driven by a base that moves at ``velocity`` (measured), both in the base frame.
 
         ``tall``: (N, 3) discs around people, x, y and radius in metres, in the base frame. ``are_tall``: which points
         (N, 2) of the base frame are of what reaches up to the arm; None: unknown, and only people are.
+        ``unseen``: what the map has and no lidar sees, in the base frame.
         """
         if not self.enabled:
             return MonitoredCommand(wanted, MonitorAction.NONE)
@@ -123,28 +146,28 @@ class CollisionMonitor:
             return MonitoredCommand(Twist2D(), MonitorAction.STOP, True, text)
         pressed = self._pressed(odometry)
         points = self._points.around(odometry)
-        self._high = np.zeros(0, dtype=np.intp)
-        if self._overhang is not None and are_tall is not None:
-            near = np.flatnonzero(np.hypot(points[:, 0], points[:, 1]) < self._overhang.reach + NEAR)
-            self._high = near[are_tall(points[near])]
-        people = _within(points, tall)
+        entries = [
+            (outline, area.corners)
+            for area in unseen
+            for low, high, outline in self._by_height
+            if low <= area.height < high
+        ]
+        looks = self._looks(points, tall, are_tall), entries
         moving = max(math.hypot(velocity.vx, velocity.vy), abs(velocity.wz)) > STANDING
         if moving:
             # What the base does now may differ from what is wanted next: it must be able to stop out of that, too.
-            time, index, share = self._contact(points, people, velocity)
+            time, what, share = self._contact(looks, velocity)
             if share < 1.0 and time < self.reaction + self._braking(velocity) / 4.0:
-                return MonitoredCommand(Twist2D(), MonitorAction.STOP, True, self._words(points[index], "is too close"))
-        time, index, share = self._contact(points, people, wanted)
+                return MonitoredCommand(Twist2D(), MonitorAction.STOP, True, f"{what} is too close")
+        time, what, share = self._contact(looks, wanted)
         if pressed is not None and time == 0.0:
             return MonitoredCommand(
-                Twist2D(), MonitorAction.BUMPED, True, self._words(pressed, "presses on the bumper")
+                Twist2D(), MonitorAction.BUMPED, True, f"{self._words(pressed)} presses on the bumper"
             )
         if share < 1.0 and share * max(math.hypot(wanted.vx, wanted.vy), abs(wanted.wz)) < CREEP:
-            text = self._words(points[index], "is in the way")
-            return MonitoredCommand(Twist2D(), MonitorAction.STOP, False, text)
+            return MonitoredCommand(Twist2D(), MonitorAction.STOP, False, f"{what} is in the way")
         if share < 1.0:
-            text = self._words(points[index], "slows it down")
-            return MonitoredCommand(_scaled(wanted, share), MonitorAction.APPROACH, False, text)
+            return MonitoredCommand(_scaled(wanted, share), MonitorAction.APPROACH, False, f"{what} slows it down")
         return self._slowed(points, wanted)
 
     def _slowed(self, points: NDArray[np.float64], wanted: Twist2D) -> MonitoredCommand:
@@ -152,28 +175,39 @@ class CollisionMonitor:
         if self.slowdown_margin > 0.0 and speed > self.slowdown_speed:
             time, index = self._wide.contact(points, wanted, self.slowdown_time)
             if math.isfinite(time):
-                text = self._words(points[index], "is close")
+                text = f"{self._words(points[index])} is close"
                 return MonitoredCommand(
                     _scaled(wanted, self.slowdown_speed / speed), MonitorAction.SLOWDOWN, False, text
                 )
         return MonitoredCommand(wanted, MonitorAction.NONE)
 
-    def _contact(
-        self, points: NDArray[np.float64], people: NDArray[np.intp], twist: Twist2D
-    ) -> tuple[float, int, float]:
-        """Seconds until a twist touches something, which point that is, and the share of it that stops in time."""
+    def _looks(
+        self,
+        points: NDArray[np.float64],
+        tall: NDArray[np.float64],
+        are_tall: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None,
+    ) -> list[_Look]:
+        """Which outline is held against which points."""
+        looks = [(self._motion, points), (self._above, points[_within(points, tall)])]
+        if self._overhang is not None and are_tall is not None:
+            near = points[np.hypot(points[:, 0], points[:, 1]) < self._overhang.reach + NEAR]
+            looks.append((self._overhang, near[are_tall(near)]))
+        return looks
+
+    def _contact(self, looks: tuple[list[_Look], list[_Entry]], twist: Twist2D) -> tuple[float, str, float]:
+        """Seconds until a twist touches something, what that is, and the share of it that stops in time."""
         reaction, braking = self.reaction, self._braking(twist)
-        horizon = reaction + braking / 2.0 + 0.05
-        time, index = self._motion.contact(points, twist, horizon)
-        if len(people):
-            sooner, person = self._above.contact(points[people], twist, horizon)
+        horizon, time, what = reaction + braking / 2.0 + 0.05, math.inf, ""
+        seen, mapped = looks
+        for motion, points in seen:
+            sooner, index = motion.contact(points, twist, horizon)
             if sooner < time:
-                time, index = sooner, int(people[person])
-        if len(self._high) and self._overhang is not None:
-            sooner, high = self._overhang.contact(points[self._high], twist, horizon)
+                time, what = sooner, self._words(points[index])
+        for outline, corners in mapped:
+            sooner, index = entry(outline, corners, twist, horizon)
             if sooner < time:
-                time, index = sooner, int(self._high[high])
-        return time, index, safe_share(time, reaction, braking)
+                time, what = sooner, f"furniture of the map {_side(outline[index])}"
+        return time, what, safe_share(time, reaction, braking)
 
     def _braking(self, twist: Twist2D) -> float:
         limits = self.base.part
@@ -189,9 +223,9 @@ class CollisionMonitor:
         mean: NDArray[np.float64] = pressed.mean(axis=0)
         return mean
 
-    def _words(self, point: NDArray[np.float64], what: str) -> str:
+    def _words(self, point: NDArray[np.float64]) -> str:
         gap = max(0.0, float(self._motion.distance(point)) + self.margin)
-        return f"something {100 * gap:.0f} cm {_side(point)} {what}"
+        return f"something {100 * gap:.0f} cm {_side(point)}"
 
 
 def _within(points: NDArray[np.float64], discs: NDArray[np.float64]) -> NDArray[np.intp]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property, lru_cache
 from itertools import product
 from types import MappingProxyType
@@ -114,38 +114,56 @@ def _corners(shape: coal.CollisionGeometry) -> NDArray[np.float64]:
 # Where an arm with its hand, and what it holds, is in space: for controllers that drive it past obstacles.
 
 
-class ArmBodies:
-    """All links that move with ``arm``; the robot's geometry is loaded at the first question."""
+class LinkBodies:
+    """All links of a robot; its geometry is loaded at the first question."""
 
-    def __init__(self, robot: RobotModel, arm: str = "arm") -> None:
-        self._robot, self._arm = robot, robot.of(ArmModel)[arm]
+    def __init__(self, robot: RobotModel) -> None:
+        self._robot = robot
 
-    def at(self, positions: Mapping[str, float], held: HeldObject | None = None) -> list[NDArray[np.float64]]:
+    def at(self, positions: Mapping[str, float]) -> list[NDArray[np.float64]]:
         """Return the corners of the convex hull of each body, (N, 3) metres in the base frame.
 
-        ``positions``: of all joints, by name; missing ones are at zero. ``held``: the held object, as a box.
+        ``positions``: of all joints, by name; missing ones are at zero.
         """
+        pose = self._poses(positions)
+        return [pose(link).apply(hull) for link, hulls in self._hulls.items() for hull in hulls]
+
+    def _poses(self, positions: Mapping[str, float]) -> Callable[[str], Pose]:
+        """From a frame's name to base_from_frame."""
         model = self._model
         data = model.createData()
         pinocchio.framesForwardKinematics(model, data, configuration(model, positions))
         base_from_root = data.oMf[frame_index(model, self._robot.base_frame)].inverse()
-
-        def pose(frame: str) -> Pose:
-            return to_pose(base_from_root * data.oMf[frame_index(model, frame)])
-
-        bodies = [pose(link).apply(hull) for link, hulls in self._hulls.items() for hull in hulls]
-        if held is not None:
-            low, high = held.model.bounds()
-            corners = np.array(list(product(*zip(low, high, strict=True))))
-            bodies.append((pose(self._arm.tool_frame) @ held.tool_from_object).apply(corners))
-        return bodies
+        return lambda frame: to_pose(base_from_root * data.oMf[frame_index(model, frame)])
 
     @cached_property
     def _model(self) -> pinocchio.Model:
         return build_model(self._robot)
 
     @cached_property
-    def _hulls(self) -> dict[str, tuple[NDArray[np.float64], ...]]:
+    def _hulls(self) -> Mapping[str, tuple[NDArray[np.float64], ...]]:
+        return link_hulls(self._robot)
+
+
+class ArmBodies(LinkBodies):
+    """All links that move with ``arm``, and what it holds."""
+
+    def __init__(self, robot: RobotModel, arm: str = "arm") -> None:
+        super().__init__(robot)
+        self._arm = robot.of(ArmModel)[arm]
+
+    def at(self, positions: Mapping[str, float], held: HeldObject | None = None) -> list[NDArray[np.float64]]:
+        """As those of all links. ``held``: what is in the hand, as the box around it."""
+        bodies = super().at(positions)
+        if held is not None:
+            low, high = held.model.bounds()
+            corners = np.array(list(product(*zip(low, high, strict=True))))
+            tool = self._poses(positions)(self._arm.tool_frame)
+            bodies.append((tool @ held.tool_from_object).apply(corners))
+        return bodies
+
+    @cached_property
+    def _hulls(self) -> Mapping[str, tuple[NDArray[np.float64], ...]]:
         moving = set(self._arm.joint_names)
         hulls = link_hulls(self._robot).items()
         return {link: corners for link, corners in hulls if moving & joints_above(self._robot, link)}

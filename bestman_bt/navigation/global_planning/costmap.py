@@ -28,6 +28,8 @@ from bestman_bt.navigation.global_planning.layers import (
     FurnitureLayer,
     ShapeLayer,
     StaticLayer,
+    UnseenOutline,
+    unseen_outlines,
 )
 from bestman_bt.world_model.semantic_map import SemanticMap
 from bestman_bt.world_model.world_model import Obstacle
@@ -64,7 +66,8 @@ class Costmap:
 
     Row 0 is at the smallest y. ``origin``: (2,) metres in the map frame, the outer corner of cell (0, 0). Margins for
     map errors are already subtracted. ``tall``: the same for obstacles that reach the footprint's overhang, or None
-    without an overhang.
+    without an overhang. ``unseen``: what the footprint's upper body may hit and no lidar sees; the distances include
+    it, too.
     """
 
     distance: NDArray[np.float64]
@@ -72,6 +75,7 @@ class Costmap:
     footprint: Footprint
     rasterization: Rasterization
     tall: NDArray[np.float64] | None = None
+    unseen: tuple[UnseenOutline, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "distance", frozen_array(self.distance, (None, None), "Costmap distance"))
@@ -107,7 +111,15 @@ class Costmap:
         if p.doors:
             layers.append(ShapeLayer(frames, p.floor_height, p.robot_height))
         layers.append(ShapeLayer(seen, p.floor_height, p.robot_height))
-        return cls.of_layers(layers, shape, np.array([x_min, y_min], dtype=float), footprint, p)
+        costmap = cls.of_layers(layers, shape, np.array([x_min, y_min], dtype=float), footprint, p)
+        if footprint.upper is None:
+            return costmap
+        return replace(
+            costmap,
+            unseen=unseen_outlines(
+                furniture, seen, p.furniture_position_error, p.furniture_heading_error, footprint.upper
+            ),
+        )
 
     @classmethod
     def of_layers(

@@ -16,6 +16,8 @@ from bestman_bt.robot_model.model import BaseModel
 
 _ROUNDED = 2e-3
 """Metres by which corners of the outline above may be cut off; its margin is far more."""
+LOOKS_AROUND = 0.10
+"""Metres above its lidar up to which a body counts as part of the base that the lidar looks around for."""
 DISCS = 0.0125
 """Metres from one disc on the outline above to the next."""
 _AROUND = np.array([[math.cos(turn), math.sin(turn)] for turn in np.arange(8) * math.pi / 4]) / math.cos(math.pi / 8)
@@ -42,15 +44,30 @@ class Overhang:
 
 
 @dataclass(frozen=True, eq=False)
+class UpperBody:
+    """What of a robot reaches above its lidar, and may hit what the lidar does not see: a column, a mast, an arm.
+
+    ``corners``: (N, 2) metres in the base frame, counter-clockwise: its convex outline, as far as it lies within that
+    of the base. ``lidar_height`` and ``top``: metres above the floor.
+    """
+
+    corners: NDArray[np.float64]
+    lidar_height: float
+    top: float
+
+
+@dataclass(frozen=True, eq=False)
 class Footprint:
     """A convex outline around the origin: ``corners`` (N, 2) metres in the base frame, counter-clockwise.
 
     ``turning_drift``: metres that the origin may move during a turn in place. ``overhang``: above the base, or None.
+    ``upper``: what is above the lidar, within the outline, or None where nothing is, or it is not known.
     """
 
     corners: NDArray[np.float64]
     turning_drift: float = 0.0
     overhang: Overhang | None = None
+    upper: UpperBody | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "corners", _outline(self.corners, "Footprint corners"))
@@ -79,6 +96,23 @@ class Footprint:
         hull = cv2.convexHull(np.concatenate(outside).astype(np.float32), clockwise=False)
         corners = cv2.approxPolyDP(hull, _ROUNDED, closed=True)[:, 0].astype(float)
         return replace(self, overhang=Overhang(corners, height - margin, reach))
+
+    def reaching_above(self, lidar_height: float, bodies: Iterable[NDArray[np.float64]], margin: float) -> Footprint:
+        """The same with the upper body: of ``bodies``, as of ``carrying``, what a lidar ``lidar_height`` metres high
+        does not look around for. Bodies that are all as high as the overhang are left to that.
+        """
+        limit = math.inf if self.overhang is None else self.overhang.height
+        high = [body for body in bodies if body[:, 2].max() > lidar_height + LOOKS_AROUND and body[:, 2].min() < limit]
+        if not high:
+            return replace(self, upper=None)
+        points = np.concatenate(high)
+        grown = (points[:, None, :2] + margin * _AROUND).reshape(-1, 2)
+        hull = cv2.convexHull(grown.astype(np.float32), clockwise=False)
+        _, within = cv2.intersectConvexConvex(hull, self.corners.astype(np.float32))
+        if within is None:
+            return replace(self, upper=None)
+        corners = cv2.convexHull(within, clockwise=False)[:, 0].astype(float)
+        return replace(self, upper=UpperBody(corners, lidar_height, float(points[:, 2].max())))
 
     @cached_property
     def above(self) -> Footprint:
@@ -134,11 +168,16 @@ class Footprint:
 
     def outline(self, spacing: float) -> NDArray[np.float64]:
         """Return points (N, 2) along the outline, metres, at most ``spacing`` metres apart, corners included."""
-        pieces = []
-        for start, end in zip(self.corners, np.roll(self.corners, -1, axis=0), strict=True):
-            count = max(1, int(np.ceil(np.linalg.norm(end - start) / spacing)))
-            pieces.append(start + (end - start) * (np.arange(count) / count)[:, None])
-        return np.concatenate(pieces)
+        return points_along(self.corners, spacing)
+
+
+def points_along(corners: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Return points (N, 2) along an outline, metres, at most ``spacing`` metres apart, corners included."""
+    pieces = []
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        count = max(1, int(np.ceil(np.linalg.norm(end - start) / spacing)))
+        pieces.append(start + (end - start) * (np.arange(count) / count)[:, None])
+    return np.concatenate(pieces)
 
 
 def _outline(corners: NDArray[np.float64], what: str) -> NDArray[np.float64]:

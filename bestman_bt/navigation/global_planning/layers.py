@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from scipy.spatial import ConvexHull
 from bestman_bt.messages import Cylinder, OccupancyGrid, PlacedShape, Pose2D
 from bestman_bt.messages.grids import OCCUPIED, UNKNOWN
 from bestman_bt.messages.shapes import bounding_corners
+from bestman_bt.navigation.global_planning.footprint import UpperBody
 from bestman_bt.world_model.semantic_map import MapFurniture
 
 # Exact distances in the plane, for many points at once.
@@ -89,6 +90,14 @@ def _outline_on_floor(placed: PlacedShape, floor: float, ceiling: float) -> NDAr
     """Return the convex outline of a shape seen from above, (N, 2) counter-clockwise, or None if a robot never meets
     it.
     """
+    points = _corners(placed)
+    if points[:, 2].max() < floor or points[:, 2].min() > ceiling:
+        return None
+    return _hull(points[:, :2])
+
+
+def _corners(placed: PlacedShape) -> NDArray[np.float64]:
+    """Return the corners of a shape, or of a body around it, (N, 3)."""
     shape = placed.shape
     if isinstance(shape, Cylinder):
         turn = np.arange(16) * (2 * math.pi / 16)
@@ -97,10 +106,12 @@ def _outline_on_floor(placed: PlacedShape, floor: float, ceiling: float) -> NDAr
         points = np.vstack([np.column_stack([ring, np.full(16, z)]) for z in (-shape.length / 2, shape.length / 2)])
     else:
         points = bounding_corners(shape)
-    points = placed.pose.apply(points)
-    if points[:, 2].max() < floor or points[:, 2].min() > ceiling:
-        return None
-    hull: NDArray[np.float64] = points[ConvexHull(points[:, :2]).vertices, :2]
+    corners: NDArray[np.float64] = placed.pose.apply(points)
+    return corners
+
+
+def _hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    hull: NDArray[np.float64] = points[ConvexHull(points).vertices]
     return hull
 
 
@@ -138,6 +149,48 @@ def _possible_outlines(piece: MapFurniture, heading_error: float) -> Iterator[ND
     corners = piece.corners() - centre
     for turn in (-heading_error, 0.0, heading_error) if heading_error else (0.0,):
         yield Pose2D(centre[0], centre[1], turn).apply(corners)
+
+
+# What of all this no lidar sees: boards above its plane, such as the top of a table, and what is lower.
+
+
+_ROUND = np.array([[math.cos(turn), math.sin(turn)] for turn in np.arange(16) * math.pi / 8])
+
+
+@dataclass(frozen=True, eq=False)
+class UnseenOutline:
+    """A convex area, ``corners`` (N, 2) counter-clockwise in metres, and up to which height something is in it."""
+
+    corners: NDArray[np.float64]
+    height: float
+
+
+def unseen_outlines(
+    pieces: Iterable[MapFurniture],
+    shapes: Iterable[PlacedShape],
+    position_error: float,
+    heading_error: float,
+    upper: UpperBody,
+) -> tuple[UnseenOutline, ...]:
+    """What a robot with this upper body may hit unseen, in the map frame.
+
+    Of ``pieces`` wherever they may stand (as in ``FurnitureLayer``), unless a lidar sees them as they are or the robot
+    fits under all their boards; of ``shapes`` in the map frame those that lie above or below the plane of the lidar.
+    """
+    outlines = []
+    for piece in pieces:
+        boards = [_corners(placed)[:, 2].min() for placed in piece.shapes]
+        if piece.solid_at_lidar or piece.is_passage or min(boards, default=0.0) > upper.top:
+            continue
+        turned = np.concatenate(list(_possible_outlines(piece, min(heading_error, piece.heading_error))))
+        off = min(position_error, piece.position_error)
+        outlines.append(UnseenOutline(_hull((turned[:, None] + off * _ROUND).reshape(-1, 2)), piece.height))
+    for placed in shapes:
+        points = _corners(placed)
+        low, high = points[:, 2].min(), points[:, 2].max()
+        if low < upper.top and not low <= upper.lidar_height <= high:
+            outlines.append(UnseenOutline(_hull(points[:, :2]), float(high)))
+    return tuple(outlines)
 
 
 # Cells of an occupancy grid, such as SLAM makes: the occupied ones, and those that no scan has covered.

@@ -35,7 +35,7 @@ class GiveWay:
     nearer: float = 0.02
 
     def __post_init__(self) -> None:
-        self._motion = FootprintMotion(self.footprint, self.margin)
+        self._motion = FootprintMotion(self.footprint.corners, self.margin)
         self._times = np.arange(0.0, self.horizon + 1e-9, self.step)
 
     def share(self, pose: Pose2D, twist: Twist2D, moving: Sequence[MovingObstacle]) -> float:

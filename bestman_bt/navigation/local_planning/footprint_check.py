@@ -21,13 +21,13 @@ NEARER = 1e-3
 
 
 class FootprintMotion:
-    """A footprint with a ``margin`` in metres around the outline."""
+    """A convex outline, ``corners`` (N, 2) counter-clockwise, with a ``margin`` in metres around it."""
 
-    def __init__(self, footprint: Footprint, margin: float) -> None:
-        edges = np.roll(footprint.corners, -1, axis=0) - footprint.corners
+    def __init__(self, corners: NDArray[np.float64], margin: float) -> None:
+        edges = np.roll(corners, -1, axis=0) - corners
         self._normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
-        self._offsets = np.einsum("ij,ij->i", self._normals, footprint.corners) + margin
-        self.reach = footprint.circumscribed_radius + margin
+        self._offsets = np.einsum("ij,ij->i", self._normals, corners) + margin
+        self.reach = float(np.linalg.norm(corners, axis=1).max()) + margin
         """Metres from the base's middle within which a point can be within the outline."""
 
     def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -50,8 +50,7 @@ class FootprintMotion:
         near = np.flatnonzero(np.einsum("ij,ij->i", points, points) < reach**2)
         if not len(near) or (speed == 0.0 and twist.wz == 0.0):
             return math.inf, -1
-        steps = min(MOST_STEPS, math.ceil((speed + abs(twist.wz) * self.reach) * horizon / STEP))
-        times = horizon * np.arange(steps + 1) / steps
+        times = _looks(twist, self.reach, horizon)
         x, y, theta = arc(twist, times)
         cos, sin = np.cos(theta)[:, None], np.sin(theta)[:, None]
         dx, dy = points[near, 0] - x[:, None], points[near, 1] - y[:, None]
@@ -65,6 +64,42 @@ class FootprintMotion:
         share = before / (before - after) if before > 0.0 else 0.0
         time = float(times[first - 1] + share * (times[first] - times[first - 1]))
         return (time if distances[0, index] > 0.0 else 0.0), int(near[index])
+
+
+def entry(
+    outline: NDArray[np.float64], corners: NDArray[np.float64], twist: Twist2D, horizon: float
+) -> tuple[float, int]:
+    """Seconds, at most ``horizon``, until ``twist`` brings a point of an outline (N, 2) into an area, and which point.
+
+    ``corners``: (M, 2) of the convex area in the base frame, counter-clockwise. Infinity and -1 where it does not. An
+    outline that is within it already may move as long as none of it gets deeper than the deepest is: out is free.
+    """
+    area, reach = FootprintMotion(corners, 0.0), float(np.linalg.norm(outline, axis=1).max())
+    speed = math.hypot(twist.vx, twist.vy)
+    if float(area.distance(np.zeros(2))) > reach + speed * horizon or (speed == 0.0 and twist.wz == 0.0):
+        return math.inf, -1
+    times = _looks(twist, reach, horizon)
+    x, y, theta = arc(twist, times)
+    cos, sin = np.cos(theta)[:, None], np.sin(theta)[:, None]
+    moved_x = x[:, None] + cos * outline[:, 0] - sin * outline[:, 1]
+    moved_y = y[:, None] + sin * outline[:, 0] + cos * outline[:, 1]
+    distances = area.distance(np.stack([moved_x, moved_y], axis=-1))
+    least = distances.min(axis=1)
+    within = (least < 0.0) & (least < least[0] - NEARER)
+    first = int(np.argmax(within))
+    if not within[first]:
+        return math.inf, -1
+    before, after = float(least[first - 1]), float(least[first])
+    share = before / (before - after) if before > 0.0 else 0.0
+    time = float(times[first - 1] + share * (times[first] - times[first - 1]))
+    return (time if least[0] > 0.0 else 0.0), int(np.argmin(distances[first]))
+
+
+def _looks(twist: Twist2D, reach: float, horizon: float) -> NDArray[np.float64]:
+    """Seconds at which to look how far a twist that moves has come, so that no point within ``reach`` leaps far."""
+    way = (math.hypot(twist.vx, twist.vy) + abs(twist.wz) * reach) * horizon
+    steps = min(MOST_STEPS, math.ceil(way / STEP))
+    return horizon * np.arange(steps + 1) / steps
 
 
 def arc(

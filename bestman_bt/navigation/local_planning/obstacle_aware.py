@@ -102,7 +102,7 @@ class ObstacleAwareFollower(PathFollower):
 
     def _use_footprint(self, limits: MobilePart, footprint: Footprint) -> None:
         self._footprint = footprint
-        self._motion = FootprintMotion(footprint, self.margin)
+        self._motion = FootprintMotion(footprint.corners, self.margin)
         self._check = FootprintCheck(footprint)
         self._begin(limits, Critics(self.critics, footprint, limits.max_vy > 0.0))
 

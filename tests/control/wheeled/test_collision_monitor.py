@@ -19,7 +19,7 @@ from tests.robot_models import base_model
 
 CORNERS = ((0.28, -0.26), (0.28, 0.26), (-0.28, 0.26), (-0.28, -0.26))
 BASE = base_model(CORNERS, max_vy=0.6)
-OUTLINE = FootprintMotion(Footprint(np.array(CORNERS)), 0.0)
+OUTLINE = FootprintMotion(np.array(CORNERS), 0.0)
 DT, BEAMS = 0.025, 360
 MIDDLE = Pose2D()
 
@@ -103,7 +103,7 @@ def test_whatever_is_commanded_the_base_stops_before_a_ring_of_posts(twist):
 def test_an_arm_that_stands_out_is_kept_from_what_is_tall_and_passes_over_what_is_not(twist):
     """Half a metre ahead of the base, above what the lidar sees."""
     arm = np.array([(-0.28, -0.22), (0.28, -0.22), (0.8, -0.1), (0.8, 0.1), (0.28, 0.22), (-0.28, 0.22)])
-    outline = FootprintMotion(Footprint(arm), 0.0)
+    outline = FootprintMotion(arm, 0.0)
     wall = np.column_stack([np.full(200, 1.1), np.linspace(-2.0, 2.0, 200)])
     posts = np.array([[0.5, 0.5], [0.0, 0.75], [-0.6, 0.5]]) if twist.vx == 0.0 else wall
     for tall in (True, False):
@@ -259,7 +259,7 @@ def test_a_base_brakes_for_what_it_meets_within_its_reaction_and_a_quarter_of_it
         radius = math.hypot(0.28, 0.26)
         bearing = math.atan2(0.26, 0.28) + velocity.wz * time
         point = np.array([[radius * math.cos(bearing), radius * math.sin(bearing)]])
-        first, _ = FootprintMotion(Footprint(np.array(CORNERS)), monitor.margin).contact(point, velocity, 2.0)
+        first, _ = FootprintMotion(np.array(CORNERS), monitor.margin).contact(point, velocity, 2.0)
         point = Pose2D(0.0, 0.0, velocity.wz * (time - first)).apply(point)
     elif velocity.vy:
         point = np.array([[0.1, 0.26 + monitor.margin + velocity.vy * time]])

@@ -85,7 +85,7 @@ def test_an_arm_that_reaches_across_a_thin_wall_is_noticed_wherever_the_cells_li
     costmap = Costmap.from_map(walls(*room(5.0, 5.0), (*(middle - 2.0 * along), *(middle + 2.0 * along))), WIDE)
     poses = np.column_stack([rng.uniform(1.8, 3.2, (400, 2)), rng.uniform(-3.0, 3.0, 400)])
     wall = middle + np.linspace(-2.0, 2.0, 2001)[:, None] * along
-    base, above = FootprintMotion(BASE, 0.0), FootprintMotion(WIDE.above, 0.0)
+    base, above = FootprintMotion(BASE.corners, 0.0), FootprintMotion(WIDE.above.corners, 0.0)
     seen_from = [Pose2D(*pose).inverse().apply(wall) for pose in poses.tolist()]
     touches = np.array([np.any((above.distance(s) < 0.0) & (base.distance(s) > 0.02)) for s in seen_from])
     gaps = np.array([above.distance(s).min() for s in seen_from])

@@ -104,7 +104,7 @@ def test_a_walker_is_tracked_with_its_velocity_and_a_post_is_not(driving):
     ],
 )
 def test_the_time_to_contact_is_that_of_the_moving_outline(point, twist, time):
-    found, index = FootprintMotion(SQUARE, 0.0).contact(np.array([[5.0, 5.0], point]), twist, 2.0)
+    found, index = FootprintMotion(SQUARE.corners, 0.0).contact(np.array([[5.0, 5.0], point]), twist, 2.0)
     assert found == pytest.approx(time, abs=0.01)
     assert index == (1 if math.isfinite(time) else -1)
 

@@ -54,7 +54,7 @@ class Drive:
         follower.configure(limits(costmap.footprint, sideways))
         path = GridAStar().plan(start, goal, costmap)
         follower.reset(path, costmap)
-        outline, noise = FootprintMotion(costmap.footprint, 0.0), np.random.default_rng(1)
+        outline, noise = FootprintMotion(costmap.footprint.corners, 0.0), np.random.default_rng(1)
         self.pose, velocity, self.commands, self.poses, self.nearest = start, np.zeros(3), [], [], math.inf
         self.done, self.path = False, path
         for tick in range(int(seconds / DT)):

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Path2D, Pose2D
-from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
 from bestman_bt.navigation.local_planning.swept_path import SweptPath
 
-LONG = FootprintMotion(Footprint(np.array([[-0.4, -0.2], [0.4, -0.2], [0.4, 0.2], [-0.4, 0.2]])), 0.0)
+LONG = FootprintMotion(np.array([[-0.4, -0.2], [0.4, -0.2], [0.4, 0.2], [-0.4, 0.2]]), 0.0)
 AHEAD = Path2D(np.array([[0.0, 0.0], [2.0, 0.0]]), Pose2D(2.0, 0.0, 0.0))
 
 
@@ -60,7 +59,7 @@ def test_a_base_that_touches_a_point_already_may_drive_away_from_it_and_not_into
 
 
 def test_backwards_it_is_the_rear_that_comes_first():
-    long_behind = FootprintMotion(Footprint(np.array([[-0.6, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.6, 0.2]])), 0.0)
+    long_behind = FootprintMotion(np.array([[-0.6, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.6, 0.2]]), 0.0)
     back = Path2D(np.array([[0.0, 0.0], [-1.0, 0.0]]), Pose2D(-1.0, 0.0, 0.0), np.array([True]))
     ahead, _ = SweptPath(back).contact(np.zeros(3), np.array([[-1.2, 0.0]]), long_behind)
     assert ahead == pytest.approx(0.6, abs=0.06)
