@@ -16,7 +16,7 @@ from behaviours.contacts import handle
 from behaviours.context import SkillContext
 from behaviours.furniture.leaf import FurnitureLeaf, find_leaf, free_along, world_at_leaf
 from behaviours.furniture.leaf_motion import LEAF_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
-from behaviours.manipulation.arm_motion import move_free
+from behaviours.manipulation.arm_motion import move_free, unreached
 from behaviours.skill import (
     ALGORITHM_ERRORS,
     ArticulationName,
@@ -295,7 +295,12 @@ class Close(OnArm, Skill):
         leaf.check_opening("opening", self.opening)
         plan: _Plan | None = yield self.compute("grasp_planning", self._plan, leaf)
         if plan is None:
-            raise SkillFailure("no_push", f"the arm cannot push {leaf.articulation} shut from here")
+            raise unreached(
+                skills,
+                SkillFailure("no_push", f"the arm cannot push {leaf.articulation} shut from here"),
+                (skills.map_from_base.inverse() @ at for push in pushes(skills, leaf) for at in push.stations()[0]),
+                world_at_leaf(skills, leaf, skills.world.articulations.get(leaf.articulation, 0.0), "fingers"),
+            )
         yield skills.gripper.close(FINGER_FORCE)
         yield from move_free(self, [plan.approach.pre], world_at_leaf(skills, leaf, plan.push.start, "free"))
         yield from tare_wrist(self)

@@ -12,8 +12,8 @@ from behaviours.contacts import handle
 from behaviours.furniture.leaf import world_at_leaf
 from behaviours.furniture.leaf_measurement import felt_leaf
 from behaviours.furniture.leaf_motion import LEAF_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
-from behaviours.furniture.opening import HandlePull, Opening, plan_opening, plan_pull
-from behaviours.manipulation.arm_motion import follow_path, move_free
+from behaviours.furniture.opening import HandlePull, Opening, plan_opening, plan_pull, pull_grasps
+from behaviours.manipulation.arm_motion import follow_path, move_free, unreached
 from behaviours.skill import (
     ALGORITHM_ERRORS,
     ArticulationName,
@@ -71,7 +71,12 @@ class Open(OnArm, Skill):
         opening = plan_opening(skills, self.articulation, belief, self.opening)
         plan: HandlePull | None = yield self.compute("grasp_planning", plan_pull, skills, opening, belief)
         if plan is None:
-            raise SkillFailure("no_grasp", f"no grasp of {name} is free and within reach from here")
+            raise unreached(
+                skills,
+                SkillFailure("no_grasp", f"no grasp of {name} is free and within reach from here"),
+                (candidate.grasp for candidate in pull_grasps(skills, opening, belief)),
+                world_at_leaf(skills, opening.leaf, opening.start, "fingers"),
+            )
         leaf, posture = opening.leaf, self.posture
         yield skills.gripper.open(plan.fingers)
         yield from move_free(self, [plan.into[0]], world_at_leaf(skills, leaf, opening.start, "free"))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.contacts import grasp, support, surface_below
-from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free
+from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free, unreached
 from behaviours.perception.beliefs import believe_surface
 from behaviours.perception.perceive import NO_CAMERA, camera_called
 from behaviours.perception.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, surface_region
@@ -143,7 +143,12 @@ class PlaceOn(OnArm, Skill):
         base_from_object = skills.map_from_base.inverse() @ self.pose
         approach: Approach | None = yield self.compute("grasp_planning", self._plan, held, base_from_object)
         if approach is None:
-            raise SkillFailure("no_approach", f"the arm has no free path to place the {name} there from this base pose")
+            raise unreached(
+                skills,
+                SkillFailure("no_approach", f"the arm has no free path to place the {name} there from this base pose"),
+                (down for _, down in place_tool_poses(held, base_from_object, self._above(held), DROP)),
+                self._lowering_world(held),
+            )
         yield from move_free(self, [approach.pre])
         with self.touching(grasp(name), support(name, surface_below(skills.world, self.pose))):
             yield from follow_path(self, approach.into, self._lowering_world(held), speed=0.35)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.contacts import push, support, surface_below
-from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
+from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free, unreached
 from behaviours.navigation.base_placement import FindStandPose, StandTarget
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
 from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps
@@ -112,7 +112,15 @@ class Push(OnArm, Skill):
         yield skills.gripper.open(spread(belief.model, skills.gripper_model.max_width))
         plan: PushPlan | None = yield self.compute("grasp_planning", self._plan, belief, goal)
         if plan is None:
-            raise SkillFailure("no_approach", f"the arm has no free path to push the {name} there from this base pose")
+            base_from_map = skills.map_from_base.inverse()
+            base_from_object = base_from_map @ belief.pose
+            direction, _ = _way(base_from_object, base_from_map @ goal)
+            raise unreached(
+                skills,
+                SkillFailure("no_approach", f"the arm has no free path to push the {name} there from this base pose"),
+                push_tool_poses(belief.model, base_from_object, direction),
+                skills.arm_world(self._untouched(belief)),
+            )
         yield from move_free(self, [plan.pre])
         stands_on = belief.surface or surface_below(skills.world, belief.pose)
         with self.touching(push(name), support(name, stands_on)):

@@ -83,7 +83,7 @@ class Groot2View:
 
     def watch(self, session: Session, tree: Tree) -> Callable[[], None]:
         """Serve from now on; there is nothing to do after a tick."""
-        self._publisher = Groot2Publisher(tree, self._port).open()
+        self._publisher = Groot2Publisher(tree, self._port, intervened=session.intervened).open()
         print(f"Groot2: {self._publisher.host}, port {self._port}", file=sys.stderr, flush=True)
         return lambda: None
 

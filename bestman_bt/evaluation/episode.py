@@ -225,7 +225,8 @@ class JudgedSession:
             if observers.truth is not None and self._watch_contacts is None:
                 self._watch_contacts = observers.watch_contacts(session)
             driven_before = observers.driven.length if observers.driven is not None else 0.0
-            after_tick = self._after_tick(stack, loaded, folder, watch, recording, durations, keeping)
+            watching = None if watch is None else partial(watch, session, loaded)
+            after_tick = self._after_tick(stack, loaded, folder, watching, recording, durations, keeping)
             executor = session.executor(loaded, after_tick)
             recorded: _EndsWithRecording | None = None
             if isinstance(session.robot, ReplayRobot):
@@ -293,7 +294,7 @@ class JudgedSession:
         stack: ExitStack,
         tree: Tree,
         folder: Path | None,
-        watch: Watcher | None,
+        watch: Callable[[], Callable[[], None]] | None,
         recording: Path | None,
         durations: Durations,
         keeping: Keeping,
@@ -314,7 +315,7 @@ class JudgedSession:
         if observers.pictures is not None:
             calls.append(_picture_of_the_grasp(session, observers.pictures))
         if watch is not None:
-            calls.append(watch(session, tree))
+            calls.append(watch())
 
         def after_tick() -> None:
             for call in calls:

@@ -94,6 +94,7 @@ class Session:
 
     ``entries``: root blackboard entries of the configured task, set in every tree. ``speed``: scales the robot's speed
     (``session.speed.set(0.3)``). ``ended``: True after the ``with`` block; then nothing can be loaded or run.
+    ``telling``: the telemetry of the last execution that has one.
     """
 
     setup: Setup
@@ -103,6 +104,7 @@ class Session:
     speed: OperatorSpeed
     confirmation: Confirmation | None = None
     ended: bool = False
+    telling: Telemetry | None = None
 
     def load(self, tree: str | Path | Behaviour | Tree | None = None) -> Tree:
         """Load a tree for this robot: a shipped name, a file, XML text, a node or a py_trees behaviour; by default the
@@ -213,7 +215,13 @@ class Session:
             PictureSource(self.skills, folder),
         )
         run = describe_run(self.setup, executor, folder)
-        return Telemetry(executor, run, folder, self.skills.failures, sources, keeping)
+        self.telling = Telemetry(executor, run, folder, self.skills.failures, sources, keeping)
+        return self.telling
+
+    def intervened(self, what: str) -> None:
+        """Somebody has changed by hand how the execution under way goes on: it stands in its result."""
+        if self.telling is not None:
+            self.telling.intervened(what)
 
 
 def _missing(entries: Mapping[str, Any], tree: Tree) -> dict[str, Any]:

@@ -9,8 +9,9 @@ import pytest
 
 from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, TreeLoadError
-from bestman_bt.messages import Pose2D
+from bestman_bt.messages import Box, MotionStage, PlacedShape, Pose2D
 from bestman_bt.runtime.robot_session import Session
+from bestman_bt.world_model.world_model import Obstacle
 from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
 from tests.behaviours.truth import audited, known_world, why_not
 
@@ -75,6 +76,26 @@ def test_a_drawer_is_not_opened_farther_than_it_goes(opened) -> None:
         code, words = why_not(session, leaf)
         assert code == "bad_input", words
         assert f"80.0; {DRAWER} opens by 0 to" in words
+
+
+def test_where_the_hand_gets_to_no_handle_and_no_front_what_keeps_it_from_there_is_recorded(opened) -> None:
+    session, _ = opened
+    world = session.skills.world
+    name, belief = next(iter(world.handles.items()))
+    crate = PlacedShape(Box((0.5, 1.0, 0.5)), belief.handle.pose)
+    world.obstacles["crate"] = Obstacle("crate", (crate,), 0.0)
+    try:
+        asked = f'articulation="{DRAWER}"'
+        for leaf, code in (
+            (f'<Open {asked} handle="{name}" opening="0.3"/>', "no_grasp"),
+            (f"<Close {asked}/>", "no_push"),
+        ):
+            assert why_not(session, leaf)[0] == code
+            met = session.skills.failures[-1].obstacle
+            assert met is not None
+            assert (met.stage, "crate" in met.pairs[0]) == (MotionStage.REACH, True)
+    finally:
+        del world.obstacles["crate"]
 
 
 def test_an_opening_that_is_no_number_is_refused_before_anything_moves(opened) -> None:

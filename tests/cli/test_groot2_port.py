@@ -11,7 +11,7 @@ import pytest
 from bestman_bt.cli.run_command import Groot2View
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.engine import RUNNING, load_tree
-from tests.monitor.groot2.wire_client import free_ports, groot2_client
+from tests.monitor.groot2.wire_client import free_ports, groot2_client, hook
 
 XML = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Sleep name="nap" msec="60000"/></BehaviorTree></root>'
 
@@ -35,11 +35,15 @@ def test_without_the_extra_it_is_named(missing: str, monkeypatch: pytest.MonkeyP
 
 def test_the_tree_of_a_run_is_served_until_the_run_ends(capsys: pytest.CaptureFixture[str]) -> None:
     port, tree = free_ports(), load_tree(XML)
+    by_hand: list[str] = []
     with Groot2View(port) as view, groot2_client(port) as client:
-        after_tick = view.watch(SimpleNamespace(), tree)
+        after_tick = view.watch(SimpleNamespace(intervened=by_hand.append), tree)
         tree.tick_exactly_once()
         after_tick()
         assert client.states() == {1: RUNNING}
+        client.ask("I", hook(1, 1, "FAILURE", once=True))
+        tree.tick_exactly_once()
+    assert by_hand == ["nap was forced to return FAILURE"]
     assert str(port) in capsys.readouterr().err
     with socket.socket() as free:
         free.bind(("127.0.0.1", port))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -21,6 +22,7 @@ from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.messages import Pose
+from bestman_bt.monitor.groot2.hooks import Groot2Hooks
 from bestman_bt.runtime.executor import Ending, Execution
 from bestman_bt.runtime.robot_session import Session
 from bestman_bt.runtime.setup import Setup
@@ -309,3 +311,19 @@ def test_a_run_that_nobody_judges_succeeds_with_its_tree_but_not_with_a_cheat(tm
     assert result.failure is not None
     assert (result.failure.node, result.failure.error_code) == ("audit", "audit")
     assert "resetBaseVelocity was called" in result.failure.why.partition(";")[2]
+
+
+def test_what_somebody_forces_by_groot2_while_a_run_is_judged_stands_in_its_result(tmp_path: Path) -> None:
+    path = tmp_path / "tree.xml"
+    path.write_text('<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysFailure name="leaf"/></BehaviorTree></root>')
+
+    def force(session: Session, tree: Tree) -> Callable[[], None]:
+        hooks = Groot2Hooks(tree, lambda uid: None, session.intervened)
+        once = {"uid": 1, "position": 1, "mode": 1, "once": True, "enabled": True, "desired_status": "SUCCESS"}
+        hooks.insert(json.dumps(once).encode())
+        return lambda: None
+
+    result = run_episode(load_run("fetch_cup", tree=path, seed=1, settings=["predicate=null"]), watch=force)
+    assert result.success
+    assert [mark.partition(" s: ")[2] for mark in result.interventions] == ["leaf was forced to return SUCCESS"]
+    assert "somebody intervened" in result.unearned

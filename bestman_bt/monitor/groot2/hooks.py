@@ -88,12 +88,18 @@ class _Hook:
 
 class Groot2Hooks:
     """The hooks on the nodes of ``tree``. ``reached``: called, in the ticking thread, with each node whose hook is
-    reached.
+    reached. ``replaced``: called there with each result that a hook gave in a node's place, in words.
     """
 
-    def __init__(self, tree: Tree, reached: Callable[[int], None]) -> None:
+
+    ``replaced``: told there, in words, of each result that was given in a node's place.
+    """
+
+    def __init__(
+        self, tree: Tree, reached: Callable[[int], None], replaced: Callable[[str], None] = lambda what: None
+    ) -> None:
         self._tree = tree
-        self._reached = reached
+        self._reached, self._replaced = reached, replaced
         self._changed = threading.Condition()
         self._hooks: dict[tuple[Position, int], _Hook] = {}
 
@@ -204,7 +210,10 @@ class Groot2Hooks:
                 return None
             if hook.once:
                 self._take(hook)
-            return _REPLACING.get(hook.desired_status)
+            instead = _REPLACING.get(hook.desired_status)
+        if instead is not None:
+            self._replaced(f"{self._node(hook).path} was forced to return {hook.desired_status}")
+        return instead
 
 
 def _read(form: Any, content: bytes) -> Any:

@@ -8,6 +8,7 @@ import threading
 import time
 import uuid
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -110,14 +111,17 @@ class Groot2Publisher:
 
     A separate thread answers requests: a tick only stores its state changes, and waits only at breakpoints.
 
-    ``host``, ``port``: the address for requests; breakpoints are published on the next port. ``heartbeat``: seconds
-    without a request after which the client counts as gone and hooks are disabled. ``poll``: seconds between checks.
-    ``most_bytes``: the maximum size of a message.
+    ``host``, ``port``: the address for requests; breakpoints are published on the next port. ``intervened``: called, in
+    the ticking thread, with each result that a hook gave in a node's place. ``heartbeat``: seconds without a request
+    after which the client counts as gone and hooks are disabled. ``poll``: seconds between checks. ``most_bytes``: the
+    maximum size of a message.
+
     """
 
     tree: Tree
     port: int = DEFAULT_PORT
     host: str = LOOPBACK
+    intervened: Callable[[str], None] = lambda what: None
     heartbeat: float = 5.0
     poll: float = 0.05
     most_bytes: int = MOST_BYTES
@@ -126,7 +130,7 @@ class Groot2Publisher:
         self._states: ObservedStates
         self._uuid = uuid.uuid4().bytes
         self._xml = b""
-        self._hooks = Groot2Hooks(self.tree, self._tell_of_breakpoint)
+        self._hooks = Groot2Hooks(self.tree, self._tell_of_breakpoint, self.intervened)
         self._identifiers = itertools.count(1)
         self._telling = threading.Lock()
         self._closing = threading.Event()

@@ -109,21 +109,26 @@ class HorizontalPlane:
     def _lower_plane(
         self, band: NDArray[np.float64], plane: NDArray[np.float64], rng: np.random.Generator
     ) -> NDArray[np.float64] | None:
-        """Return a plane (a, b, c) clearly below ``plane`` with its share of the points (N, 3) and of the extent."""
+        """Return a plane (a, b, c) clearly below ``plane`` with its share of the points (N, 3) and of the extent.
+
+        Of what is a whole step below it; else of all that is below it, as a plane that slants across a low step has
+        points of both levels.
+        """
         heights = above_plane(band, plane)
-        below = band[heights < -2.0 * self.ransac_distance]
         needed = math.ceil(self.lower_share * len(band))
-        lower, _ = self.fit_plane(below, rng, needed) if len(below) >= needed else (None, 0)
-        if lower is None:
-            return None
-        covered, of_plane = (
-            cv2.contourArea(footprint(points[:, :2]))
-            for points in (
-                below[np.abs(above_plane(below, lower)) < self.ransac_distance],
-                band[np.abs(heights) < self.ransac_distance],
+        for below in (band[heights < -2.0 * self.ransac_distance], band[heights < 0.0]):
+            lower, _ = self.fit_plane(below, rng, needed) if len(below) >= needed else (None, 0)
+            if lower is not None:
+                lower, _ = self.refined_plane(lower, band, needed)
+            if lower is None or np.mean(above_plane(band, lower) - heights) < self.ransac_distance / 2:
+                continue
+            covered, of_plane = (
+                cv2.contourArea(footprint(band[np.abs(above) < self.ransac_distance, :2]))
+                for above in (above_plane(band, lower), heights)
             )
-        )
-        return lower if covered >= self.lower_share * of_plane else None
+            if covered >= self.lower_share * of_plane:
+                return lower
+        return None
 
     def fit_plane(
         self, points: NDArray[np.float64], rng: np.random.Generator, needed: int
