@@ -111,12 +111,13 @@ class HorizontalPlane:
     ) -> NDArray[np.float64] | None:
         """Return a plane (a, b, c) clearly below ``plane`` with its share of the points (N, 3) and of the extent.
 
-        Of what is a whole step below it; else of all that is below it, as a plane that slants across a low step has
-        points of both levels.
+        First of what is a whole step below it, then of what is less: a plane that slants across a low step has points
+        of both levels.
         """
         heights = above_plane(band, plane)
         needed = math.ceil(self.lower_share * len(band))
-        for below in (band[heights < -2.0 * self.ransac_distance], band[heights < 0.0]):
+        for step in (2.0, 1.0, 0.5, 0.0):
+            below = band[heights < -step * self.ransac_distance]
             lower, _ = self.fit_plane(below, rng, needed) if len(below) >= needed else (None, 0)
             if lower is not None:
                 lower, _ = self.refined_plane(lower, band, needed)

@@ -154,3 +154,20 @@ def test_a_board_on_most_of_a_table_is_a_thing_on_it_and_not_the_surface(
     np.testing.assert_allclose(scene.planes[0].size, (0.6, 1.0), atol=0.02)
     (thing,) = scene.clusters
     assert float(thing.points[:, 2].max()) == pytest.approx(0.78, abs=0.008)
+
+
+@pytest.mark.parametrize(("table", "thickness"), [((0.572, 0.506), 0.018), ((0.352, 0.627), 0.019)])
+def test_a_low_board_on_half_of_a_table_does_not_tilt_its_plane(table: tuple[float, float], thickness: float) -> None:
+    """A plane that slants from the table up to the board has as many points as the table."""
+    depth, width = table
+    top = PlacedShape(Box((depth, width, 0.04)), Pose(np.array([0.8, 0.0, 0.73])))
+    board = PlacedShape(
+        Box((0.71 * depth, 0.71 * width, thickness)),
+        Pose(np.array([0.8 + 0.12 * depth, 0.1 * width, 0.75 + thickness / 2])),
+    )
+    region = Region(Pose(np.array([0.8, 0.0, 0.76])), (depth + 0.04, width + 0.04))
+    for seed in range(3):
+        view = view_of([top, board], looking_at((0.0, 0.1, 1.5), (0.8, 0.0, 0.75)), rng=np.random.default_rng(seed))
+        plane = PlaneDbscan().segment(view, region, np.random.default_rng(seed)).planes[0]
+        assert plane.height_at(0.8, 0.0) == pytest.approx(0.75, abs=0.002)
+        assert plane.tilt < math.radians(0.5)
