@@ -7,12 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control.wheeled import CollisionMonitor
 from bestman_bt.control.wheeled.base_controller import VelocityGate
+from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D, Twist2D
-from bestman_bt.navigation.global_planning import Costmap, Footprint
-from bestman_bt.navigation.local_planning import FootprintMotion
-from bestman_bt.world_model import MapFurniture, Obstacle, SemanticMap
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
+from bestman_bt.world_model.semantic_map import MapFurniture, SemanticMap
+from bestman_bt.world_model.world_model import Obstacle
 from tests.control.scripted_parts import BASE, CORNERS, ScriptedBase
 
 LIDAR, DT = 0.2, 0.025
