@@ -47,8 +47,8 @@ RISE = 1.0
 class VelocityGate:
     """Commands one base. ``waits``: it is stopped for a limit or for people.
 
-    ``held_by``: why the last command was stopped or slowed down, in words. ``placed``: whether the base's pose on the map
-    is known; otherwise every obstacle may be tall, and nothing is taken from the map.
+    ``held_by``: why the last command was stopped or slowed down, in words. ``placed``: whether the base's pose on
+    the map is known; otherwise every obstacle may be tall, and nothing is taken from the map.
     """
 
     def __init__(self, base: MobileBase, monitor: CollisionMonitor) -> None:
