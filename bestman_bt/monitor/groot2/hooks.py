@@ -91,10 +91,6 @@ class Groot2Hooks:
     reached. ``replaced``: called there with each result that a hook gave in a node's place, in words.
     """
 
-
-    ``replaced``: told there, in words, of each result that was given in a node's place.
-    """
-
     def __init__(
         self, tree: Tree, reached: Callable[[int], None], replaced: Callable[[str], None] = lambda what: None
     ) -> None:
