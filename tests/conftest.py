@@ -15,8 +15,7 @@ from xdist.scheduler import LoadFileScheduling
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import PYBULLET_HAS_WHEELS
 
-# As in `bestman-bt` itself, before NumPy is imported: two workers with two threads each on two processors spend most of
-# their time waiting for one another.
+# As in `bestman-bt` itself, before NumPy is imported: the workers are as many as the processors.
 for limit in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(limit, "1")
 
