@@ -92,7 +92,8 @@ def test_no_motion_is_over_before_it_began(robot: HardwareRobot) -> None:
 def test_a_tool_velocity_is_that_of_the_arms_base_frame(robot: HardwareRobot) -> None:
     arm = robot.part("arm", URArm)
     tool = ToolLimits(robot.model, "arm", robot.model.safety)
-    ended(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
+    moved = ended(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
+    assert moved.status is MotionStatus.SUCCEEDED, moved.failure
     motion = arm.speed_tool([0.05, 0.0, 0.03, 0.0, 0.0, 0.0], 2.0)
     times, places = [], []
     while not motion.done:
