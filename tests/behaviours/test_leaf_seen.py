@@ -10,6 +10,7 @@ import pytest
 
 from behaviours.furniture.leaf import FurnitureLeaf
 from behaviours.furniture.leaf_measurement import opening_by_board, opening_seen, opening_since
+from behaviours.furniture.opening import Opening, stations
 from bestman_bt.messages import Box, Handle, Pose, Pose2D
 from bestman_bt.perception.segmentation.base import SupportPlane
 from bestman_bt.scene.furniture_file import read_furniture
@@ -145,3 +146,22 @@ def test_other_boards_the_edge_of_a_door_and_a_small_part_of_it_tell_nothing() -
     assert opening_by_board(*board_seen("fridge", "upper_door", 0.8, share=0.2)) is None
     away = Pose(0.4 * plane.normal)
     assert opening_by_board(upper, plane.seen_from(away)) is None
+
+
+def test_a_hand_that_turns_about_a_bar_keeps_holding_it_at_the_same_point() -> None:
+    leaf, handle = leaf_and_handle("fridge", "upper_door", 0.0)
+    assert handle.hinge is not None
+    assert handle.hinge_direction is not None
+    matrix = np.eye(4)
+    along, outward = handle.hinge_direction, handle.outward
+    matrix[:3, :3] = np.stack([along, np.cross(outward, along), outward], axis=1)
+    matrix[:3, 3] = handle.pose.position
+    bar = replace(handle, kind="bar", pose=Pose.from_matrix(matrix))
+    door = Opening(leaf, bar, 1.0, 0.0, 0.3, 1.0)
+    grasp = Pose(bar.pose.position + np.array([0.03, -0.02, 0.05]), OFF.to_pose().quaternion)  # its origin: not on it
+    assert door.bar_turns
+    held, tilts = door.held_at(grasp), (-0.5, 0.0, 0.8)
+    for tilt, tool in zip(tilts, stations(door, grasp, tilts)[0], strict=True):
+        np.testing.assert_allclose(tool.apply(held[None]), grasp.apply(held[None]), atol=1e-9)
+        turned = (tool @ grasp.inverse()).rotation
+        assert math.acos((np.trace(turned) - 1.0) / 2.0) == pytest.approx(abs(tilt), abs=1e-6)

@@ -167,6 +167,25 @@ def test_a_base_straight_before_its_staging_pose_backs_up_to_it_and_drives_what_
     assert tree.blackboard.get("docked") == GOAL
 
 
+@pytest.mark.parametrize(
+    ("stands", "first"),
+    [
+        ((-0.2, 0.0, 0.08), ("drive", pytest.approx(-0.3))),  # the staging pose is at -0.5
+        ((-0.2, 0.0, -0.1), ("follow",)),  # turned by 5.7 degrees
+        ((-0.2, 0.06, 0.0), ("follow",)),
+        ((-0.8, 0.0, 0.0), ("follow",)),
+    ],
+)
+def test_only_a_base_straight_before_its_staging_pose_backs_up_to_it(
+    skills: Any, stands: tuple[float, float, float], first: tuple[Any, ...]
+) -> None:
+    skills.world.base = BasePose(GOAL @ Pose2D(*stands), 0.01, 0.01, 0.0)
+    skills.global_planning = SimpleNamespace(plan=lambda *_: path_to(1.0))
+    skills.base.ends[first[0]] = [MotionErrorCode.BLOCKED]
+    assert run(skills, load(skills, '<DockAt goal="{goal}"/>', goal=GOAL)) == FAILURE
+    assert [asked[: len(first)] for asked in skills.base.asked] == [first]
+
+
 def test_a_base_that_stays_beside_its_goal_tries_as_often_as_it_may_and_tells_how_far_it_is_off(skills: Any) -> None:
     skills.world.base = BasePose(GOAL @ Pose2D(-0.5, 0.0, 0.0), 0.01, 0.01, 0.0)
     skills.base.ends["follow"] = [MotionErrorCode.TOLERANCE] * 9

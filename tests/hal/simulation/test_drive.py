@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from hal.simulation.wheel_drive import Odometry, SideDrive, SteeredDrive
+from bestman_bt.messages import Twist2D
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.robot_model.model import BaseModel
+from hal.simulation.parameters import SimulationParameters
+from hal.simulation.wheel_drive import PARK_AFTER, Odometry, SideDrive, SteeredDrive, WheelDrive
 
 SIDES = SideDrive(0.1, 0.1, 0.5)
 PLACES = np.array([[0.25, 0.2], [0.25, -0.2], [-0.25, 0.2], [-0.25, -0.2]])
@@ -58,3 +63,29 @@ def test_odometry_of_a_sideways_arc_ends_where_the_arc_does() -> None:
         odometry.update(wheels, steering)
     assert (odometry.x, odometry.y) == pytest.approx((-2 * vy / wz, 0.0), abs=1e-5)
     assert odometry.heading == pytest.approx(math.pi)
+
+
+def test_wheels_are_held_once_they_have_stood_for_a_while_without_a_break(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, parameters = load_robot_model("diff_panda").of(BaseModel)["base"], SimulationParameters()
+    drive, held = WheelDrive("base", model, parameters, np.random.default_rng(0)), []
+    motors = SimpleNamespace(
+        speeds=np.zeros(2),
+        steering=NONE,
+        count=lambda: None,
+        park=lambda: held.append(True),
+        steer=lambda angles: 0.0,
+        drive=lambda speeds: None,
+    )
+    monkeypatch.setattr(drive, "_attached_motors", motors)
+    monkeypatch.setattr(drive, "read", lambda: None)
+    drive.send(Twist2D(0.3, 0.0, 0.0))
+    drive.send(Twist2D())
+    long_enough = round(PARK_AFTER / parameters.control_period)
+    for _ in range(4 * long_enough):  # it stands for a moment, again and again: it rocks to rest
+        motors.speeds = 0.5 - motors.speeds
+        drive._watch()
+    assert not held
+    motors.speeds = np.zeros(2)
+    for _ in range(long_enough + 1):
+        drive._watch()
+    assert held == [True]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from bestman_bt.robot_model.model import BaseModel
 from bestman_bt.scene.scene import World
 from hal.api import Arm, JointGroup, MobileBase, MotionErrorCode, MotionStatus, NoDataError
 from hal.pybullet.robot import PyBulletRobot
-from hal.simulation.sensor_pipeline import SensorFault
+from hal.simulation.sensor_pipeline import SensorFault, SensorPipeline
 
 NOISE = 0.002
 
@@ -155,3 +156,15 @@ def test_what_needs_encoders_fails_with_a_code(empty_world: World) -> None:
 def test_a_block_with_a_mistake_is_refused_by_name(field: str, value: Any) -> None:
     with pytest.raises(ConfigurationError, match=field):
         load_robot_model("diff_panda", {"parts.arm.set": {"encoders": {field: value}}})
+
+
+def test_what_was_on_its_way_before_a_reconnection_does_not_arrive_after_it() -> None:
+    pipeline = SensorPipeline[str]("a sensor", rate=10.0, latency=0.05)
+    for connection, measures_at in (("first", 0.2), ("second", 0.3)):
+        simulation: Any = SimpleNamespace(now=0.0, step_observers=[])
+        pipeline.start(simulation, lambda connection=connection: connection)
+        simulation.now = measures_at
+        with pytest.raises(NoDataError, match="nothing yet"):
+            pipeline.read()
+        simulation.step_observers[0]()
+        pipeline.detach()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,12 @@ from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastS
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.compose import combine
 from bestman_bt.robot_model.model import GripperModel
+from bestman_bt.robot_model.part_config import SuctionPart
 from hal.api import Arm, Gripper, JointGroup
 from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.parameters import SimulationParameters
+from hal.simulation.suction import BUILD_UP, SuctionPump
 
 ALLOWED = [("fingers", "box"), ("fingers", "can"), ("box", "table"), ("can", "table")]
 TOP = 0.85
@@ -64,6 +68,42 @@ def test_a_hand_of_sixteen_joints_makes_a_fist_and_opens(empty_world) -> None:
             _finish(robot, fingers.move_to(wanted, 0.3))
             np.testing.assert_allclose(fingers.positions(), wanted, atol=0.01)
         assert np.linalg.norm(truth.base_pose().position - start.position) < 1e-4
+
+
+def test_a_suction_cup_holds_with_as_much_of_its_force_as_its_vacuum_has_been_built_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """And whenever it leaves the surface, the vacuum is gone."""
+    parameters = SimulationParameters()
+    cup = combine("differential_base", "panda_arm", "suction").of(GripperModel)["gripper"].part
+    assert isinstance(cup, SuctionPart)
+    pump, pushed, controls = SuctionPump(cup, parameters), [], []
+    engine = SimpleNamespace(push=lambda body, link, force, point: pushed.append((body, link, force)))
+    pump.attach(
+        SimpleNamespace(
+            reader=lambda purpose: None,
+            actor=lambda: engine,
+            built=SimpleNamespace(robot=1, links={cup.cup: 9}),
+            effort_controls=controls,
+        )
+    )
+    touched = (2, 0, (0.5, 0.0, 0.3), (0.0, 0.0, -1.0))
+    monkeypatch.setattr(pump, "_touched", lambda: touched)
+    pump.send(0.0, 40.0, 1.0)
+    steps = round(BUILD_UP / parameters.time_step)
+    for part in (1 / steps, 0.5, 1.0, 2.0):
+        while len(pushed) < 2 * round(part * steps):
+            controls[0]()
+        (_, _, on_it), (_, _, on_cup) = pushed[-2:]
+        assert on_it == pytest.approx((0.0, 0.0, 40.0 * min(1.0, part)), rel=0.05)
+        assert on_cup == pytest.approx((0.0, 0.0, -on_it[2]))
+    assert pump.read().object_held
+    monkeypatch.setattr(pump, "_touched", lambda: None)
+    controls[0]()
+    assert not pump.read().object_held
+    monkeypatch.setattr(pump, "_touched", lambda: touched)
+    controls[0]()
+    assert pushed[-1][2][2] == pytest.approx(-40.0 / steps, rel=0.05)
 
 
 def _follower_error(robot: PyBulletRobot) -> float:
