@@ -66,6 +66,7 @@ gallery: install
 lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python scripts/plain_english.py
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync types contracts
 
 types: install

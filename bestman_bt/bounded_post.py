@@ -155,7 +155,7 @@ def _seconds(text: str) -> float:
 @dataclass
 class _Deadline:
     """Cuts the connection after ``seconds``: httpx's limits hold for each read alone, so that a server which sends a
-    byte now and then would never be late.
+    byte at long intervals would never be late.
     """
 
     seconds: float

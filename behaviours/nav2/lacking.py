@@ -73,7 +73,7 @@ class ToggleCollisionMonitor(_Lacking):
     enable = In(bool, "false is refused", default=True)
 
     def act(self) -> None:
-        """Raise SkillFailure if it is to be disabled."""
+        """Raise SkillFailure if disabling is requested."""
         if not self.enable:
             raise SkillFailure("not_available", self.LACKS)
 

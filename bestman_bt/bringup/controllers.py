@@ -30,9 +30,9 @@ def identity(subject: BroughtUpRobot) -> Iterator[Finding]:
             continue
         text = f"{told.model or driver}, serial number {told.serial_number or 'not told'}, firmware {told.firmware}"
         if owed and told.serial_number != owed:
-            text += f"; the bring-up was begun with {owed}: begin it anew (--again)"
+            text += f"; the bring-up was started with {owed}: start it again (--again)"
         elif firmware and told.firmware != firmware:
-            text += f"; the bring-up was begun with firmware {firmware}: begin it anew (--again)"
+            text += f"; the bring-up was started with firmware {firmware}: start it again (--again)"
         same = told.serial_number == (owed or told.serial_number) and told.firmware == (firmware or told.firmware)
         yield judged(name, same, text, model=told.model, serial_number=told.serial_number, firmware=told.firmware)
 

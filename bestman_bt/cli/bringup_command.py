@@ -27,7 +27,7 @@ def bringup(
         list[str] | None,
         typer.Option("--step", metavar="STEP", help="Only this step, even if it was done; repeatable."),
     ] = None,
-    again: Annotated[bool, typer.Option("--again", help="Begin anew: what was signed counts no more.")] = False,
+    again: Annotated[bool, typer.Option("--again", help="Start again: discard earlier signatures.")] = False,
     board: Annotated[
         str | None,
         typer.Option(
@@ -61,7 +61,7 @@ def bringup(
         _check_connections(name, subject.model)
         file = begun(subject, path)
         if path.is_file() and not file.steps and not again:
-            print(f"{path} tells of another content of the robot's file: all steps are done anew", file=sys.stderr)
+            print(f"{path} belongs to another content of the robot's file: all steps are run again", file=sys.stderr)
         chosen = [known[one] for one in step] if step else list(STEPS) if again else left(file)
         failed = _do(subject, path, chosen, ask, again, quiet=as_json)
         file = begun(subject, path)
@@ -73,7 +73,7 @@ def bringup(
 
 
 def _do(subject: Any, path: Path, steps: list[Any], ask: Callable[[Any], None], again: bool, quiet: bool) -> bool:
-    """Do the steps, and tell each one's findings; whether one has failed. ``again``: what was signed counts no more."""
+    """Run the steps and print their findings; returns whether one failed. ``again``: discard earlier signatures."""
     from bestman_bt.bringup.procedure import bring_up
     from hal.parts.part_connection import ConnectionFailedError
 

@@ -139,7 +139,7 @@ def grasps(
     robot: Robot = ROBOT,
     as_json: Json = False,
 ) -> None:
-    """Find an object's grasps anew, for example for another gripper, and keep them beside its file."""
+    """Find an object's grasps again, for example for another gripper, and save them beside its file."""
     from bestman_bt.runtime.object_import import write_grasps
 
     with json_output(as_json) as write:

@@ -115,7 +115,7 @@ class TreeFiles:
 class ExecutionOptions:
     """Whether the plan is run, and the folder of its run folder."""
 
-    run: Annotated[bool, typer.Option("--run", help="Run it at once, and plan anew where it fails.")] = False
+    run: Annotated[bool, typer.Option("--run", help="Run it at once, and plan again on failure.")] = False
     yes: Annotated[bool, typer.Option("--yes", help="Run what a model made of a text without asking you.")] = False
     runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs")
 
@@ -176,7 +176,7 @@ def command(
             needed = [*(where.settings or ()), *(_judged_by(question, problem) if own_goal else ())]
             print(f"run it: {_to_run(files.output, where, question.setup.config, needed)}", file=sys.stderr)
             if assumed(plan):
-                print(f"{files.output} plans anew (ReachGoal) where the plan fails", file=sys.stderr)
+                print(f"{files.output} plans again (ReachGoal) if the plan fails", file=sys.stderr)
         if files.svg is not None:
             files.svg.write_text(render_svg(folded(made, problem)), encoding="utf-8")
         if not execution.is_wanted(wanted.text):
@@ -221,7 +221,7 @@ def _said_where(config: RunConfig, xml: str) -> str:
 
 
 def _to_run(tree: Path, planned: PlanningOptions, config: RunConfig, settings: Sequence[str]) -> str:
-    """Return the command that runs the saved tree as it was planned for."""
+    """Return the command that runs the saved tree with the planned scene and robot."""
     where = {"--task": planned.task, "--scene": planned.scene, "--robot": planned.robot}
     if planned.task is None:
         where = {"--scene": config.task.scene, "--robot": config.task.robot}

@@ -298,7 +298,7 @@ def execute(
 
 
 def asked_on_the_terminal(session: Session, tree: Tree) -> Callable[[], None]:
-    """Print each motion of a session that is to be confirmed, and take the answer from standard input."""
+    """Print each motion of a session that needs confirmation, and read the answer from standard input."""
     confirmation = session.confirmation
     if confirmation is None:
         return lambda: None
@@ -379,7 +379,7 @@ def exit_code(result: RunResult) -> int:
 
 
 def _replayed(recording: Path, tree: str | None, driver: str) -> RunConfig:
-    """Return the run as it was recorded, with another tree if one is given."""
+    """Return the recorded run, with another tree if one is given."""
     if not (recording / "config.yaml").is_file():
         raise ConfigurationError([Problem("--recording", None, "", f"{recording} is no folder of a run")])
     config = read_run(recording / "config.yaml")

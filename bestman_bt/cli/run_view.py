@@ -26,7 +26,7 @@ from hal.parts.simulated_clock import SimulatedClock
 CONSOLE = Console(stderr=True)
 """How something comes along."""
 RESULTS = Console()
-"""What came of it; with ``--json``, which has standard output for itself, on standard error, too."""
+"""The result; with ``--json``, which uses standard output, on standard error."""
 
 OUTCOME_LOOKS: dict[Outcome, Look] = {
     Outcome.SUCCESS: LOOKS[SUCCESS],

@@ -36,9 +36,9 @@ _PLAIN_WORDS = {
     "mapping_type": "should hold names (name: value)",
     "dataclass_type": "should hold fields (name: value)",
 }
-"""Pydantic's types of faults → what is owed, in the words of YAML."""
+"""Pydantic's types of faults → the expected value, in YAML terms."""
 _OF_PYDANTIC = re.compile(r"^(Value error,|Input|String|Tuple|Dictionary) ")
-"""Before the words that say what is owed."""
+"""Precedes the expected value."""
 
 
 def check(document: Document, dataclass_type: type[T]) -> T:
@@ -289,7 +289,7 @@ def _partial_type(kind: Any) -> Any:
 
 
 def _words(fault: Any, data: Any) -> str:
-    """What is owed, in the words of YAML."""
+    """Return the expected value, in YAML terms."""
     kind, message = fault["type"], str(fault["msg"])
     if kind == "literal_error":
         return f"should be {fault['ctx']['expected']}"

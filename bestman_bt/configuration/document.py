@@ -202,7 +202,7 @@ def _record(
 
 
 def _names_entries_of(there: Any, value: Mapping[Any, Any]) -> bool:
-    """Return whether ``value``, index → entry, is to be laid over a list."""
+    """Return whether ``value``, index → entry, overlays a list."""
     return isinstance(there, list) and bool(value) and all(key in range(len(there)) for key in value)
 
 

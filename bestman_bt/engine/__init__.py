@@ -242,5 +242,5 @@ __all__ = [
 if not TYPE_CHECKING:
 
     def __getattr__(name):
-        """Raise an error that says where a skill is defined, if it is looked for among the engine's nodes."""
+        """Raise an error with a skill's module if the skill is looked up among the engine's nodes."""
         raise_no_such_name(__name__, name)

@@ -227,7 +227,7 @@ def _empty_will_do(tree: Tree, use: EntryUse) -> bool:
 
 
 def _ended_before(reader: Node, writer: Node) -> bool:
-    """Return whether the reader has ended for good before the writer is ticked for the first time."""
+    """Return whether the reader has ended permanently before the writer is ticked for the first time."""
     routes = _route(reader), _route(writer)
     shared = [a for a, b in zip(*routes, strict=False) if a is b]
     if len(shared) in map(len, routes) or not all(type(node) in _ONCE for node in shared):

@@ -144,7 +144,7 @@ def _shadowing(tree: Tree, written: set[int]) -> Iterator[Problem]:
 
 
 def _unfit_below_reactive(tree: Tree) -> Iterator[Problem]:
-    """Leaves that a reactive node asks anew, or interrupts, and that are not made for it."""
+    """Leaves that a reactive node repeats or interrupts, and that are not made for it."""
     for node in tree.nodes:
         if STRICT in node.attributes and not isinstance(node, _REACTIVE):
             yield _warning(node, STRICT, "it only affects ReactiveSequence and ReactiveFallback")

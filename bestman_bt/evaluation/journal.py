@@ -123,7 +123,7 @@ class Journal:
         file.flush()
         os.fsync(file)
         numbers = ", ".join(map(str, damaged))
-        self.notes.append(f"{self._path}: damaged lines were left out ({numbers}); the file as it was: {copy}")
+        self.notes.append(f"{self._path}: damaged lines were left out ({numbers}); the original file: {copy}")
 
     def _close(self) -> None:
         if self._lock_file is not None:

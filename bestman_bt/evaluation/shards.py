@@ -70,7 +70,7 @@ class Shard:
 
 
 class KnownDurations:
-    """Wall times of the episodes below a folder, to deal those that are to be run."""
+    """Wall times of the episodes below a folder, to balance the shards."""
 
     def __init__(self, folder: Path) -> None:
         self._episodes: dict[tuple[str, int], float] = {}

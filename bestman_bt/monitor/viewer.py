@@ -85,7 +85,7 @@ def _words(history: RunHistory, outcome: Transition | None) -> str:
 PERIOD = 1 / 30
 """Seconds between two sendings."""
 IDLE_PERIOD = 1.0
-"""Seconds after which it is looked again, even without a notification."""
+"""Seconds until the next check, even without a notification."""
 MOST_OPEN = 8
 MOST_WAITING = 64
 """Requests that wait to be carried out, and answers to be sent; beyond them no request is read."""
@@ -200,7 +200,7 @@ class Viewer:
         self._wake.set()
 
     async def _answered(self, asked: Message) -> Message:
-        """Carry out one request; what is to be sent back."""
+        """Execute one request. Returns the answer to send."""
         number = asked.get("n")
         number = number if isinstance(number, int | str) else None
         try:

@@ -20,7 +20,7 @@ class DetectorModelError(PerceptionError):
 
 
 class DetectorUnreachableError(PerceptionError):
-    """A remote detector gave no answer, as often as it was asked; the message has the URL and the reason."""
+    """A remote detector gave no answer to any attempt; the message has the URL and the reason."""
 
 
 class DetectorReplyError(PerceptionError):

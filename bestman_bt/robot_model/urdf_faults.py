@@ -20,7 +20,7 @@ _ONE = {
     "cylinder": ("radius", "length"),
     "sphere": ("radius",),
 }
-_MEND = "cut the link behind it, or mend the file"
+_MEND = "cut the link behind it, or correct the file"
 
 
 def structure_faults(robot: ET.Element) -> list[str]:

@@ -22,7 +22,7 @@ from bestman_bt.task_planning.symbolic.problem import GoalError, Literal
 
 @dataclass(frozen=True)
 class FactsFields:
-    """The facts of ``goal``, such as ``on(cup, table) and closed(drawer_3)``, are to be achieved.
+    """The facts of ``goal``, such as ``on(cup, table) and closed(drawer_3)``, are the goal.
 
     ``told``: object → its given surface. ``planner``, ``builder``, ``limits``: as for the node ``ReachGoal``.
     ``replans``: largest number of replans.

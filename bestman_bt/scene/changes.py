@@ -76,7 +76,7 @@ def _unmapped(scene: SceneConfig, name: str, place: Pose2D) -> PlacedFurniture:
 
 
 class _Floor:
-    """The floor without a piece that is to be put somewhere: what is ``taken``, and what a disc reaches of the rest."""
+    """The floor without the piece to place: the ``taken`` area, and the part of the rest that a disc reaches."""
 
     def __init__(self, taken: Sequence[Points], robot: Pose2D, passage: float) -> None:
         kept_free = rectangle(Pose2D(robot.x, robot.y, 0.0), (_AROUND_ROBOT, _AROUND_ROBOT))

@@ -272,7 +272,7 @@ def _changed(
     furniture: tuple[PlacedFurniture, ...],
     start: Pose2D,
 ) -> tuple[tuple[PlacedFurniture, ...], tuple[Walker, ...]]:
-    """Return the furniture as it stands after what has changed since the map was made, and who walks between it."""
+    """Return the furniture with the changes since the map was made, and the pedestrians between it."""
     fixed = [wall_rectangle(wall) for wall in walls] + [line for piece in furniture for line in leaf_outlines(piece)]
     standing = draw_changes(scene, furniture, fixed, start, partial(_generator, seed, attempt, "changes"))
     if standing is None:

@@ -123,6 +123,6 @@ class _Frontier:
 
 
 def _instances(problem: Problem, operator: Operator) -> Iterator[Action]:
-    """Yield an operator for all things of its types, including impossible ones, which are to be explained."""
+    """Yield an operator for all things of its types, including impossible ones, to explain them."""
     for arguments in itertools.product(*(problem.of_type(kind) for kind in operator.parameters.values())):
         yield instantiate(problem, operator, arguments)

@@ -52,7 +52,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 def _imported(driver: str | None) -> Callable[..., Any]:
     if driver is None:
-        raise pytest.UsageError(f"say which driver is to be tested: {EXAMPLE}")
+        raise pytest.UsageError(f"name the driver to test: {EXAMPLE}")
     module, _, name = driver.partition(":")
     if not all(part.isidentifier() for part in (*module.split("."), *name.split("."))):
         raise pytest.UsageError(f"--driver {driver!r} should be MODULE:CLASS, for example {EXAMPLE}")

@@ -330,7 +330,7 @@ def set_points_are_streamed(robot: Robot, arm: Arm) -> None:
 
 
 def _due(robot: Robot, arm: Arm, trajectory: JointTrajectory, begin: float) -> NDArray[np.float64]:
-    """Where the arm is to be now: by the clock, or by what it says itself where it may be slower."""
+    """Return the target position now: by the clock, or by the arm's own report if it may be slower."""
     told = arm.trajectory_time()
     return trajectory.sample(robot.clock.now() - begin if told is None else told)[0]
 

@@ -135,7 +135,7 @@ def each(kind: type[PartType]) -> Callable[[Callable[[Robot, PartType], None]], 
 def waits_for_sleeps(clock: Clock) -> bool:
     """Return whether time passes only in sleeps, as in simulation, or by itself.
 
-    Who asks lets the machine's time pass: a clock that shortens a sleep because the last one was too long forgets that.
+    Each query lets the machine's time pass: a clock that shortens a sleep after one that was too long forgets that.
     """
     before = clock.now()
     time.sleep(IDLE)
@@ -179,7 +179,7 @@ def set_moving(robot: Robot) -> list[Motion[None]]:
 
 
 def keep_velocity(robot: Robot, group: JointGroup, velocities: NDArray[np.float64], duration: float) -> None:
-    """Command a velocity, again and again before it lapses, for ``duration`` seconds."""
+    """Command a velocity, repeated before it lapses, for ``duration`` seconds."""
     end = robot.clock.now() + duration
     while (left := end - robot.clock.now()) > 1e-6:
         group.command(velocities=velocities)

@@ -131,7 +131,7 @@ AT_ONCE = 0.005
 
 
 class RealTimer(Timer):
-    """A periodic call; ``due``: when it is to be called next, seconds of the clock."""
+    """A periodic call; ``due``: the time of the next call, seconds of the clock."""
 
     def __init__(self, period: float, start: float, call: Callable[[], None]) -> None:
         self._period, self._start, self._call = period, start, call
@@ -140,7 +140,7 @@ class RealTimer(Timer):
 
     @property
     def due(self) -> float:
-        """When it is to be called next."""
+        """Return the time of the next call."""
         return self._start + (self._calls + 1) * self._period
 
     def run(self, now: float) -> None:

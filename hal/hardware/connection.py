@@ -99,7 +99,7 @@ class Connection(ABC):
     is imported by; ``extra``: of our package, which brings it. ``serves``: kind of part → how many of it have to, and
     may, be behind one controller; empty: any parts. ``needs_address``: whether it has one. All these are checked when a
     robot is read, before anything connects.
-    ``one_client``: whether its controller obeys any client, so that a second client is to be refused here.
+    ``one_client``: whether its controller obeys any client, so that a second client must be refused here.
     ``unsupported``: what of the Robotics API the controller cannot do, or a check of the conformance suite that it
     cannot pass → why; conformance lists it.
     """
@@ -265,7 +265,7 @@ class Connection(ABC):
     def clear(self, noted: Failure | None) -> None:
         """After a stop because of ``noted``: clear what the controller reports, or connect again where it was lost.
 
-        A wire that was lost for a while is opened anew, even if it works again: the state may have changed since.
+        A wire that was lost for a while is reopened, even if it works again: the state may have changed since.
         """
         if not self.connected:
             self.connect()
@@ -314,7 +314,7 @@ class Connection(ABC):
         found = [comparison for compare in COMPARISONS if (comparison := compare(self.model, arm, told))]
         unlike = tuple(f"{arm}: {comparison.text}" for comparison in found if not comparison.agrees)
         if unlike and self.model.serial_numbers.get(self.name):
-            why = "this is not as it was when the robot was brought up"
+            why = "this differs from the robot's bring-up"
             raise ConnectionFailedError(f"{self.name}: {'; '.join(unlike)} ({why}: {self.model.bringup})")
         self.remarks, self._compared = self.remarks + unlike, True
 

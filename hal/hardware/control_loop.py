@@ -81,7 +81,7 @@ class ControlLoop:
         )
 
     def forget_lateness(self) -> None:
-        """Measure anew from now on."""
+        """Restart the measurement."""
         self._late.clear()
         self._missed = 0
 

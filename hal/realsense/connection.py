@@ -35,7 +35,7 @@ class RealSenseOptions:
 
     Without images for ``image_time`` the camera counts as lost, which stops nothing but what waits for one.
     ``serial``: which camera, where there are several. ``recording``: a file that the RealSense viewer or SDK has
-    recorded, played again and again in place of a camera. ``frame_rate``: images per second. ``image_time``: seconds to
+    recorded, played in a loop in place of a camera. ``frame_rate``: images per second. ``image_time``: seconds to
     wait for one.
     """
 

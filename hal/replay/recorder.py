@@ -30,7 +30,7 @@ from hal.parts.simulated_clock import SimulatedClock
 from hal.replay.tape import error_to_json, to_json
 
 SAMPLE_PERIOD = 0.05
-"""Seconds between looks at joints and grippers, which programs read now and then only, and at motions under way."""
+"""Seconds between looks at joints and grippers, which programs read rarely, and at motions under way."""
 DEFAULT_TIME_STEP = 1.0 / 240.0
 
 

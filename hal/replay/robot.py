@@ -1,4 +1,4 @@
-"""A robot that is a recording: it reads as it was read, and takes the commands that were given."""
+"""A robot that is a recording: it returns the recorded readings, and accepts the recorded commands."""
 
 from __future__ import annotations
 

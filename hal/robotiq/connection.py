@@ -37,7 +37,7 @@ class RobotiqOptions:
     ``least_force``, ``least_speed``: what its numbers 0 mean; 255 are the part's ``max_force`` and ``max_speed``.
     ``device``, ``command_register``, ``status_register``: of Modbus; a gateway to the serial gripper has 9, 1000, 2000.
     ``rate``: hertz of its readings. ``timeout``: seconds that it may take to answer once; ``longest_delay``: for long.
-    ``activate_holding``: whether a hand that may hold something is activated anew all the same, which drops it.
+    ``activate_holding``: whether a hand that may hold something is activated again all the same, which drops it.
     """
 
     protocol: Literal["urcap", "modbus"] = "urcap"
@@ -135,7 +135,7 @@ class RobotiqChannel(GripperChannel):
         if fault_of(self._told()) is not None:
             if self._may_hold and not self._options.activate_holding:
                 raise ConnectionFailedError(
-                    f"{self._name}: the Robotiq gripper has to be activated anew, and would drop what it may hold: "
+                    f"{self._name}: the Robotiq gripper has to be activated again, and would drop what it may hold: "
                     "take that out of the hand, then allow it by options.activate_holding: true"
                 )
             self._await(lambda: self._told().activation == RESET, deadline, lambda wire: wire.reset())
@@ -203,7 +203,7 @@ class RobotiqChannel(GripperChannel):
     def _await(
         self, come: Callable[[], bool], deadline: float, ask: Callable[[RobotiqWire], None] = lambda wire: None
     ) -> None:
-        """``ask`` again and again until it has ``come``."""
+        """Repeat ``ask`` until it has ``come``."""
         self._exchange(ask)
         while not come():
             if time.monotonic() > deadline:
@@ -270,7 +270,7 @@ class RobotiqConnection(Connection):
         return self._channel.fault or self._channel.slowness
 
     def recover(self) -> None:
-        """Activate anew, which clears faults."""
+        """Activate again, which clears faults."""
         self._channel.activate()
 
     def _cycle(self, elapsed: float) -> None:

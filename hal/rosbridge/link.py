@@ -1,4 +1,4 @@
-"""One websocket to a rosbridge server, by roslibpy: it is never opened anew of its own accord, so nothing acts late."""
+"""One websocket to a rosbridge server, by roslibpy: it never reconnects by itself, so no command acts late."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ class AuditRecord:
 
 
 class DisturbanceLog:
-    """``events``: what was done; none is ever taken back. ``log``: what came of it, in words.
+    """``events``: what was done; none is ever removed. ``log``: their effects, as text.
 
     An event may rest, before its time is over: then nothing is forgiven for it.
     """
@@ -115,7 +115,7 @@ class DisturbanceLog:
         self.events += (event,)
 
     def tell(self, event: Finding) -> None:
-        """Say what came of an event."""
+        """Report the effect of an event."""
         self.log += (event,)
 
     def rest(self, event: DisturbanceEvent) -> None:

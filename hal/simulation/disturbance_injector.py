@@ -28,7 +28,7 @@ FALL_TIME = 2.0
 PUSH_TIME = 10.0
 """Seconds after which a blocked push is given up."""
 ENDS_WITHIN = 0.1
-"""Seconds after its time in which a slip or a push has ended: it is looked after every control period."""
+"""Seconds after its time in which a slip or a push has ended: checked after every control period."""
 PUSH_EFFORT = {"prismatic": 30.0, "revolute": 10.0}
 """N and N m: what a hand pushes with."""
 

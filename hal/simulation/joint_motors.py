@@ -68,7 +68,7 @@ class FrameMotion:
 
 
 class FrameTracker:
-    """Follows one frame or link of the robot; it stands still until it is looked at for the second time."""
+    """Follows one frame or link of the robot; it stands still until its second read."""
 
     def __init__(self, simulation: Simulation, reader: Reader, frame: str) -> None:
         self._simulation, self._reader, self._frame = simulation, reader, frame

@@ -59,7 +59,7 @@ class AttachmentCheck:
     ) -> None:
         """Take in one observation and the normal forces of the robot on each body.
 
-        ``put_down``: objects that a script has put where they are: the half second begins anew.
+        ``put_down``: objects that a script has put where they are: the half second restarts.
         """
         if put_down:
             self._history.clear()
@@ -181,7 +181,7 @@ class AuditMonitor:
     """Watches one simulation of ``world`` from the moment its scene is built.
 
     What ``disturbance_log`` holds is forgiven: it explains what happens to one object, door or drawer for a while. Each
-    such event is in the record for good, whatever becomes of the log: the evaluation compares it with what the
+    such event stays in the record, whatever becomes of the log: the evaluation compares it with what the
     task's own script has done.
     """
 

@@ -61,7 +61,7 @@ LEGS = BaseTiming(stop_time=0.08, arrival=Arrival(arrived=0.005))
 
 
 class SimulatedRobot(Robot):
-    """A simulated robot. ``connect()`` builds the world anew and lets it settle; time goes on across connections.
+    """A simulated robot. ``connect()`` rebuilds the world and lets it settle; time goes on across connections.
 
     ``seed`` decides sensor noise and the calibration errors of odometry. Equal models, worlds, seeds and commands give
     bit-identical runs. A subclass says in ``build`` which engine it is.

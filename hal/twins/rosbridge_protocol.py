@@ -173,7 +173,7 @@ class RosbridgeServer:
         self._server.close()
 
     def close_clients(self) -> None:
-        """As when the server is started anew."""
+        """Behave like a restarted server."""
         self._server.close_clients()
 
     def has_subscriber(self, topic: str) -> bool:

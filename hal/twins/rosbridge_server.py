@@ -155,7 +155,7 @@ class RosbridgeTwin:
     """Serves bases, joint groups, cameras, lidars, other sensors and batteries on ``address``.
 
     Its clock is the machine's wall clock, which is not the client's. A camera takes pictures while a client subscribes
-    to them. Faults beside those of the wire: ``stale_odometry`` (the same odometry again and again),
+    to them. Faults beside those of the wire: ``stale_odometry`` (the same odometry repeated),
     ``silent_odometry`` (none), ``fresh_odometry``; ``silent_scan``, ``fresh_scan``; ``stuck`` (the base does not move),
     ``free``; ``no_dead_man`` (it drives on when commands cease), ``dead_man``;
     ``other_wrench_sign`` (what the hand does to the world), ``wrench_sign``; ``blind`` (no pictures), ``sighted``;

@@ -192,7 +192,7 @@ class TwinHost:
         self.world.close()
 
     def _sign(self) -> BringUpFile:
-        """Twins are what the robot's file says: nothing is to be found out about them."""
+        """Twins match the robot's file: there is nothing to discover about them."""
         serial_numbers = {name: getattr(twin, "serial_number", "") for name, twin in self.twins.items()}
         told = {name: number for name, number in serial_numbers.items() if number}
         signature = Signature("bestman-bt twin", time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()))

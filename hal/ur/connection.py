@@ -359,7 +359,7 @@ class URJoints(JointChannel):
 class URForceTorque(HardwareForceTorque):
     """Raw readings (``ft_raw_wrench``), weight of the hand included, in the frame of the flange.
 
-    The part is to be mounted on the arm's ``tool0`` without an offset.
+    The part must be mounted on the arm's ``tool0`` without an offset.
     """
 
     def __init__(self, name: str, model: ForceTorquePart, link: URLink, latch: StopLatch) -> None:

@@ -1,7 +1,7 @@
 """The vendor's SDK, unmodified, in a process of its own: run as a script, it imports nothing of ours.
 
 Two threads of ur-rtde decide for themselves: where a connection fails, they connect again and start their program on
-the controller anew, wait without a limit, and write to the standard output. In a process that can be ended at any time
+the controller again, wait without a limit, and write to the standard output. In a process that can be ended at any time
 none of that matters: it ends with its parent, and the controller's own watchdog stops what it has left behind.
 
 Two pipes lead to the parent. Over ``calls`` come ``(name, arguments)``, answered by ``(True, result)`` or
@@ -178,7 +178,7 @@ class SDKProcess:
         threading.Thread(target=self._report, name="reports", daemon=True).start()
 
     def recover(self) -> None:
-        """Start the program anew: whatever it was at when it was stopped is over. RefusedError as ``open``."""
+        """Restart the program: its interrupted command is over. Raises RefusedError like ``open``."""
         self._check_released()
         self._renewed_until = None
         self._upload()

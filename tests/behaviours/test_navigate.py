@@ -72,7 +72,7 @@ def test_a_lidar_that_is_silent_for_a_moment_costs_time_and_no_more(kitchen_with
     ("fault", "code", "words"),
     [
         (SensorFault.SILENT, "disconnected", "lidar"),
-        (SensorFault.FROZEN, "blocked", "the lidar tells the same scan again and again"),
+        (SensorFault.FROZEN, "blocked", "the lidar repeats the same scan"),
     ],
 )
 def test_a_lidar_that_fails_for_good_stops_the_base_and_is_named(kitchen_with, fault, code, words) -> None:

@@ -173,7 +173,7 @@ class _Turn(Motion[Result]):
             )
 
     def watch(self, clock: Clock, passing: Passing) -> None:
-        """Attempt again and again."""
+        """Repeat the attempt."""
         end = clock.now() + passing.patience
         self._timer = clock.every(passing.period, lambda: self._tick(end - clock.now()))
 

@@ -142,7 +142,7 @@ class CollisionMonitor:
         if not self.enabled:
             return MonitoredCommand(wanted, MonitorAction.NONE)
         if self._equal >= self.frozen_scans:
-            text = "the lidar tells the same scan again and again"
+            text = "the lidar repeats the same scan"
             return MonitoredCommand(Twist2D(), MonitorAction.STOP, True, text)
         pressed = self._pressed(odometry)
         points = self._points.around(odometry)

@@ -17,7 +17,7 @@ from hal.simulation.bodies import Viewpoint
 RATE = 12
 """Frames per second."""
 SECONDS = (8.0, 13.0)
-"""Shortest and longest film; a run that is shorter is shown as fast as it was."""
+"""Shortest and longest film; a shorter run is shown at its original speed."""
 SHORTEST = 0.5
 AZIMUTHS = np.arange(12) * math.pi / 6
 ELEVATIONS = (math.radians(25.0), math.radians(40.0))

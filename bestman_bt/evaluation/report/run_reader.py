@@ -237,7 +237,9 @@ def _stops(folder: Path, notes: list[str]) -> Iterator[StopChart]:
 
 
 def _picture(folder: Path, name: str, caption: str, notes: list[str]) -> StoryPicture | None:
-    """Return a picture of a run folder; it is decoded and written anew, so that nothing else of the file gets out."""
+    """Return a picture of a run folder; it is decoded and encoded again, so that no other content of the file is
+    published.
+    """
     path = folder / name
     try:
         if not path.resolve(strict=True).is_relative_to(folder.resolve()):

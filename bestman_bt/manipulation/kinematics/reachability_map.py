@@ -258,7 +258,7 @@ def _read(file: Path) -> ReachabilityMap | None:
         if found.counts.ndim != 4 or found.counts.shape != found.manipulability.shape:
             raise ValueError(f"its arrays have the shapes {found.counts.shape} and {found.manipulability.shape}")
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        _LOG.warning("the stored reachability map %s cannot be used and is built anew: %s", file, error)
+        _LOG.warning("the stored reachability map %s cannot be used and is built again: %s", file, error)
         return None
     return found
 

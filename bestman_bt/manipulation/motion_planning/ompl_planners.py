@@ -119,7 +119,7 @@ class OmplPlanner(SamplingPlanner):
 
 @dataclass(frozen=True)
 class AORRTC(OmplPlanner):
-    """RRT-Connect again and again, each time for less than the best path so far.
+    """Repeated RRT-Connect, each time for a cost below the best path so far.
 
     Wilson, Thomason, Kingston, Kavraki and Gammell, "Nearly-optimal bidirectional planning: AORRTC", 2025. An attempt
     always uses ``max_checks``, the more the shorter the path.

@@ -1,4 +1,4 @@
-"""Watches a process by Groot2's protocol, again and again as it restarts, and shows each execution as one of ours."""
+"""Watches a process by Groot2's protocol, across restarts, and shows each execution as one of ours."""
 
 from __future__ import annotations
 

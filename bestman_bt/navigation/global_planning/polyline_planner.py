@@ -96,7 +96,7 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
     def _enters(self, start: Pose2D, goal: Pose2D, costmap: Costmap, turning_distance: float) -> bool:
         """Return whether the base is on the straight way into the goal already, and may drive straight on.
 
-        Otherwise who plans again and again would go back to the beginning of that way, and, there, turn for ever into
+        Otherwise repeated planning would return to the start of that path, and, there, turn for ever into
         the direction of a segment of millimetres.
         """
         place, way = goal.inverse() @ start, goal.xy - start.xy

@@ -180,7 +180,7 @@ class PoseGraphSlam(Slam):
     there has to explain ``sure_inlier_ratio`` and be known to ``sure_std`` in each direction. Else the match counts if
     it explains ``least_inlier_ratio``, as where a new room comes into view, and lies within ``max_deviation`` of the
     odometry. ``position_std``, ``heading_std``: error of a match beside the noise of the hits. ``redraw_distance``,
-    ``redraw_angle``: a keyframe that a loop closure moves farther has the grid drawn anew. ``closing_scans``: after so
+    ``redraw_angle``: a keyframe that a loop closure moves farther triggers a new grid. ``closing_scans``: after so
     many scans, or at the next keyframe, what a thread of its own found of loops and solved meanwhile is taken over.
     """
 
@@ -291,7 +291,7 @@ class PoseGraphSlam(Slam):
         return SlamTrajectory(self._graph.poses, stamps, np.array(self._loops, dtype=np.intp).reshape(-1, 2))
 
     def _match(self, hits: OrientedPoints) -> ScanMatch:
-        """Match to the older submap under way, and take over what was found if it is to be believed."""
+        """Match to the older submap under way, and adopt the result if it is plausible."""
         submap = self._active[0]
         anchor = submap.anchor.local.theta
         guess = submap.pose_of(self._local)

@@ -16,7 +16,7 @@ from bestman_bt.robot_model.model import GripperModel
 
 @dataclass(frozen=True, eq=False)
 class GraspTarget:
-    """What is to be grasped: a box around it, and what else is known of it; all in one frame whose z points up.
+    """The object to grasp: a box around it and further knowledge; all in one frame whose z points up.
 
     ``model`` and ``frame_from_object``: both or neither. ``cloud``: its measured points, with normals not given.
     ``viewpoints``: (V, 3) where the cameras stood that measured it. ``surroundings``: (N, 3) points of everything

@@ -34,7 +34,7 @@ class SolidSurface:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Where rays from surface points (R, 3) along unit inward ``directions`` leave the solid.
 
-        For the first time, or with ``last`` for good: beyond the hollow of a cup. Returns points and outward normals
+        The first exit, or with ``last`` the last one: beyond the hollow of a cup. Returns points and outward normals
         (R, 3); NaN where a ray does not start inside.
         """
         ends, normals = np.full(points.shape, np.nan), np.full(points.shape, np.nan)

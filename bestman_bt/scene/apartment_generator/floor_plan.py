@@ -1,4 +1,4 @@
-"""Floor plans: a rectangle that is split into rooms again and again, and doorways between neighbours."""
+"""Floor plans: a rectangle that is split into rooms recursively, and doorways between neighbours."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def _split(room: Room, rng: np.random.Generator) -> tuple[Room, Room, Line] | No
 
 
 def _doorways(rooms: Sequence[Room], options: ApartmentOptions, rng: np.random.Generator) -> list[Doorway] | None:
-    """Return a tree of doorways over all rooms, and now and then one more, or None if a room cannot have any."""
+    """Return a tree of doorways over all rooms, and sometimes one more, or None if a room cannot have any."""
     group = list(range(len(rooms)))
     walls = list(_common_walls(rooms))
     doorways = []

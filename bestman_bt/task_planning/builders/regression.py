@@ -59,7 +59,7 @@ class Ready(NamedTuple):
 def staircase(steps: Sequence[PlanStep], goal: Iterable[Literal], most_ways: int) -> tuple[Ready, ...]:
     """Return when each step leads to the goal if later ones may be left out; the last ready step is the best.
 
-    After a step any later one may follow, or the goal: a step with the mug does not depend on a drawer that is to be
+    After a step any later one may follow, or the goal: a step with the mug does not depend on a drawer that must be
     shut later. Parallel actions are also separate steps, for the case that the others are done. ``most_ways``:
     alternatives per step, those that leave out the fewest steps. Raises PlanningError as ``kernels`` does.
     """

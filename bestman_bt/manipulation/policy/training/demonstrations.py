@@ -1,7 +1,7 @@
 """Demonstrations on disk in LeRobot's dataset layout, version 3.0: parquet for numbers, mp4 for cameras.
 
 Cadene et al., "LeRobot", 2024. One data file and one video per camera and episode, which the layout allows; everything
-under ``meta`` is written anew after each episode, so that what has been recorded can always be read.
+under ``meta`` is rewritten after each episode, so that what has been recorded can always be read.
 """
 
 from __future__ import annotations
