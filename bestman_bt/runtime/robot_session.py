@@ -219,7 +219,7 @@ class Session:
         return self.telling
 
     def intervened(self, what: str) -> None:
-        """Somebody has changed by hand how the execution under way goes on: it stands in its result."""
+        """Record a manual intervention in the current execution; its result lists it."""
         if self.telling is not None:
             self.telling.intervened(what)
 

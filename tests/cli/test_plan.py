@@ -55,7 +55,7 @@ def test_by_default_it_is_planned_in_the_furnished_kitchen_and_a_drawer_needs_no
     assert "there are also drawer_chest/drawer_2, drawer_chest/drawer_3" in answer.err
     assert "assumes that it is there" in answer.err
     assert answer.document["assumes"] == ["Search(mug, table/top)"]
-    assert "tree.xml plans anew (ReachGoal)" in answer.err
+    assert "tree.xml plans again (ReachGoal)" in answer.err
     assert "run it: bestman-bt run tree.xml --scene kitchen_furnished --robot diff_panda " in answer.err
     assert "the scene kitchen_furnished, the robot diff_panda and" in (folder / "tree.xml").read_text().split("\n")[0]
     assert load_tree(folder / "tree.xml", node_registry()).root.name == "as_planned_or_anew"

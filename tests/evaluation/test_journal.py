@@ -68,7 +68,7 @@ def test_a_line_damaged_in_the_middle_is_left_out_and_the_file_as_it_was_is_kept
     with Journal(path) as mended:
         assert list(mended.results) == [KEY, others[1]]
         copy = tmp_path / "episodes.jsonl.damaged"
-        assert mended.notes == [f"{path}: damaged lines were left out (2); the file as it was: {copy}"]
+        assert mended.notes == [f"{path}: damaged lines were left out (2); the original file: {copy}"]
         assert copy.read_bytes() == broken
         mended.add(others[0], "", result(8))
     assert list(read_episodes(path)) == [KEY, others[1], others[0]]

@@ -79,7 +79,7 @@ def test_what_is_wrong_with_the_options_ends_the_command_before_anything_runs(fo
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({}, "say which driver is to be tested: --driver my_package:MyRobot"),
+        ({}, "name the driver to test: --driver my_package:MyRobot"),
         ({"driver": "memory_robot"}, "'memory_robot' should be MODULE:CLASS"),
         ({"driver": "absent.package:Robot"}, "absent.package cannot be imported: ModuleNotFoundError"),
         ({"driver": "broken:Robot"}, "broken cannot be imported: ZeroDivisionError"),

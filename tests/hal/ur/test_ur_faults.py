@@ -127,7 +127,7 @@ def test_an_emergency_stop_can_only_be_released_at_the_robot(robot: HardwareRobo
         robot.clear_stop()
     assert robot.stopped
     twin.fault(CONTROLLER, "emergency_release")  # which leaves the arm without power
-    with pytest.raises(ConnectionFailedError, match="POWER_OFF: somebody has to look"):
+    with pytest.raises(ConnectionFailedError, match="POWER_OFF: inspect the robot"):
         robot.clear_stop()
     twin.fault(CONTROLLER, "released")
     works_again(robot, swing)

@@ -100,7 +100,7 @@ def test_a_broken_file_is_built_anew_and_told(kinematics, tmp_path, caplog, cont
     file.write_bytes(content)
     with caplog.at_level(logging.WARNING):
         again = reachability_map(kinematics, kinematics.arm_model, SMALL, tmp_path)
-    assert "cannot be used and is built anew" in caplog.text
+    assert "cannot be used and is built again" in caplog.text
     assert np.array_equal(again.counts, built.counts)
     assert file.stat().st_size > 1000
 
