@@ -36,5 +36,5 @@ class ClearStop(Skill):
             if not why:
                 self.feedback_message = f"cleared at attempt {attempt + 1}"
                 return
-        times = "once" if attempts == 1 else f"{attempts} times"
-        raise SkillFailure("still_stopped", f"the robot is still stopped after {times}: {why}")
+        tried = "1 attempt" if attempts == 1 else f"{attempts} attempts"
+        raise SkillFailure("still_stopped", f"the robot is still stopped after {tried}: {why}")

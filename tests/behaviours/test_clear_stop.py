@@ -93,7 +93,7 @@ def test_a_stop_that_cannot_be_cleared_is_told_with_its_reason(
     assert len(asked) == 2
     ((code, words),) = failures_of(at_table)
     assert code == "still_stopped"
-    assert "tried 2 times" in words
+    assert "after 2 attempts" in words
     assert "released at the robot" in words
     assert at_table.robot.stopped
 
