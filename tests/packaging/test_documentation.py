@@ -38,14 +38,6 @@ def fences(page: str, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
 
 
-@pytest.mark.parametrize("page", ["docs/writing_a_tree.md", "docs/look.md", "docs/nav2.md", "README.md"])
-def test_the_trees_in_xml_load(page: str) -> None:
-    trees = fences(page, "xml")
-    assert trees
-    for text in trees:
-        assert load_tree(text, node_registry()).nodes
-
-
 def test_the_trees_in_python_load(tmp_path: Path) -> None:
     programs = [text for text in fences("docs/writing_a_tree.md", "python") if "def build" in text]
     assert programs
@@ -203,15 +195,6 @@ def test_the_commands_of_the_readme_exist() -> None:
     verbs = re.findall(r"`bestman-bt (\w+)", (CHECKOUT / "README.md").read_text())
     assert len(verbs) >= 10
     assert set(verbs) <= set(VERBS)
-
-
-def test_the_make_targets_of_the_pages_exist() -> None:
-    makefile = (CHECKOUT / "Makefile").read_text()
-    targets = set(re.findall(r"^([\w-]+):", makefile, re.MULTILINE))
-    for page in ("README.md", "CONTRIBUTING.md", "docs/getting_started.md", "docs/evaluation.md"):
-        named = re.findall(r"(?:^    |`)make ([\w-]+)", (CHECKOUT / page).read_text(), re.MULTILINE)
-        assert named, page
-        assert set(named) <= targets, page
 
 
 def test_the_page_of_parameters_is_up_to_date() -> None:
