@@ -91,7 +91,7 @@ class BroughtUpRobot:
         return "" if motion.status is MotionStatus.SUCCEEDED else str(motion.failure or motion.status)
 
     def make_ready(self) -> None:
-        """A stop of an earlier step is cleared. Raises RobotError if it cannot be."""
+        """Clear a stop of an earlier step. Raises RobotError if that fails."""
         if self.robot.stopped:
             self.robot.clear_stop()
 

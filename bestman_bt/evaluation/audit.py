@@ -73,7 +73,7 @@ class Audit:
 
     @property
     def honest(self) -> bool:
-        """Whether the run has no cheats."""
+        """Return whether the run has no cheats."""
         return not any(getattr(self, cheat) for cheat in CHEATS)
 
     def faults(self, max_penetration: float) -> tuple[str, ...]:

@@ -63,7 +63,7 @@ class RunResult:
 
     @property
     def judged(self) -> bool:
-        """Whether the outcome was compared with a goal."""
+        """Return whether the outcome was compared with a goal."""
         return self.predicate is not None
 
     @property

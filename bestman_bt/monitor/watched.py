@@ -97,7 +97,7 @@ class WatchedExecution:
         self.tell(LogEvent(self.time, level, message, logger=__name__))
 
     def end(self, why: str) -> None:
-        """It is over: it succeeded or failed if its root did last, else it was cut off."""
+        """End the execution: succeeded or failed like its root's last result, else cancelled."""
         outcome = OUTCOMES.get(self._result, "cancelled")
         self.say("info" if outcome == "success" else "warning", f"{self.run.task} ends: {outcome}: {why}")
         self.tell(EndEvent(self.time, outcome, STATUS_NAMES[self._result], why))

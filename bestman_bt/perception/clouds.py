@@ -85,7 +85,7 @@ def density_clusters(points: NDArray[np.float64], distance: float, core_points: 
 
 
 def cloud_picture(cloud: PointCloud, intrinsics: CameraIntrinsics, camera_from_frame: Pose) -> NDArray[np.uint8]:
-    """What a pinhole camera sees of the points, (height, width, 3), on white; without colours they are grey."""
+    """Return the pinhole image of the points, (height, width, 3), on white; without colours they are grey."""
     library = open3d()
     k, tensor = intrinsics, library.core.Tensor
     seen = library.t.geometry.PointCloud(tensor(cloud.points.astype(np.float32)))

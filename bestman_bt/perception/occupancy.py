@@ -124,7 +124,7 @@ class OccupancyMapper(ABC):
 
     @abstractmethod
     def grid(self) -> VoxelGrid:
-        """What is known now; the stamp is that of the latest view (0 before the first)."""
+        """Return the current grid; its stamp is that of the latest view (0 before the first)."""
 
     def fuse(self, views: Sequence[View], region: VoxelRegion) -> VoxelGrid:
         """Return the occupancy of a region from these views alone, in their order."""
@@ -173,7 +173,7 @@ class LogOdds(OccupancyMapper):
         self._stamp = 0.0
 
     def add(self, view: View) -> None:
-        """Take in one view, given in the frame of the region."""
+        """Add one view, given in the frame of the region."""
         region = self._begun()
         image = view.image
         trusted = np.isfinite(image.depth) & (image.depth > 0.0) & (image.depth <= self.max_range)
@@ -187,7 +187,7 @@ class LogOdds(OccupancyMapper):
         self._stamp = max(self._stamp, image.stamp)
 
     def grid(self) -> VoxelGrid:
-        """What is known now."""
+        """Return the current grid."""
         region = self._begun()
         states = np.where(self._odds > 0.0, VOXEL_OCCUPIED, VOXEL_FREE)
         states = np.where(self._seen, states, VOXEL_UNKNOWN).astype(np.uint8)

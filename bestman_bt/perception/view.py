@@ -30,7 +30,7 @@ class View:
 
     @property
     def viewpoint(self) -> NDArray[np.float64]:
-        """Where the camera stands in the frame, (3,) metres."""
+        """Return the camera position in the frame, (3,) metres."""
         return self.frame_from_camera.position
 
     def cloud(self, around: NDArray[np.float64] | None = None) -> PointCloud:

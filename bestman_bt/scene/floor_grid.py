@@ -68,7 +68,7 @@ class FloorGrid:
         return FloorGrid(self.room[first::count, first::count], origin, count * self.resolution)
 
     def areas(self, radius: float) -> NDArray[np.intp]:
-        """(rows, columns) The number of the connected area that the middle of a disc of this radius is in; 0: none."""
+        """Return the number of the connected area for the middle of a disc of this radius, (rows, columns); 0: none."""
         labels, _ = ndimage.label(self.room > radius, structure=np.ones((3, 3)))
         return np.asarray(labels, dtype=np.intp)
 

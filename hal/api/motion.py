@@ -46,7 +46,7 @@ class Motion(Generic[Result]):
 
     @property
     def done(self) -> bool:
-        """Whether it has ended, with any status."""
+        """Return whether it has ended, with any status."""
         return self.status is not MotionStatus.RUNNING
 
     @property

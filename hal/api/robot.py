@@ -91,7 +91,7 @@ class Robot(ABC):
     @property
     @abstractmethod
     def stopped(self) -> bool:
-        """Whether the robot is stopped, until ``clear_stop()``."""
+        """Return whether the robot is stopped, until ``clear_stop()``."""
 
     speed = 1.0
     """Scale of the speed of motions, see ``set_speed``."""

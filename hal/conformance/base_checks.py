@@ -74,7 +74,7 @@ def a_base_drives_and_turns_by_odometry(robot: Robot, base: MobileBase) -> None:
 
 @each(MobileBase)
 def a_motion_of_a_base_can_be_cancelled(robot: Robot, base: MobileBase) -> None:
-    """It ends at once; the base comes to rest and takes the next command."""
+    """A cancelled motion ends at once; the base comes to rest and takes the next command."""
     motion = base.rotate(2.0)
     robot.clock.sleep(0.4)
     motion.cancel()

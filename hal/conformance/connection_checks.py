@@ -78,14 +78,14 @@ def connecting_and_disconnecting_are_idempotent(robot: Robot) -> None:
 
 
 def nothing_works_after_disconnecting(robot: Robot) -> None:
-    """As before connecting: readings of then are not taken for readings of now."""
+    """Disconnected parts refuse reads and commands, as before connecting."""
     with robot:
         robot.clock.sleep(0.1)
     nothing_works_without_a_connection(robot)
 
 
 def a_robot_that_connects_again_takes_commands(robot: Robot) -> None:
-    """As if it had never been gone."""
+    """A robot takes commands after a reconnection."""
     with robot:
         robot.clock.sleep(0.1)
     with robot:
@@ -99,7 +99,7 @@ def a_robot_that_connects_again_takes_commands(robot: Robot) -> None:
 
 
 def a_robot_that_connects_again_stands_still(robot: Robot) -> None:
-    """Whatever it did when the connection ended."""
+    """A robot is at rest after a reconnection, whatever it did before."""
     with robot:
         for base in parts_of(robot, MobileBase):
             base.set_velocity(base.model.part.max_vx / 4, 0.0, 0.0)

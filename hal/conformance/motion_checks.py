@@ -109,7 +109,7 @@ def a_cancelled_motion_comes_to_rest(robot: Robot, group: JointGroup) -> None:
 
 
 def a_motion_is_cancelled_within_a_control_period(robot: Robot) -> None:
-    """It has ended when ``cancel`` returns, and goes no farther than braking within the limits takes."""
+    """The motion has ended when ``cancel`` returns; it travels only the braking distance within the limits."""
     for group in _groups(robot):
         motion = group.move_to(nearby(robot, group, 0.8), 0.3)
         robot.clock.sleep(0.4)
@@ -296,7 +296,7 @@ def trajectories_keep_the_limits_between_their_samples(robot: Robot, arm: Arm) -
 
 @each(Arm)
 def trajectories_are_followed(robot: Robot, arm: Arm) -> None:
-    """In the time that they say, near the samples on the way."""
+    """Trajectories take their duration and stay near their samples."""
     start, end = arm.positions(), nearby(robot, arm, 0.2)
     times = np.linspace(0.0, 1.0, 21)
     share = 3 * times**2 - 2 * times**3

@@ -27,7 +27,7 @@ MakeRobot = Callable[[], Robot]
 
 
 class PromisesOfAConnectedRobot:
-    """One robot for all checks: it is connected once, and comes to rest after each."""
+    """Checks with one robot: it is connected once, and comes to rest after each check."""
 
     @pytest.fixture(scope="class")
     @classmethod
@@ -40,7 +40,7 @@ class PromisesOfAConnectedRobot:
     def test_a_connected_robot_keeps_its_promise(
         self, check: Check, connected_robot: Robot, record_property: Properties
     ) -> None:
-        """What does not apply is reported as skipped, and listed when all is done."""
+        """Run one check; inapplicable ones are skipped and listed at the end."""
         skip_what_does_not_apply(check, connected_robot, record_property)
         try:
             check.run(connected_robot)
@@ -55,7 +55,7 @@ class PromisesAboutConnecting:
     def test_a_robot_keeps_its_promise_about_connections(
         self, check: Check, make_robot: MakeRobot, record_property: Properties
     ) -> None:
-        """It is disconnected afterwards, whatever happens."""
+        """Run one check; the robot is disconnected afterwards in any case."""
         robot = make_robot()
         skip_what_does_not_apply(check, robot, record_property)
         try:

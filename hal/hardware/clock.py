@@ -42,7 +42,7 @@ class RemoteTime:
             return stamp + self._offset
 
     def tried(self, stamp: float, received: float) -> float:
-        """As ``here``, without counting the message, of which it is not known yet whether it means anything."""
+        """Return ``here`` without counting the message, whose validity is still unknown."""
         with self._lock:
             return stamp + self._offset_with(stamp, received)
 
@@ -77,7 +77,7 @@ LONGEST_REORDERING = 0.05
 
 
 class StampOrder:
-    """Tells when a source's clock was set back: its stamps go back, which no delay makes them do."""
+    """Detects that a source's clock was set back: its stamps decrease, which no delay can cause."""
 
     def __init__(self) -> None:
         self._last: float | None = None

@@ -133,7 +133,7 @@ class Connection(ABC):
 
     @property
     def stops_robot(self) -> bool:
-        """Whether a fault of it stops the robot: not where it only looks, what needs its images or scans fails then."""
+        """Return whether its fault stops the robot; a fault of a pure sensor only fails its users."""
         return not all(isinstance(part, Camera | Lidar | Imu | Battery) for part in self.parts.values())
 
     @property
@@ -169,7 +169,7 @@ class Connection(ABC):
 
     @abstractmethod
     def reported_fault(self) -> Failure | None:
-        """What the controller reports now; it does not wait."""
+        """Return the fault that the controller reports now; does not wait."""
 
     @abstractmethod
     def recover(self) -> None:
@@ -194,7 +194,7 @@ class Connection(ABC):
         return Identity()
 
     def arm_facts(self) -> ArmFacts | None:
-        """What the controller knows of its arm, or None if it moves none, or tells nothing. While connected."""
+        """Return the controller's knowledge of its arm, or None without an arm or a report; needs a connection."""
         return None
 
     def abandon(self) -> None:  # noqa: B027 - for wires that need it

@@ -24,7 +24,7 @@ def take_real_time_priority(priority: int = REAL_TIME_PRIORITY) -> None:
 
 @dataclass(frozen=True)
 class Lateness:
-    """How long after they were due the cycles began, seconds. ``missed``: cycles left out because one took too long."""
+    """The delay of cycle starts, seconds. ``missed``: cycles skipped because an earlier one took too long."""
 
     cycles: int
     median: float
@@ -59,7 +59,7 @@ class ControlLoop:
         self._missed = 0
 
     def start(self) -> None:
-        """Begin."""
+        """Start the loop."""
         self._closing.clear()
         self._thread = threading.Thread(target=self._run, name=self.name, daemon=True)
         self._thread.start()
@@ -74,7 +74,7 @@ class ControlLoop:
         return not thread.is_alive()
 
     def lateness(self) -> Lateness:
-        """Of the last cycles."""
+        """Return the delays of the last cycles."""
         late = np.array(tuple(self._late) or (0.0,))
         return Lateness(
             len(self._late), float(np.median(late)), float(np.percentile(late, 99)), float(late.max()), self._missed

@@ -51,7 +51,7 @@ MOUNTING_TOLERANCE = math.radians(5.0)
 
 @dataclass(frozen=True)
 class ModelComparison:
-    """Whether controller and robot file agree on one thing; ``text`` says what each has, ``measured`` the figures."""
+    """A comparison of controller and robot file. ``text``: both values; ``measured``: the figures."""
 
     agrees: bool
     text: str

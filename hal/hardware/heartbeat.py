@@ -49,7 +49,7 @@ class Heartbeat:
 
     @property
     def met(self) -> bool:
-        """Whether the other end has ever answered."""
+        """Return whether the other end has ever answered."""
         with self._lock:
             self._take_events()
             return self._met

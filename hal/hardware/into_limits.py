@@ -20,7 +20,7 @@ POLL = 0.05
 
 @dataclass(frozen=True, eq=False)
 class WayBack:
-    """What brings the joints of one part back: ``joints`` that are outside, from ``here`` to ``there``, (n,) each."""
+    """A motion of one part back into its range. ``joints``: those outside, from ``here`` to ``there``, (n,) each."""
 
     part: str
     joints: tuple[str, ...]

@@ -64,7 +64,7 @@ class IsolatedRobot(Robot):
 
     @property
     def unsupported(self) -> dict[str, str]:
-        """What its controllers cannot do, and the parts of the model that are behind none of them → why."""
+        """Return the missing functions of its controllers and the parts without a controller → the reason."""
         return self._description.unsupported
 
     def connect(self) -> None:
@@ -119,7 +119,7 @@ class IsolatedRobot(Robot):
                 self._client.call(Call(ROBOT, "keep_black_box_in", (folder,)))
 
     def set_speed(self, share: float) -> None:
-        """As ``Robot.set_speed``, past whatever else is being asked, and within the time of a stop."""
+        """Set the speed like ``Robot.set_speed``, ahead of other requests and within the time of a stop."""
         super().set_speed(share)
         with suppress(NotConnectedError):  # the next process is told when it begins
             self._client.stop(Call(ROBOT, "set_speed", (self.speed,)))
@@ -140,7 +140,7 @@ class IsolatedRobot(Robot):
 
     @property
     def stopped(self) -> bool:
-        """Whether the stop is latched."""
+        """Return whether the stop is latched."""
         return bool(self._asked("stopped", lambda: self._description.stopped))
 
     @property
@@ -162,12 +162,12 @@ class IsolatedRobot(Robot):
         return texts if lost is None else {**texts, PROCESS: str(lost)}
 
     def identities(self) -> dict[str, Identity]:
-        """As of ``HardwareRobot``."""
+        """Return the identities, like ``HardwareRobot``."""
         answer: dict[str, Identity] = self._client.call(Call(ROBOT, "identities"))
         return answer
 
     def arm_facts(self, arm: str) -> ArmFacts | None:
-        """As of ``HardwareRobot``."""
+        """Return the arm facts, like ``HardwareRobot``."""
         answer: ArmFacts | None = self._client.call(Call(ROBOT, "arm_facts", (arm,)))
         return answer
 
@@ -199,7 +199,7 @@ class RpcClient:
 
     @property
     def open(self) -> bool:
-        """Whether there is another process, as far as is known."""
+        """Return whether the other process is known to run."""
         return bool(self._wires) and self.lost is None
 
     def start(self, setup: ServerSetup) -> None:
@@ -252,7 +252,7 @@ class RpcClient:
         return self._ask(part or str(call.target), call)
 
     def stop(self, call: Call) -> Any:
-        """As ``call``, past whatever else is being asked, within ``STOP_TIME``, or None if there is no process."""
+        """Call ahead of other requests, within ``STOP_TIME``; returns None if there is no process."""
         return self._ask(STOPS, call, STOP_TIME) if self.open else None
 
     def _ask(self, wire: str, call: Call, limit: float = math.inf) -> Any:

@@ -86,7 +86,7 @@ class HardwareRobot(Robot):
 
     @property
     def unsupported(self) -> dict[str, str]:
-        """What its controllers cannot do, and the parts of the model that are behind none of them → why."""
+        """Return the missing functions of its controllers and the parts without a controller → the reason."""
         missing = {name: "it is behind no connection" for name in self.model.parts if name not in self.parts}
         for name, connection in self.connections.items():
             for what, why in connection.unsupported.items():
@@ -135,7 +135,7 @@ class HardwareRobot(Robot):
 
     @property
     def stops(self) -> int:
-        """How many times it was stopped."""
+        """Return the number of stops so far."""
         return self._latch.stops
 
     def clear_stop(self, since: int | None = None) -> None:
@@ -167,7 +167,7 @@ class HardwareRobot(Robot):
 
     @property
     def stopped(self) -> bool:
-        """Whether the stop is latched."""
+        """Return whether the stop is latched."""
         return bool(self._latch)
 
     @property

@@ -70,7 +70,7 @@ class MotionNumber:
 
 @dataclass(frozen=True)
 class MotionReport:
-    """How a motion stands."""
+    """The state of a motion."""
 
     status: MotionStatus
     failure: Failure | None

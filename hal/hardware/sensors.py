@@ -23,7 +23,7 @@ OTHER_LENS = 0.1
 
 
 def lens_differences(told: CameraIntrinsics, file: CameraIntrinsics) -> tuple[str, ...]:
-    """In which numbers (pixels) the lens that a camera tells differs from the robot file's by more than 1 %."""
+    """Return the lens parameters (pixels) of a camera that differ from the robot file's by more than 1 %."""
     pairs = {
         "fx": (told.fx, file.fx, file.fx),
         "fy": (told.fy, file.fy, file.fy),

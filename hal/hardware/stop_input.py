@@ -55,7 +55,7 @@ class StopInput:
         self._last, self._heard_at = b"", -1e9
 
     def look(self) -> str | None:
-        """Take in what has come; why the robot may not move, in words, or None. A ``stop`` among it is not missed."""
+        """Read pending input; returns the reason to stop as text, or None. No ``stop`` is missed."""
         stopped = False
         while self._socket is not None:
             try:

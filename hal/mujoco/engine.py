@@ -81,7 +81,7 @@ class MujocoEngine(Engine):
         self._period = parameters.time_step
 
     def step(self) -> None:
-        """One step. Raises SimulationError if the simulation is unstable."""
+        """Execute one step. Raises SimulationError if the simulation is unstable."""
         data = self.data
         self._note_writes()
         at = data.qpos[self._at]
@@ -200,7 +200,7 @@ class MujocoEngine(Engine):
         return (x, y, z), (a, b, c)
 
     def link_pose(self, body: int, link: int) -> Pose:
-        """Of its frame."""
+        """Return the pose of the link's frame."""
         at = body if link < 0 else link
         w, x, y, z = self.data.xquat[at]
         return Pose(self.data.xpos[at].copy(), np.array([x, y, z, w]))
@@ -222,7 +222,7 @@ class MujocoEngine(Engine):
     def contacts(
         self, body: int | None = None, link: int | None = None, other: int | None = None
     ) -> Sequence[ContactPoint]:
-        """Those of the latest step, with its forces."""
+        """Return the contacts of the latest step, with its forces."""
         if self._contacts is None:
             self._contacts = self._all_contacts()
         if body is None:
@@ -287,7 +287,7 @@ class MujocoEngine(Engine):
         return result
 
     def cast_rays(self, starts: Array, ends: Array) -> tuple[NDArray[np.intp], Array]:
-        """What a ray begins in does not stop it."""
+        """Cast rays; a body around a ray's start does not stop it."""
         bodies, shares = np.full(len(starts), -1), np.ones(len(starts))
         model, data, geom, normal = self.model, self.data, np.zeros(1, np.int32), np.zeros(3)
         for i, (start, way) in enumerate(zip(starts, ends - starts, strict=True)):
@@ -306,7 +306,7 @@ class MujocoEngine(Engine):
     def depth_image(
         self, map_from_optical: Pose, intrinsics: CameraIntrinsics, near: float, far: float, without: int = -1
     ) -> tuple[NDArray[np.uint8], Array]:
-        """By OpenGL."""
+        """Render by OpenGL."""
         planes = min(near, NOT_DRAWN), far * 1.001
         rgb, depth = self._renderer.pinhole(map_from_optical, intrinsics, *planes)
         shown = (depth >= near) & (depth <= far)
@@ -316,11 +316,11 @@ class MujocoEngine(Engine):
         return rgb, np.where(shown, depth, 0.0)
 
     def photo(self, viewpoint: Viewpoint, width: int, height: int) -> NDArray[np.uint8]:
-        """By OpenGL."""
+        """Render by OpenGL."""
         return self._renderer.view(viewpoint, width, height)
 
     def segments(self, viewpoint: Viewpoint, width: int, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """By OpenGL."""
+        """Render by OpenGL."""
         return self._bodies(self._renderer.view(viewpoint, width, height, segments=True))
 
     def _bodies(self, colors: NDArray[np.uint8]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -331,7 +331,7 @@ class MujocoEngine(Engine):
     # What no honest run does
 
     def put(self, body: int, position: Sequence[float], quaternion: Sequence[float]) -> None:
-        """Of a body that is free."""
+        """Place a free body."""
         model, data = self.model, self.data
         place, speed = model.jnt_qposadr[model.body_jntadr[body]], self._free[body]
         x, y, z, w = quaternion
@@ -342,13 +342,13 @@ class MujocoEngine(Engine):
         self._contacts = None
 
     def friction(self, body: int) -> tuple[float, float]:
-        """Of its first shape, as it is set for its contacts with the scene."""
+        """Return the friction of its first shape, as set for contacts with the scene."""
         geom = self._solid((self._geom_body == body) & (self._geom_link == -1))[0]
         sliding, spinning, _ = self.model.geom_friction[geom].tolist()
         return sliding, spinning
 
     def set_friction(self, body: int, sliding: float, spinning: float) -> None:
-        """In contacts with fingers by the same factor."""
+        """Set the friction; contacts with fingers scale by the same factor."""
         geoms = self._solid(self._geom_body == body)
         self.model.geom_friction[geoms, :2] = sliding, spinning
         pairs = np.isin(self.model.pair_geom1, geoms) | np.isin(self.model.pair_geom2, geoms)
@@ -360,7 +360,7 @@ class MujocoEngine(Engine):
         return int(self.data.eq_active.sum())
 
     def constants(self) -> Mapping[str, tuple[Any, ...]]:
-        """Of the model: options, couplings, contacts, masses."""
+        """Return the constants of the model: options, couplings, contacts, masses."""
         model, option = self.model, self.model.opt
         constants: dict[str, tuple[Any, ...]] = {
             "gravity": tuple(option.gravity.tolist()),

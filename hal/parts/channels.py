@@ -44,7 +44,7 @@ class ControlledPart(Part):
     @property
     @abstractmethod
     def resting(self) -> bool:
-        """Whether no motion of it is commanded."""
+        """Return whether no motion of it is commanded."""
 
     @abstractmethod
     def fail(self, fault: Failure) -> None:

@@ -139,7 +139,7 @@ class DrivenBase(ControlledPart, MobileBase):
 
     @property
     def resting(self) -> bool:
-        """Whether the base is commanded to stand still."""
+        """Return whether the base is commanded to stand still."""
         return self._wanted == self._sent == STILL
 
     def fail(self, fault: Failure) -> None:
@@ -283,7 +283,7 @@ class MotionProfile:
 
     @property
     def overdue(self) -> bool:
-        """Whether it takes twice as long as planned."""
+        """Return whether it takes twice as long as planned."""
         return self._time_left < 0.0
 
     def remainder(self) -> str:

@@ -48,7 +48,7 @@ class ToolLimits:
 
     @property
     def needed(self) -> bool:
-        """Whether the tool has any limit."""
+        """Return whether the tool has any limit."""
         return self.box is not None or self.top_speed is not None
 
     def outside(self, positions: Array) -> str | None:
@@ -174,7 +174,7 @@ class SetpointGate:
 
     @property
     def moving(self) -> bool:
-        """Whether the last set-point differs from the one before it."""
+        """Return whether the last set-point differs from the one before it."""
         return bool(np.any(self.rate != 0.0))
 
     def rest(self, elapsed: float) -> None:

@@ -119,7 +119,7 @@ class CommandedGripper(StoppablePart, Gripper):
 
     @property
     def resting(self) -> bool:
-        """Whether no command is pending."""
+        """Return whether no command is pending."""
         return not self._halting and self._order is None
 
     @property

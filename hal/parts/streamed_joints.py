@@ -295,7 +295,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     @property
     def resting(self) -> bool:
-        """Whether the set-points are at rest."""
+        """Return whether the set-points are at rest."""
         return self._settled and self._efforts is None
 
     def fail(self, fault: Failure) -> None:

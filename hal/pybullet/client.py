@@ -53,7 +53,7 @@ OWN = frozenset(
 
 
 def kind_of(name: str) -> str:
-    """As what a function is counted."""
+    """Return the category under which a function is counted."""
     if name in RESETS:
         return "resets"
     if name in CONSTRAINTS:
@@ -148,7 +148,7 @@ class RawCallGuard:
         self._client, self._server = client, client.id
 
     def install(self) -> None:
-        """Begin to count; idempotent."""
+        """Start to count calls; idempotent."""
         _watched[self._server] = self._client
 
     def remove(self) -> None:

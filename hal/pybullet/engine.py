@@ -55,7 +55,7 @@ class PyBulletEngine(Engine):
         self._guard.install()
 
     def step(self) -> None:
-        """One step."""
+        """Execute one step."""
         self._free.stepSimulation()
 
     def close(self) -> None:
@@ -80,7 +80,7 @@ class PyBulletEngine(Engine):
         )
 
     def approach(self, joint: int, position: float, speed: float, effort: float) -> None:
-        """One of Bullet's position motors, with its default gains."""
+        """Drive one of Bullet's position motors with its default gains."""
         self._free.setJointMotorControl2(
             self.built.robot,
             joint,
@@ -112,12 +112,12 @@ class PyBulletEngine(Engine):
         return positions, velocities, efforts
 
     def body_pose(self, body: int) -> tuple[Vector, Quaternion]:
-        """Of its centre of mass."""
+        """Return the pose of its centre of mass."""
         pose: tuple[Vector, Quaternion] = self._free.getBasePositionAndOrientation(body)
         return pose
 
     def body_velocity(self, body: int) -> tuple[Vector, Vector]:
-        """Of its centre of mass."""
+        """Return the velocity of its centre of mass."""
         velocity: tuple[Vector, Vector] = self._free.getBaseVelocity(body)
         return velocity
 
@@ -130,7 +130,7 @@ class PyBulletEngine(Engine):
         return Pose(np.array(position), np.array(quaternion)) @ self._inertial_from_root[body]
 
     def link_motions(self, body: int, links: Collection[int]) -> Sequence[LinkMotion]:
-        """Of their centres of mass."""
+        """Return the motions of the links' centres of mass."""
         states = self._free.getLinkStates(body, list(links), computeLinkVelocity=1)
         return [LinkMotion(state[0], state[6], state[7]) for state in states]
 
@@ -148,7 +148,7 @@ class PyBulletEngine(Engine):
         return [point[8] for point in self._free.getClosestPoints(body, other, within, **which)]
 
     def cast_rays(self, starts: Array, ends: Array) -> tuple[NDArray[np.intp], Array]:
-        """In one batch."""
+        """Cast the rays in one batch."""
         hits = self._free.rayTestBatch(starts.tolist(), ends.tolist(), numThreads=1)
         bodies, _, shares, _, _ = zip(*hits, strict=True)
         return np.array(bodies), np.array(shares)
@@ -156,7 +156,7 @@ class PyBulletEngine(Engine):
     def depth_image(
         self, map_from_optical: Pose, intrinsics: CameraIntrinsics, near: float, far: float, without: int = -1
     ) -> tuple[NDArray[np.uint8], Array]:
-        """By software."""
+        """Render in software."""
         k, nearest = intrinsics, min(near, NOT_DRAWN)
         rotation = map_from_optical.rotation
         forward, up = rotation[:, 2], -rotation[:, 1]
@@ -181,11 +181,11 @@ class PyBulletEngine(Engine):
         return rgb, np.where(shown, depth, 0.0)
 
     def photo(self, viewpoint: Viewpoint, width: int, height: int) -> NDArray[np.uint8]:
-        """By software."""
+        """Render in software."""
         return photo(self._free, viewpoint, width, height)
 
     def segments(self, viewpoint: Viewpoint, width: int, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """By software."""
+        """Render in software."""
         image = self._free.getCameraImage(
             width,
             height,
@@ -204,7 +204,7 @@ class PyBulletEngine(Engine):
         self._free.changeDynamics(body, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP)
 
     def friction(self, body: int) -> tuple[float, float]:
-        """As Bullet keeps them."""
+        """Return the friction that Bullet stores."""
         values = self._free.getDynamicsInfo(body, -1)
         return values[FRICTIONS[0]], values[FRICTIONS[1]]
 

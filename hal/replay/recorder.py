@@ -63,7 +63,7 @@ class RecordedRobot(Robot):
 
     @property
     def stopped(self) -> bool:
-        """Whether the robot is stopped."""
+        """Return whether the robot is stopped."""
         return self._robot.stopped
 
     def connect(self) -> None:

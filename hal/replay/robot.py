@@ -90,13 +90,15 @@ class ReplayRobot(Robot):
 
     @property
     def stopped(self) -> bool:
-        """Whether the stop is latched."""
+        """Return whether the stop is latched."""
         return self._stopped
 
     # Life
 
     def connect(self) -> None:
-        """Begin to play. Raises ConnectionFailedError if there is no recording, or one of another robot; idempotent."""
+        """Start the replay; idempotent. Raises ConnectionFailedError if there is no recording, or one of another
+        robot.
+        """
         if self._connected:
             return
         if self.tape.robot != self.model.name:
@@ -134,7 +136,7 @@ class ReplayRobot(Robot):
         }
 
     def moment(self) -> float:
-        """Where the recording is, seconds of the recorded robot's clock."""
+        """Return the position in the recording, seconds of the recorded robot's clock."""
         return self.clock.now() + self._offset
 
     # Private

@@ -52,7 +52,7 @@ def to_json(value: Any) -> Any:
 
 
 def from_json(document: Any) -> Any:
-    """What ``to_json`` was given. Raises LookupError for a type that is not known."""
+    """Return the value that ``to_json`` encoded. Raises LookupError for an unknown type."""
     if not isinstance(document, dict):
         return document
     if "array" in document:
@@ -100,7 +100,7 @@ class ReplayError(ConnectionFailedError):
 
 @dataclass
 class Readings:
-    """Of one method of one part: times, ascending, and what was told, as JSON."""
+    """The readings of one method of one part: times, ascending, and values as JSON."""
 
     times: list[float] = field(default_factory=list)
     told: list[dict[str, Any]] = field(default_factory=list)
@@ -197,7 +197,7 @@ class _TapeReader:
                 if not text.endswith("\n"):
                     self._cut = True
                     break
-                raise self._error(number, "is no JSON") from error
+                raise self._error(number, "is not JSON") from error
             try:
                 moment = _number(line, "t")
                 if "ended" not in line and line["part"] not in parts:

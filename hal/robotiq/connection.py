@@ -74,7 +74,7 @@ HARMLESS = frozenset({0, 5, 9})
 
 
 def fault_of(status: RobotiqStatus) -> Failure | None:
-    """What ``gFLT`` and ``gSTA`` say, None if the gripper is well and active."""
+    """Return the fault in ``gFLT`` and ``gSTA``, None if the gripper is active without a fault."""
     if status.fault not in HARMLESS:
         words, number = WORDS.get(status.fault, "unknown fault"), f"gFLT {status.fault}"
     elif status.activation != ACTIVE:
@@ -144,7 +144,7 @@ class RobotiqChannel(GripperChannel):
         self._await(lambda: fault_of(self._told()) is None, deadline)
 
     def refresh(self) -> None:
-        """One round trip for the status; what is not answered leaves the last one."""
+        """Read the status in one round trip; without an answer the last one stays."""
         status = self._exchange(lambda wire: wire.status())
         if status is not None:
             self._moved = self._moved or abs(status.position - self._from) >= LEAST_MOVE
@@ -154,7 +154,7 @@ class RobotiqChannel(GripperChannel):
 
     @property
     def fault(self) -> Failure | None:
-        """What the gripper reports."""
+        """Return the fault that the gripper reports."""
         return fault_of(self._status) if self._status is not None else None
 
     @property
@@ -233,7 +233,7 @@ def _byte(value: float, least: float, most: float) -> int:
 
 
 class RobotiqConnection(Connection):
-    """One gripper. It is activated when connected, during which its fingers may close and open."""
+    """One gripper. Connecting activates it; its fingers may close and open meanwhile."""
 
     driver: ClassVar[str] = "robotiq"
     package: ClassVar[str] = "pymodbus"

@@ -45,15 +45,15 @@ class RobotiqWire(ABC):
 
     @abstractmethod
     def status(self) -> RobotiqStatus:
-        """What it tells now."""
+        """Return the current status."""
 
     @abstractmethod
     def reset(self) -> None:
-        """Take its activation, and with it a fault, away."""
+        """Deactivate the gripper, which clears its fault."""
 
     @abstractmethod
     def activate(self) -> None:
-        """Begin the activation, during which the fingers may close and open."""
+        """Start the activation; the fingers may close and open meanwhile."""
 
     @abstractmethod
     def go(self, position: int, speed: int, force: int) -> None:
@@ -92,11 +92,11 @@ class URCapWire(RobotiqWire):
         return RobotiqStatus(state, felt, fault, echo, position, bool(goes))
 
     def reset(self) -> None:
-        """Take its activation away."""
+        """Deactivate the gripper."""
         self._set(ACT=0, ATR=0)
 
     def activate(self) -> None:
-        """Begin the activation."""
+        """Start the activation."""
         self._set(ACT=1)
 
     def go(self, position: int, speed: int, force: int) -> None:
@@ -181,7 +181,7 @@ class ModbusWire(RobotiqWire):
                 client.close()
 
     def status(self) -> RobotiqStatus:
-        """One read of three registers."""
+        """Read three registers at once."""
         answer = self._ask(
             lambda client: client.read_input_registers(self._status_register, count=3, device_id=self._device)
         )
@@ -190,12 +190,12 @@ class ModbusWire(RobotiqWire):
         return RobotiqStatus(state >> 4 & 3, state >> 6 & 3, fault & 15, echo, position, bool(state & GO))
 
     def reset(self) -> None:
-        """Take its activation away."""
+        """Deactivate the gripper."""
         self._bytes = [0, 0, 0, 0, 0, 0]
         self._write()
 
     def activate(self) -> None:
-        """Begin the activation."""
+        """Start the activation."""
         self._bytes[0] = ACTIVATE
         self._write()
 

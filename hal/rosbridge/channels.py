@@ -27,7 +27,7 @@ class RosBase(BaseChannel):
 
     @property
     def message_type(self) -> str:
-        """Of the velocities."""
+        """Return the type of the velocity messages."""
         return self._options.message_type(
             "geometry_msgs", "TwistStamped" if self._options.stamped_velocity else "Twist"
         )
@@ -119,6 +119,6 @@ class RosJoints(JointChannel):
         return self._states.latest()
 
     def send(self, positions: Array, velocities: Array) -> None:
-        """One set-point; it does not wait."""
+        """Send one set-point; does not wait."""
         point = {"positions": positions.tolist(), "time_from_start": self._duration}
         self._link.publish(self._topic, {"header": self._header, "joint_names": list(self._names), "points": [point]})

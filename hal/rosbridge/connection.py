@@ -64,7 +64,7 @@ class RosCamera:
         self._depth: TopicStream[Mapping[str, Any]] = stream("depth", lambda message, at: message)
 
     def check(self) -> tuple[str, ...]:
-        """In what its lens differs from the robot file's. Raises ConnectionFailedError if it is another camera."""
+        """Return the lens differences from the robot file. Raises ConnectionFailedError if it is another camera."""
         file = self._model.intrinsics
         told = self.lens = replace(self.info.latest(), distortion=file.distortion)
         if other := is_another_camera(told, file):
@@ -220,7 +220,7 @@ class RosbridgeConnection(Connection):
             return Failure(MotionErrorCode.TIMEOUT, unlike)
         for stream in self._watched:
             if (age := stream.age) > stream.longest_age:
-                text = f"what came last on {stream.topic} is {age:.2f} s old"
+                text = f"the newest message on {stream.topic} is {age:.2f} s old"
                 return Failure(MotionErrorCode.TIMEOUT, text)
             if (late := stream.late(self.options.longest_delay)) is not None:
                 return Failure(MotionErrorCode.TIMEOUT, f"{stream.topic} comes {late:.2f} s late")

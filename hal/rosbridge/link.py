@@ -71,7 +71,7 @@ class TopicStream(Generic[Value]):
             self._arrived.notify_all()
 
     def forget(self) -> None:
-        """Of a connection that has ended nothing is read."""
+        """Discard the readings of an ended connection."""
         self._newest = None
         self.forget_time()
 
@@ -88,7 +88,7 @@ class TopicStream(Generic[Value]):
             raise NoDataError(f"{self.part}: nothing has come on {self.topic} yet")
         age = self._clock.now() - newest[1]
         if age > self.longest_age:
-            raise NoDataError(f"{self.part}: what came last on {self.topic} is {age:.2f} s old")
+            raise NoDataError(f"{self.part}: the newest message on {self.topic} is {age:.2f} s old")
         return newest[0]
 
     def latest(self) -> Value:
@@ -115,7 +115,7 @@ class TopicStream(Generic[Value]):
         return f"is stamped {late:.2f} s before it comes" if late > FARTHEST_BEHIND else ""
 
     def late(self, longest_delay: float) -> float | None:
-        """By how much messages have come late for a while, if that is more than ``longest_delay``, else None."""
+        """Return the delay of recent messages if it exceeds ``longest_delay``, else None."""
         return self._lateness.late(longest_delay, self._clock.now())
 
     def newer_than(self, moment: float, deadline: float) -> tuple[Value, float] | None:
@@ -165,7 +165,7 @@ class RosLink:
 
     @property
     def connected(self) -> bool:
-        """Whether the websocket is open, as far as is known."""
+        """Return whether the websocket is known to be open."""
         return self._ros is not None and bool(self._ros.is_connected)
 
     def subscribe(self, topic: str, message_type: str, handler: Handler, period: float = 0.0) -> Callable[[], None]:
@@ -187,7 +187,7 @@ class RosLink:
         return end
 
     def advertise(self, topic: str, message_type: str) -> None:
-        """Tell that messages will be published."""
+        """Advertise a topic."""
         assert self._sdk is not None
         publisher = self._sdk.Topic(self._ros, topic, message_type, queue_size=1, reconnect_on_close=False)
         publisher.advertise()

@@ -64,14 +64,14 @@ class RosbridgeOptions:
     connect_timeout: PositiveTime = 5.0
 
     def ros_time(self, clock: Clock) -> RemoteTime:
-        """Of a source of stamps, on ``clock``."""
+        """Return the time of a stamp source, on ``clock``."""
         return SynchronisedTime(clock) if self.clock == "synchronised" else RemoteTime()
 
     def topic(self, kind: str, part: str, stream: str) -> str:
-        """Where a stream of a part is."""
+        """Return the topic of a part's stream."""
         given = self.topics.get(part, {})
         return given[stream] if stream in given else TOPICS[kind][stream].format(part=part)
 
     def message_type(self, package: str, name: str) -> str:
-        """How this version of ROS calls a message type."""
+        """Return the name of a message type in this version of ROS."""
         return f"{package}/{name}" if self.ros == 1 else f"{package}/msg/{name}"

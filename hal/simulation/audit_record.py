@@ -119,11 +119,11 @@ class DisturbanceLog:
         self.log += (event,)
 
     def rest(self, event: DisturbanceEvent) -> None:
-        """What an event leads to waits or is over."""
+        """Suspend or end the effects of an event."""
         self._resting.add(event)
 
     def resume(self, event: DisturbanceEvent) -> None:
-        """It goes on."""
+        """Resume an event."""
         self._resting.discard(event)
 
     def rests(self, event: DisturbanceEvent) -> bool:

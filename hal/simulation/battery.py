@@ -30,7 +30,7 @@ class SimulatedBattery(SimulatedSensor[BatteryReading], Battery):
         self._most: NDArray[np.float64] = np.zeros(0)
 
     def begin(self, simulation: Simulation) -> Callable[[], BatteryReading]:
-        """Begin with the charge of the description."""
+        """Start with the charge of the description."""
         self._energy = self._model.charge * self._model.capacity
         self._drawn = self._drawn_for = 0.0
         most = simulation.built.max_efforts

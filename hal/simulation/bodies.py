@@ -78,7 +78,7 @@ def check_names(world: World) -> None:
 
 
 def among(bodies: Mapping[str, Found], name: str, kind: str) -> Found:
-    """What of the world is called ``name``. Raises SimulationError naming what there is."""
+    """Return the object of the world with ``name``. Raises SimulationError that lists the names."""
     if name not in bodies:
         raise SimulationError(f"there is no {kind} {name!r}; there is {', '.join(bodies) or 'none'}")
     return bodies[name]
@@ -94,7 +94,7 @@ class BodyState(NamedTuple):
 
 
 class LinkMotion(NamedTuple):
-    """Of a link's centre of mass, in the map frame: metres, m/s, rad/s."""
+    """The motion of a link's centre of mass, in the map frame: metres, m/s, rad/s."""
 
     position: Vector
     linear: Vector

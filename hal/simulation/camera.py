@@ -24,7 +24,7 @@ from hal.simulation.simulation import Simulation
 
 
 class ScenePhotographer:
-    """Takes pictures with shadows. As GroundTruth, it has to be made before time runs to be trusted."""
+    """Takes pictures with shadows. Like GroundTruth, construct it before time runs, or it counts as untrusted."""
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self._reader = robot.simulation.reader(ReadPurpose.RECORDING)

@@ -58,7 +58,7 @@ class ContactWatcher:
         self.touched: set[int] = set()
 
     def watch(self, observation: SimulationState, falling: Collection[str] = ()) -> None:
-        """Take in one observation.
+        """Process one observation.
 
         ``falling``: objects on their way out of the hand: how hard they hit what they fall on is not the robot's doing.
         """

@@ -113,7 +113,7 @@ class DisturbanceInjector:
         return event
 
     def let_slip(self, name: str) -> DisturbanceEvent | None:
-        """Take an object's friction away until it is out of the hand, or None if the robot does not touch it."""
+        """Remove an object's friction until it is out of the hand; returns None if the robot does not touch it."""
         body = among(self._simulation.built.objects, name, "object")
         if body in self._slips or not self._touched(body):
             return None

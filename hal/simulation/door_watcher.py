@@ -93,7 +93,7 @@ class DoorWatcher:
         self.unexplained_forces: list[Finding] = []
 
     def watch_step(self, pushed: Collection[str] = ()) -> None:
-        """Take in the joints after one physics step; ``pushed``: doors and drawers that an intervention holds."""
+        """Process the joints after one physics step. ``pushed``: doors and drawers that an intervention holds."""
         for body, joints, leaves in self._pieces:
             for leaf, position, velocity, effort in zip(leaves, *self._states(body, joints), strict=True):
                 if velocity != leaf.velocity or position != leaf.position:  # else it rests as it did

@@ -140,7 +140,7 @@ class MovingDoors:
 
     @property
     def bodies(self) -> frozenset[int]:
-        """Of the doors that it moves."""
+        """Return the bodies of the doors that it moves."""
         return frozenset(script.push.place[0] for script in self._scripts)
 
     def __len__(self) -> int:

@@ -76,19 +76,19 @@ class Engine(ABC):
 
     @abstractmethod
     def body_pose(self, body: int) -> tuple[Vector, Quaternion]:
-        """Of the centre of mass of a body's root link."""
+        """Return the pose of the centre of mass of a body's root link."""
 
     @abstractmethod
     def body_velocity(self, body: int) -> tuple[Vector, Vector]:
-        """Of the same: linear and angular."""
+        """Return the linear and angular velocity of the same."""
 
     @abstractmethod
     def link_pose(self, body: int, link: int) -> Pose:
-        """Of a link's frame, where joints are now."""
+        """Return the pose of a link's frame at the current joint positions."""
 
     @abstractmethod
     def link_motions(self, body: int, links: Collection[int]) -> Sequence[LinkMotion]:
-        """Of links other than the root, as the latest step left them."""
+        """Return the motions of links other than the root after the latest step."""
 
     @abstractmethod
     def contacts(
@@ -104,7 +104,7 @@ class Engine(ABC):
 
     @abstractmethod
     def cast_rays(self, starts: Array, ends: Array) -> tuple[NDArray[np.intp], Array]:
-        """From and to points (n, 3): the body that each ray hits (n,), -1 for none, after which share of it (n,)."""
+        """Cast rays between points (n, 3); returns the hit bodies (n,), -1 for none, and the share of each ray (n,)."""
 
     @abstractmethod
     def depth_image(

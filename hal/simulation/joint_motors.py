@@ -75,7 +75,7 @@ class FrameTracker:
         self._before: tuple[float, Pose] | None = None
 
     def look(self) -> FrameMotion:
-        """Where the frame is now, and its mean velocity since the look before."""
+        """Return the current pose of the frame, and its mean velocity since the last call."""
         pose, now = self._simulation.link_pose(self._reader, self._frame), self._simulation.now
         before, self._before = self._before, (now, pose)
         if before is None:
@@ -128,7 +128,7 @@ class JointMotors(SimulatedChannel, JointChannel):
         self.encoders.detach()
 
     def read(self) -> JointReading:
-        """What the drives know by encoders of their own."""
+        """Return the readings of the drives' encoders."""
         return JointReading(*self.simulation.joint_states()[:, self._slots])
 
     def published(self) -> JointReading:

@@ -30,7 +30,7 @@ class SimulatedLidar(SimulatedSensor[LaserScan], Lidar):
         self._directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(model.beams)])
 
     def scan(self) -> LaserScan:
-        """One scan; noise is normal, with the model's standard deviation."""
+        """Return one scan; noise is normal, with the model's standard deviation."""
         return self.read()
 
     def begin(self, simulation: Simulation) -> Callable[[], LaserScan]:

@@ -202,7 +202,7 @@ class AuditMonitor:
         simulation.observers.append(self._look)
 
     def record(self) -> AuditRecord:
-        """What was seen up to now."""
+        """Return the record so far."""
         simulation, motions, leaves, integrity = self._simulation, self._motions, self._leaves, self._integrity
         stamp, counts = simulation.elapsed, simulation.ledger.counts
         self._take_in_events()

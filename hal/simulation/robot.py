@@ -101,7 +101,7 @@ class SimulatedRobot(Robot):
 
     @property
     def world(self) -> World:
-        """The world that was asked for, with the true poses at the start: reading it once time runs is counted."""
+        """Return the requested world with the true start poses; reading it once time runs is counted."""
         if self._simulation is not None and self._simulation.ledger.truth_closed:
             self._simulation.ledger.note("truth_reads", f"{type(self).__name__}.world")
         return self._world
@@ -134,7 +134,7 @@ class SimulatedRobot(Robot):
         return LEGS_CANNOT if self.model.of(LeggedBaseModel) else {}
 
     def audit_record(self) -> AuditRecord:
-        """What the monitor has seen since the scene was built; NotConnectedError without a connection."""
+        """Return the monitor's record since the scene was built. Raises NotConnectedError."""
         if self._simulation is None or self._monitor is None:
             raise NotConnectedError("the robot is not connected: ask for its record before disconnect()")
         return self._monitor.record()
@@ -210,7 +210,7 @@ class SimulatedRobot(Robot):
 
     @property
     def stopped(self) -> bool:
-        """Whether the stop is latched."""
+        """Return whether the stop is latched."""
         return bool(self._latch)
 
     def diagnostics(self) -> dict[str, str]:

@@ -29,7 +29,7 @@ class SceneSnapshot:
 
 
 class SceneRecorder:
-    """Takes snapshots for the runtime's recorder; to be ``trusted``, it has to be made before time runs."""
+    """Takes snapshots for the runtime's recorder; construct it before time runs, or it is not ``trusted``."""
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self._robot = robot

@@ -22,7 +22,7 @@ Reading = TypeVar("Reading")
 
 
 class SensorFault(Enum):
-    """How a sensor can fail: no reading at all, or the last one repeated; a camera: black, or without depth."""
+    """A sensor failure: no reading, or the last one repeated; a camera: black, or without depth."""
 
     SILENT = "silent"
     FROZEN = "frozen"

@@ -200,7 +200,7 @@ class Simulation:
         return self.epoch + self.elapsed
 
     def step(self) -> None:
-        """One physics step, with the controllers that are due before it and the observers after it."""
+        """Execute one physics step: due controllers before it, observers after it."""
         if self.steps % self.parameters.control_every == 0:
             for control in self.controls:
                 control()
@@ -231,7 +231,7 @@ class Simulation:
         return self.engine if self.ledger.truth_closed else self._engine
 
     def slots(self, joint_names: Sequence[str]) -> NDArray[np.intp]:
-        """Where joints are in ``joint_states``."""
+        """Return the indices of joints in ``joint_states``."""
         return np.array([self._slots[joint] for joint in joint_names], dtype=np.intp)
 
     def joints(self, joint_names: Sequence[str]) -> list[int]:
@@ -251,7 +251,7 @@ class Simulation:
         return self._states
 
     def efforts(self) -> Array:
-        """What motors exert at the driven joints; where torques are commanded, the engine's own figure is stale."""
+        """Return the motor efforts at the driven joints; with commanded torques the engine's value is stale."""
         return np.where(np.isnan(self.torques), self.joint_states()[2], self.torques)
 
     def contacts(self, reader: Reader) -> Sequence[ContactPoint]:
@@ -281,7 +281,7 @@ class Simulation:
 
 
 class SimulatedChannel:
-    """What the channels to simulated actuators share: the simulation, to which they are attached while connected."""
+    """The base of channels to simulated actuators: the simulation, attached while connected."""
 
     _attached_to: Simulation | None = None
     motors: Engine

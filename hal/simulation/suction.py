@@ -54,7 +54,7 @@ class SuctionPump(SimulatedChannel, GripperChannel):
         self._reader = self._engine = None
 
     def read(self) -> GripperReading:
-        """What the vacuum sensor says."""
+        """Return the reading of the vacuum sensor."""
         width = self._part.max_width / 2 if self._sealed_for > 0.0 else self._width
         return GripperReading(width, object_held=self._sealed_for >= BUILD_UP)
 

@@ -37,7 +37,7 @@ class SimulatedTactile(SimulatedSensor[TactileReading], Tactile):
         self._y = (np.arange(model.rows) + 0.5) / model.rows * height - height / 2
 
     def begin(self, simulation: Simulation) -> Callable[[], TactileReading]:
-        """What presses on the pad."""
+        """Return the reader of the pad's contacts."""
         reader = simulation.reader(ReadPurpose.SENSOR)
         link = simulation.holder(self._model.frame)
         tracker = FrameTracker(simulation, reader, self._model.frame)

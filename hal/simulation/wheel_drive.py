@@ -42,7 +42,7 @@ class Drive(ABC):
         """Return the velocity from speeds of the wheels (n,), rad/s, or the path from their angles, rad."""
 
     def steering_angles(self, velocity: Velocity, present: Array) -> Array:
-        """Where the steering joints should point (k,), the nearer of the two ways to it; without any, none."""
+        """Return the target angles of the steering joints (k,), the nearer of two solutions; empty without any."""
         return present
 
 
@@ -66,7 +66,7 @@ class SideDrive(Drive):
         return np.array([(vx - half) / self.left_radius, (vx + half) / self.right_radius] * (self.wheels // 2))
 
     def motion(self, wheels: Array, steering: Array) -> Velocity:
-        """From the mean of each side."""
+        """Return the motion from the mean of each side."""
         left_path = float(wheels[0::2].mean()) * self.left_radius
         right_path = float(wheels[1::2].mean()) * self.right_radius
         return (left_path + right_path) / 2.0, 0.0, (right_path - left_path) / self.track
@@ -90,7 +90,7 @@ class SteeredDrive(Drive):
         return np.where(np.hypot(*ways.T) > 1e-4, present + turn, present)
 
     def wheel_speeds(self, velocity: Velocity, steering: Array) -> Array:
-        """What of each wheel's velocity lies along the way that it points."""
+        """Return each wheel's velocity along its rolling direction."""
         along = np.column_stack([np.cos(steering), np.sin(steering)])
         speeds: Array = np.sum(self._wheel_velocities(velocity) * along, axis=1) / self.radii
         return speeds
@@ -124,7 +124,7 @@ class Odometry:
         return Pose2D(self.x, self.y, wrap_angle(self.heading))
 
     def update(self, wheels: Array, steering: Array) -> None:
-        """Take in a reading of the wheels (n,) and the steering joints (k,)."""
+        """Integrate a reading of the wheels (n,) and the steering joints (k,)."""
         forward, left, angle = self._drive.motion(wheels - self._wheels, steering)
         self._wheels = np.array(wheels)
         middle = self.heading + angle / 2.0

@@ -47,7 +47,7 @@ class WorldState:
 
 
 class StateCapture:
-    """Takes states of a running simulation; made before time runs, used in the world's thread."""
+    """Captures states of a running simulation; constructed before time runs, used in the world's thread."""
 
     def __init__(self, robot: PyBulletRobot) -> None:
         self._robot = robot

@@ -32,7 +32,7 @@ def _share(name: str, value: object) -> float:
 
 @dataclass(frozen=True)
 class WireFaults:
-    """What is wrong with the wire now. ``silent``: nothing arrives and nothing is sent, as if the cable was pulled."""
+    """The current faults of the wire. ``silent``: nothing arrives or is sent, as with an unplugged cable."""
 
     silent: bool = False
     delay: float = 0.0
@@ -58,7 +58,7 @@ class Faults:
 
     @property
     def names(self) -> list[str]:
-        """What can be asked for."""
+        """Return the available faults."""
         return ["drop", "delay", "restore", *self._offered, *self._shares]
 
     def offer(

@@ -36,7 +36,7 @@ class MachineWatch:
             self._frames[camera] = oldest, OLDEST_FRAME * math.sqrt(pixels / FRAME_PIXELS)
 
     def look(self) -> None:
-        """Tell what was late in the period that has ended, if one has."""
+        """Report the delays of the period that has ended, if one has."""
         passed = self._clock() - self._begun
         if passed < PERIOD:
             return

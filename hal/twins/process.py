@@ -76,7 +76,7 @@ class TwinProcess:
         return Path(self._told["judge"])
 
     def judge(self, question: str, name: str = "") -> Any:
-        """What is true in the world."""
+        """Return the ground truth of the world."""
         return ask(self.judge_socket, {"ask": question, "name": name})["answer"]
 
     def start(self) -> None:

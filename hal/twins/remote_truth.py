@@ -25,7 +25,7 @@ FINDINGS = (
 
 
 class RemoteTruth(GroundTruth):
-    """As ``GroundTruth``; each question is a round trip. Raises LookupError for names that are not there."""
+    """A remote ``GroundTruth``; each query is a round trip. Raises LookupError for unknown names."""
 
     def __init__(self, judge: Path) -> None:
         self._judge = judge
@@ -75,11 +75,11 @@ class RemoteTruth(GroundTruth):
         return bool(self._ask("touches_robot", name))
 
     def supports(self, name: str) -> tuple[str, ...]:
-        """What an object rests on or touches."""
+        """Return the supports and contacts of an object."""
         return tuple(self._ask("supports", name))
 
     def audit_record(self) -> AuditRecord:
-        """What the monitor of the twins' world has seen."""
+        """Return the record of the twin world's monitor."""
         record = self._ask("audit_record")
         for name in FINDINGS:
             record[name] = tuple(Finding(**finding) for finding in record[name])

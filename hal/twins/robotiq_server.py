@@ -52,7 +52,7 @@ class RobotiqGripper:
 
     @property
     def variables(self) -> dict[str, int]:
-        """What it tells now."""
+        """Return the current variables."""
         return {
             **self._wanted,
             "STA": self._activation,
@@ -91,11 +91,11 @@ class RobotiqGripper:
 
     @property
     def powered(self) -> bool:
-        """Whether its electronics live."""
+        """Return whether its electronics are powered."""
         return self._powered
 
     def lose_power(self) -> None:
-        """As by a cable that is out, until ``regain_power``; the fingers stay where they are."""
+        """Cut the power, as by an unplugged cable, until ``regain_power``; the fingers stay."""
         self._powered = False
         self._wanted = {"ACT": 0, "GTO": 0}
         self._activation, self._fault, self._object, self._reset_since = RESET, 0, MOVING, 0.0
@@ -103,7 +103,7 @@ class RobotiqGripper:
         self._world.post(self._gripper.stop)
 
     def regain_power(self) -> None:
-        """It wants to be activated."""
+        """Restore the power; the gripper then needs an activation."""
         self._powered = True
 
     def unjam(self) -> None:
@@ -111,7 +111,7 @@ class RobotiqGripper:
         self._jammed = False
 
     def tick(self, dt: float) -> None:
-        """One physics step of the world is about to come."""
+        """Prepare the next physics step of the world."""
         self._reset_since += dt
         if (without := self._arm in self._world.without_power) != self._unpowered_by_arm:
             self._unpowered_by_arm = without

@@ -86,7 +86,7 @@ Taker = Callable[[Mapping[str, Any]], None]
 
 @dataclass
 class Subscription:
-    """Of one client to one topic: seconds between messages at least, and when the last one went out."""
+    """A client's subscription to a topic: minimum seconds between messages, and the time of the last one."""
 
     topic: str
     period: float
@@ -94,7 +94,7 @@ class Subscription:
 
 
 class Client:
-    """One connection: what it wants, and what waits to be sent to it."""
+    """One connection: its subscriptions, and its outgoing queue."""
 
     def __init__(self, wire: WebSocketWire, faults: Faults) -> None:
         self._wire, self._faults = wire, faults

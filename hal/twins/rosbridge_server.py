@@ -39,7 +39,7 @@ ROLLING_WINDOW = 5
 
 
 class TwinBase:
-    """Takes ``Twist`` and ``TwistStamped``, clipped to the base's limits; its dead-man ends velocities that age."""
+    """Accepts ``Twist`` and ``TwistStamped``, clipped to the base's limits; its dead-man ends old velocities."""
 
     def __init__(self, world: TwinWorld, base: MobileBase) -> None:
         self._world, self.base = world, base
@@ -60,18 +60,18 @@ class TwinBase:
         self._world.post(lambda: self.base.set_velocity(*velocity))
 
     def tick(self) -> None:
-        """One physics step of the world is about to come: without a dead-man, the last velocity goes on."""
+        """Prepare the next physics step of the world; without a dead-man, the last velocity continues."""
         if not self.has_dead_man:
             self.base.set_velocity(*self._asked)
 
     def mean_velocity(self) -> Twist2D:
-        """Of the last readings, this one with them: a parked wheel creeps and slips by tenths of a millimetre."""
+        """Return the mean of the last readings and this one: a parked wheel creeps by tenths of a millimetre."""
         self._velocities.append(self.base.velocity())
         return Twist2D(*np.mean([(v.vx, v.vy, v.wz) for v in self._velocities], axis=0).tolist())
 
 
 class TwinJoints:
-    """Takes ``JointTrajectory`` of one point with positions: goes there in a straight line in ``time_from_start``."""
+    """Accepts ``JointTrajectory`` of one point: moves there in a straight line in ``time_from_start``."""
 
     def __init__(self, world: TwinWorld, group: JointGroup, ros_names: tuple[str, ...]) -> None:
         self._world, self.group, self.ros_names = world, group, ros_names
@@ -96,7 +96,7 @@ class TwinJoints:
         self._world.post(lambda: self._take(goal, seconds))
 
     def tick(self, dt: float) -> None:
-        """One physics step of the world is about to come."""
+        """Prepare the next physics step of the world."""
         if self._resting or self._wanted is None:
             return
         step = min(1.0, dt / max(self._left, dt))

@@ -30,11 +30,11 @@ class ServoFollower:
 
     @property
     def moving(self) -> bool:
-        """Whether the last set-point is not reached yet."""
+        """Return whether the last set-point is not reached yet."""
         return bool(np.any(np.abs(self._goal - self.setpoint) > 1e-5))
 
     def rest(self) -> None:
-        """The joints were brought to rest where their set-point is."""
+        """Reset: the joints are at rest at their set-point."""
         self._goal, self._velocity = self.setpoint.copy(), np.zeros_like(self.setpoint)
 
     def take(self, goal: Array, arrived: float) -> None:

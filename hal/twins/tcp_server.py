@@ -63,7 +63,7 @@ class JsonLineServer:
 
 
 def ask(path: Path, question: Mapping[str, Any], timeout: float = 10.0) -> dict[str, Any]:
-    """One question and its answer. Raises LookupError with the answer's own words where it is an error."""
+    """Send one question and return its answer. Raises LookupError with the text of an error answer."""
     with socket.socket(socket.AF_UNIX) as client:
         client.settimeout(timeout)
         client.connect(str(path))
@@ -103,7 +103,7 @@ class TcpServer:
 
     @property
     def clients(self) -> int:
-        """How many are connected."""
+        """Return the number of connected clients."""
         return len(self._clients)
 
     def close(self) -> None:

@@ -122,7 +122,7 @@ class Hosted:
     bringup: Path
 
     def document(self) -> dict[str, Any]:
-        """As JSON; ``settings``: for ``--set``, so that the robot's own YAML reaches the twins."""
+        """Return the configuration as JSON. ``settings``: for ``--set``, so that the robot's YAML reaches the twins."""
         settings = [f"robot.connections.{name}.address={at}" for name, at in self.addresses.items()]
         settings += [f"robot.connections.{name}.driver={driver}" for name, driver in self.drivers.items()]
         settings.append(f"robot.bringup={self.bringup}")

@@ -86,7 +86,7 @@ class URController:
 
     @property
     def playing(self) -> bool:
-        """Whether a program runs."""
+        """Return whether a program runs."""
         return self._program is not None
 
     def read(self) -> Mapping[str, Any]:
@@ -152,7 +152,7 @@ class URController:
         self.safety_mode = SafetyMode.REDUCED if reduced else SafetyMode.NORMAL
 
     def turn_wrench(self) -> None:
-        """From now on the sensor tells what the hand does to the world, and back again."""
+        """Invert the sign of the wrench sensor; a second call restores it."""
         self._wrench_sign = -self._wrench_sign
 
     def trip(self, mode: SafetyMode) -> None:
@@ -195,7 +195,7 @@ class URController:
     # The world's thread
 
     def tick(self, dt: float) -> None:
-        """One physics step of the world is about to come.
+        """Prepare the next physics step of the world.
 
         The tool is powered through the arm, which an emergency stop leaves without power (UR's user manual, "Tool I/O"
         and "Emergency stop").

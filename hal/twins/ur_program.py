@@ -140,7 +140,7 @@ class URProgram:
             self._next_move()
 
     def advance(self, dt: float, inputs: Mapping[str, Any], fresh: bool, slider: float = 1.0) -> None:
-        """One cycle. ``fresh``: whether inputs have come since the last one. ``slider``: of the pendant, 0 to 1."""
+        """Execute one cycle. ``fresh``: whether new inputs arrived. ``slider``: of the pendant, 0 to 1."""
         self._slider = slider
         command = int(inputs.get("input_int_register_0", 0))
         numbers = [float(inputs.get(f"input_double_register_{index}", 0.0)) for index in range(8)]

@@ -61,7 +61,7 @@ class Recipe:
 
     @property
     def known(self) -> bool:
-        """Whether the controller has all of its fields."""
+        """Return whether the controller has all of its fields."""
         return "NOT_FOUND" not in self.types
 
     def pack(self, values: Mapping[str, Any]) -> bytes:

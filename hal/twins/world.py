@@ -61,7 +61,7 @@ class TwinWorld:
 
     @property
     def truth(self) -> GroundTruth:
-        """What is true in this world, for the judge; made before time runs."""
+        """Return the ground truth of this world, for the judge; made before time runs."""
         if self._truth is None:
             raise RuntimeError("the world does not run yet")
         return self._truth

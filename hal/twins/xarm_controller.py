@@ -39,7 +39,7 @@ class State(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class XArmReading:
-    """What the controller tells of its joints, (n,) each, and the gripper's position in pulses."""
+    """The controller's readings of its joints, (n,) each, and the gripper's position in pulses."""
 
     positions: Array
     velocities: Array
@@ -158,7 +158,7 @@ class XArmController:
 
     @property
     def commands_left(self) -> int:
-        """How many motions are under way."""
+        """Return the number of active motions."""
         motion = self._motion
         return int(motion is not None and not motion.done)
 
@@ -197,7 +197,7 @@ class XArmController:
     # The world's thread
 
     def tick(self, dt: float) -> None:
-        """One physics step of the world is about to come."""
+        """Prepare the next physics step of the world."""
         arm = self._arm
         positions = arm.positions()
         self.reading = XArmReading(positions, arm.velocities(), arm.efforts(), self._pulses())

@@ -78,7 +78,7 @@ class XArmTwin:
 
     @property
     def serial_number(self) -> str:
-        """Of the arm."""
+        """Return the serial number of the arm."""
         return self.settings.serial_number
 
     def start(self) -> None:

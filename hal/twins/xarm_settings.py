@@ -59,7 +59,7 @@ class XArmSettings:
         }
 
     def tool_pose(self, flange: tuple[float, ...]) -> tuple[float, ...]:
-        """Of the tool: mm and roll, pitch, yaw, where the flange is at ``flange`` (the same)."""
+        """Return the pose of the tool for the flange at ``flange``: mm and roll, pitch, yaw."""
         at = _placement(flange) * pinocchio.SE3(np.eye(3), np.array([0.0, 0.0, self.length_error]))
         tool = at * _placement(self.tool_offset)
         rotation: NDArray[np.float64] = tool.rotation

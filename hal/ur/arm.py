@@ -148,14 +148,14 @@ class URArm(StreamedArm):
             self.tell_payload()
 
     def tell_payload(self) -> None:
-        """Tell a controller whose program is new what was told before; ConnectionFailedError."""
+        """Send the stored payload to a restarted program. Raises ConnectionFailedError."""
         if self._carried is not None:
             told = self._carried.mass, self._carried.centre.tolist()
             self._link.call("set_payload", *told, timeout=START_TIME)
 
     @property
     def resting(self) -> bool:
-        """Whether nothing is commanded to move."""
+        """Return whether nothing is commanded to move."""
         return self._own is None and super().resting
 
     def brake(self) -> None:
@@ -180,7 +180,7 @@ class URArm(StreamedArm):
             super().attach()
 
     def cycle(self, elapsed: float) -> None:
-        """One control period."""
+        """Execute one control period."""
         with self._connection.lock:  # so that no motion of the controller's begins between the look and the cycle
             own = self._own
             if own is None:

@@ -145,7 +145,7 @@ STOPPED_BY_PEOPLE = frozenset({5, 6, 7, 12, 13})
 
 
 def fault_of(report: Report) -> Failure | None:
-    """Why the controller cannot be commanded, None if it can."""
+    """Return the fault in ``gFLT`` and ``gSTA``, None if the gripper is active without a fault."""
     safety, mode = report.safety_mode, report.robot_mode
     if safety not in WELL:
         if safety == PROTECTIVE_STOP:
@@ -169,7 +169,7 @@ def fault_of(report: Report) -> Failure | None:
 
 
 def scaling_of(report: Report, reduced: float) -> float:
-    """How fast a motion's time passes: by the speed slider; none while paused; at most ``reduced`` in that mode."""
+    """Return the time scale of a motion: the speed slider; 0 while paused; at most ``reduced`` in that mode."""
     if report.runtime_state != PLAYING:
         return 0.0
     return min(report.scaling, reduced) if report.safety_mode == REDUCED else report.scaling
@@ -232,12 +232,12 @@ class URConnection(Connection):
         self._link.close()
 
     def identity(self) -> Identity:
-        """By its dashboard."""
+        """Return the identity from the dashboard."""
         firmware = str(self._link.call("firmware", timeout=READY_TIME)).removeprefix("URSoftware ").split(" ")[0]
         return Identity(self._told.model, self._told.serial_number, firmware)
 
     def arm_facts(self) -> ArmFacts | None:
-        """By RTDE; the offset of the tool is that of when it was connected."""
+        """Return the facts from RTDE; the tool offset is that at connection."""
         joints, tool, payload = self._link.call("arm", timeout=READY_TIME)
         return replace(self._told, joints=joints, tool_pose=tool, payload=payload).arm_facts()
 
@@ -336,7 +336,7 @@ class URJoints(JointChannel):
 
     @property
     def scaling(self) -> float:
-        """As the newest report tells."""
+        """Return the scaling of the newest report."""
         report = self._link.report
         return 1.0 if report is None else scaling_of(report, self._reduced_scaling)
 
@@ -352,7 +352,7 @@ class URJoints(JointChannel):
         return reading
 
     def send(self, positions: Array, velocities: Array) -> None:
-        """One set-point, radians; it does not wait."""
+        """Send one set-point, radians; does not wait."""
         self._link.send(positions.tolist())
 
 

@@ -33,7 +33,7 @@ class URIdentity:
     payload: float
 
     def mismatch(self, robot: RobotModel, arm: str, model: str | None) -> str | None:
-        """What speaks against its being the arm of the robot file, whose option ``model`` may name it, else None."""
+        """Return the difference from the arm of the robot file, whose option ``model`` may name it, or None."""
         told = f"the controller calls its arm {self.model}, serial number {self.serial_number}"
         if model is not None and _family(self.model) != _family(model):
             return f"{told}; the option 'model' says {model}"

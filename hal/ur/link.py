@@ -23,7 +23,7 @@ BEAT_PERIOD = 0.02
 
 
 class URLink:
-    """One SDK process at a time. Every method may be called from any thread."""
+    """One SDK process at a time; thread-safe."""
 
     def __init__(self, name: str, clock: Clock) -> None:
         self._name = name
@@ -66,7 +66,7 @@ class URLink:
             time.sleep(0.005)
 
     def call(self, name: str, *arguments: Any, timeout: float) -> Any:
-        """What the SDK's process answers. Raises ConnectionFailedError if it refuses or does not answer in time."""
+        """Return the answer of the SDK's process. Raises ConnectionFailedError on a refusal or a timeout."""
         with self._calling:
             calls = self._calls
             if calls is None:
@@ -89,7 +89,7 @@ class URLink:
             self.send(None)
 
     def send(self, positions: list[float] | None) -> None:
-        """One set-point, or a sign of life; where the process is gone, the watchdog notices."""
+        """Send one set-point or sign of life; if the process is gone, the watchdog notices."""
         stream = self._stream
         if stream is not None:
             try:
@@ -100,7 +100,7 @@ class URLink:
 
     @property
     def alive(self) -> bool:
-        """Whether the SDK's process runs and can be called."""
+        """Return whether the SDK's process runs and can be called."""
         process = self._process
         return process is not None and self._calls is not None and process.poll() is None
 
@@ -110,7 +110,7 @@ class URLink:
         return self._report
 
     def pump(self) -> Report | None:
-        """Take in what has come; the newest report, None before the first."""
+        """Read pending reports. Returns the newest, None before the first."""
         with self._reading:
             stream = self._stream
             try:
@@ -136,7 +136,7 @@ class URLink:
         return time.monotonic() - report.time + self._lateness.lag if report is not None else float("inf")
 
     def late(self, longest_delay: float) -> float | None:
-        """By how much readings have come late for a while, if that is more than ``longest_delay``, else None."""
+        """Return the delay of recent readings if it exceeds ``longest_delay``, else None."""
         return self._lateness.late(longest_delay, time.monotonic())
 
     def close(self) -> None:

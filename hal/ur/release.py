@@ -25,7 +25,7 @@ class URRelease:
         self._name, self._address, self._timeout = name, address, timeout
 
     def cause(self) -> str | None:
-        """What has to be looked at, in words, or None if the arm is released. ConnectionFailedError."""
+        """Return the required inspection as text, or None if the arm is released. Raises ConnectionFailedError."""
         with self._dashboard() as dashboard:
             causes = [
                 f"{what} {state.replace('_', ' ').lower()}"

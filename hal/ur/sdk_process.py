@@ -131,7 +131,7 @@ class SDKProcess:
         }
 
     def serve(self) -> None:
-        """Until the parent closes its ends, or dies."""
+        """Serve until the parent closes its ends, or dies."""
         selector = selectors.DefaultSelector()
         selector.register(self._calls, selectors.EVENT_READ)
         selector.register(self._stream, selectors.EVENT_READ)
@@ -241,7 +241,7 @@ class SDKProcess:
         return begun
 
     def end_path(self) -> None:
-        """It has arrived: nothing has to be renewed any more."""
+        """End an arrived path: nothing needs to be renewed."""
         self._renewed_until = None
 
     def speed(self, function: str, target: list[float], acceleration: float) -> bool:

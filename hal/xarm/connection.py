@@ -57,7 +57,7 @@ class XArmJoints(JointChannel):
             self._reading = JointReading(*columns)
 
     def send(self, positions: Array, velocities: Array) -> None:
-        """One set-point, radians: one round trip."""
+        """Send one set-point, radians, in one round trip."""
         self._wire.tell("set-point", lambda arm: arm.set_servo_angle_j(positions.tolist(), is_radian=True))
 
 
@@ -88,7 +88,7 @@ class XArmGripper(GripperChannel):
     def read(self) -> GripperReading:
         """Return the latest width."""
         if self._width is None:
-            raise NoDataError("the xArm's gripper has told no position yet")
+            raise NoDataError("the xArm's gripper has reported no position yet")
         return GripperReading(self._width)
 
     def send(self, width: float, force: float, speed: float) -> None:
@@ -199,11 +199,11 @@ class XArmConnection(Connection):
         return self._wire.fault
 
     def identity(self) -> Identity:
-        """By the SDK."""
+        """Return the identity from the SDK."""
         return self._wire.told()
 
     def arm_facts(self) -> ArmFacts | None:
-        """By the control box's report; the ranges of its joints are those that the SDK lists for its type."""
+        """Return the facts from the control box's report; joint ranges are those that the SDK lists for its type."""
         told = read_report(self.settings.address, self.options.connect_timeout)
         if told is None:
             return None

@@ -42,7 +42,7 @@ class Lite6GripperWire(GripperChannel):
             self._wire.tell("gripper", lambda arm: arm.close_lite6_gripper(sync=False))
 
     def halt(self) -> None:
-        """Take the power off it; what it held by that power it may lose."""
+        """Cut its power; it may drop an object that it holds by that power."""
         self._begin(self.read().width)
         self._wire.tell("gripper", lambda arm: arm.stop_lite6_gripper(sync=False))
 

@@ -37,7 +37,7 @@ ROUNDING = 0.01
 
 @dataclass(frozen=True)
 class ArmIdentity:
-    """What a controller tells: number of joints, type, and, by the SDK's table, their limits (radians), or none."""
+    """A controller's report: number of joints, type, and, by the SDK's table, their limits (radians), or none."""
 
     axes: int
     device_type: int
@@ -54,7 +54,7 @@ class ArmIdentity:
         return cls(int(arm.axis), int(arm.device_type), limits)
 
     def mismatch(self, kind: ArmKind, model: ArmModel) -> str | None:
-        """What speaks against its being the arm of the robot file, else None."""
+        """Return the difference from the arm of the robot file, or None."""
         if self.axes != len(model.joint_names):
             return f"the controller has {self.axes} joints, the robot file's arm has {len(model.joint_names)}"
         told: ArmKind = "lite6" if self.device_type == LITE6 else "xarm"
@@ -217,12 +217,12 @@ class XArmWire:
 
     @property
     def fault(self) -> Failure | None:
-        """What the controller or its gripper reported last."""
+        """Return the last fault of the controller or its gripper."""
         return self._fault
 
     @property
     def stopped(self) -> bool:
-        """Whether the controller has stopped the arm itself: an error of its own, not one of the gripper."""
+        """Return whether the controller has stopped the arm itself: an error of the arm, not of the gripper."""
         fault = self._fault
         return fault is not None and not fault.vendor_code.startswith("G")
 

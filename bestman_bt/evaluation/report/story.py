@@ -85,7 +85,7 @@ class RunStory:
 
     @property
     def is_counted(self) -> bool:
-        """Whether it completed, so that it counts in a success rate."""
+        """Return whether it completed, so that it counts in a success rate."""
         return self.result is not None and self.outcome != "cancelled"
 
 

@@ -115,7 +115,7 @@ class Goal(ABC, Generic[Asked]):
 
     @as_far_as_read
     def unknown_place(self, field: str) -> Iterator[Problem]:
-        """A goal that a field names and the scene does not have."""
+        """Yield the problem of a field whose goal place the scene does not have."""
         name = getattr(self.asked, field)
         yield from unknown(self.config, (*self.path, field), name, self.world.goals, "the scene has no goal")
 

@@ -277,7 +277,7 @@ class FrontPlane:
 
     @property
     def area(self) -> float:
-        """Of the rectangle that was seen, square metres."""
+        """Return the area of the observed rectangle, square metres."""
         return float(np.prod(self.high - self.low))
 
 

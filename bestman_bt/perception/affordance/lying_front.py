@@ -24,7 +24,7 @@ class Rectangle:
 
 @dataclass(frozen=True, eq=False)
 class LyingFront:
-    """As RectifiedFront; ``upright``: whether rows and columns are exchanged. ``shown``: cells that show the front."""
+    """A RectifiedFront. ``upright``: whether rows and columns are exchanged. ``shown``: cells that show the front."""
 
     front: RectifiedFront
     upright: bool
@@ -143,5 +143,5 @@ class LyingFront:
 
 
 def share(cells: NDArray[np.bool_]) -> float:
-    """Of the cells that are True; 0 where there are none."""
+    """Return the share of True cells; 0 if there are no cells."""
     return float(cells.mean()) if cells.size else 0.0

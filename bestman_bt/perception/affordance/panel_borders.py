@@ -62,7 +62,7 @@ class BorderSearch:
     def seams(
         self, front: RectifiedFront, low: NDArray[np.float64], high: NDArray[np.float64], level: bool
     ) -> list[float]:
-        """Where level (else upright) seams run through the whole rectangle ``low`` to ``high``: their y (x), metres."""
+        """Return the y (x) of level (else upright) seams across the whole rectangle ``low`` to ``high``, metres."""
         shown, telling = self._evidence(front)["lying" if level else "upright"]
         rows = slice(max(0, round(front.row_of(high[1]))), max(0, round(front.row_of(low[1])) + 1))
         columns = slice(max(0, round(front.column_of(low[0]))), max(0, round(front.column_of(high[0])) + 1))
@@ -146,7 +146,7 @@ class BorderSearch:
 
 @dataclass(frozen=True)
 class PanelBorders:
-    """Where a panel ends, metres in the frame of its front, or None if that was not seen."""
+    """The borders of a panel, metres in the frame of its front; None where not observed."""
 
     left: float | None = None
     right: float | None = None

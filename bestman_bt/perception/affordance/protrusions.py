@@ -43,7 +43,7 @@ class HandleOnFront:
 
     @property
     def upright(self) -> bool:
-        """Whether its axis is nearer to the vertical."""
+        """Return whether its axis is nearer to the vertical."""
         return self.kind != "knob" and abs(math.sin(self.angle)) > math.sqrt(0.5)
 
     @property

@@ -97,7 +97,7 @@ class Surround:
         return (float(np.mean(shares + ends)), len(ends) < 2) if ends else None
 
     def hidden(self, middle: NDArray[np.float64], along: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
-        """Where along a bar something is before it: metres from its middle."""
+        """Return the occluded positions along a bar, metres from its middle."""
         across = np.array([-along[1], along[0]])
         hides = self.hides & (np.abs((self.flat - middle) @ across) < radius + self._margin)
         where: NDArray[np.float64] = (self.flat[hides] - middle) @ along

@@ -61,7 +61,7 @@ class Board(ABC):
     @property
     @abstractmethod
     def tells_orientation(self) -> bool:
-        """Whether an image tells which way round the board is; calibrations of poses need that."""
+        """Return whether an image determines the board's orientation; calibrations of poses need it."""
 
     @abstractmethod
     def find(self, rgb: NDArray[np.uint8]) -> BoardSighting | None:

@@ -45,7 +45,7 @@ class Refined:
 
 
 def mean_target(world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose], end: Pose) -> Pose:
-    """Where the views put the target, in the mean, with the camera at ``end`` on its carrier."""
+    """Return the mean pose of the target over the views, with the camera at ``end`` of its carrier."""
     placed = np.array(
         [
             carrier.matrix @ end.matrix @ seen.matrix

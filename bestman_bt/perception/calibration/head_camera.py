@@ -40,7 +40,7 @@ Unknown = Literal["mount", "camera", "board"]
 
 @dataclass(frozen=True)
 class BoardView:
-    """One image: the board's corners, and what the encoders told of both ends."""
+    """One image: the board's corners, and the encoder readings of both ends."""
 
     sighting: BoardSighting
     mount_from_carrier: Pose = field(default_factory=Pose)
@@ -56,7 +56,7 @@ class ChainPoses:
     board: Pose
 
     def board_in_camera(self, view: BoardView) -> Pose:
-        """Where the chain puts the board."""
+        """Return the pose of the board by the kinematic chain."""
         base_from_camera = self.mount @ view.mount_from_carrier @ self.camera
         return base_from_camera.inverse() @ view.base_from_holder @ self.board
 

@@ -54,7 +54,7 @@ class Detection:
 
     @property
     def at_border(self) -> bool:
-        """Whether the picture may cut the object off: a part of what was judged was not in view."""
+        """Return whether the image border may cut off the object."""
         return self.cluster.at_border
 
 

@@ -76,7 +76,7 @@ class ModelLook:
     shares: NDArray[np.float64]
 
     def shape_distance(self, seen: NDArray[np.float64]) -> float:
-        """How badly a cluster's signature fits, at the best yaw: the mean of the numbers' differences in SCALES."""
+        """Return the distance of a cluster's signature at the best yaw: the mean difference in units of SCALES."""
         difference = (seen - self.signatures) / SCALES
         # Something nearer may hide a part, so less than expected counts half.
         extents = difference[:, 1:5]

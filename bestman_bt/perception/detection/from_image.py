@@ -129,7 +129,7 @@ class FromImage(Detector):
         return located(scene, labelled, rest, models, self.pose_estimator, view, self.min_confidence)
 
     def seen(self, view: View, models: Sequence[ObjectModel]) -> tuple[ImageDetection, ...]:
-        """What is found in the image, by the objects' names, highest score first."""
+        """Return the detections in the image, by the objects' names, highest score first."""
         name_of = {self.prompts.get(name, name): name for name in (*(model.name for model in models), *self.names)}
         if not name_of:
             return ()

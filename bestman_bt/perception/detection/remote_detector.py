@@ -39,7 +39,7 @@ class RemoteMask(BaseModel):
 
 
 class RemoteDetection(BaseModel):
-    """One named thing; ``box`` is left, top, right, bottom in pixels."""
+    """One labelled detection. ``box``: left, top, right, bottom in pixels."""
 
     label: str
     score: Annotated[float, Field(ge=0.0, le=1.0)]

@@ -45,7 +45,7 @@ class HandPoses:
         return len(self.positions)
 
     def selected(self, index: NDArray[np.bool_] | NDArray[np.intp] | slice) -> HandPoses:
-        """Those that ``index`` (mask, indices or slice) selects."""
+        """Return the poses that ``index`` (mask, indices or slice) selects."""
         return HandPoses(self.rotations[index], self.positions[index])
 
     def passes(self, points: int) -> list[slice]:
@@ -59,7 +59,7 @@ class HandPoses:
         return tuple(self.rotations[:, :, axis] @ points.T - offsets[:, axis, None] for axis in range(3))
 
     def pose(self, index: int) -> Pose:
-        """One of them, frame_from_tool."""
+        """Return one pose, frame_from_tool."""
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = self.rotations[index], self.positions[index]
         return Pose.from_matrix(matrix)

@@ -46,7 +46,7 @@ class HandPlacement:
         return gripper.part.min_width < width <= self.widest(gripper)
 
     def widest(self, gripper: GripperModel) -> float:
-        """How wide an object may be, metres."""
+        """Return the largest width of an object, metres."""
         return gripper.max_width - 2 * self.least_clearance
 
     def openings(self, widths: NDArray[np.float64], gripper: GripperModel) -> NDArray[np.float64]:
@@ -117,7 +117,7 @@ class HandShape:
 
     @property
     def reach(self) -> float:
-        """No part is farther from the tool frame than this, metres, opened as wide as it goes."""
+        """Return the largest distance of any part from the tool frame at full opening, metres."""
         palm, depth = self.size.palm_size, self._depth
         side = max(palm[1] / 2, self.gripper.max_width / 2 + self.size.finger_thickness)
         return float(np.linalg.norm([palm[0] / 2, side, depth + self.size.palm_length]))

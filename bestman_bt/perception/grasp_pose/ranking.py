@@ -66,7 +66,7 @@ def clear_candidates(
     support_height: float,
     least: float,
 ) -> list[GraspCandidate]:
-    """Those whose open hand keeps ``least`` metres from ``surroundings`` (N, 3); ``clearance`` is filled in."""
+    """Return the candidates whose open hand keeps ``least`` metres from ``surroundings`` (N, 3), with ``clearance``."""
     if not candidates:
         return []
     hands = hands_of(candidates)

@@ -61,7 +61,7 @@ class PoseHypothesis:
 
     @property
     def ambiguous_yaw(self) -> bool:
-        """Whether another view is needed to know the yaw."""
+        """Return whether the yaw needs another view."""
         return self.yaw_set.width > AMBIGUOUS_YAW
 
 

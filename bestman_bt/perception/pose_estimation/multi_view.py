@@ -34,7 +34,7 @@ from bestman_bt.perception.view import View
 
 @dataclass(frozen=True, eq=False)
 class ViewObservation:
-    """What one view shows of the object; cluster and view of all observations are given in one frame."""
+    """The observation of an object in one view; cluster and view of all observations share a frame."""
 
     cluster: Cluster
     view: View

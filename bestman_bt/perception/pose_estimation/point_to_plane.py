@@ -27,7 +27,7 @@ def evenly(n: int, limit: int) -> NDArray[np.intp]:
 def nearest_offsets(
     tree: cKDTree, samples: NDArray[np.float64], normals: NDArray[np.float64], points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """From the nearest sample to each point, and the normal there: (N, 3) each."""
+    """Return the offsets from the nearest sample to each point, and the normals there: (N, 3) each."""
     nearest = tree.query(points)[1]
     return points - samples[nearest], normals[nearest]
 

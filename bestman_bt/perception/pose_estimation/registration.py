@@ -172,7 +172,7 @@ class Fit:
     covariance: NDArray[np.float64]
 
     def frame_from_object(self, frame_from_plane: Pose, surface: ModelSurface) -> Pose:
-        """Where the object stands."""
+        """Return the pose of the object."""
         x, y, yaw = self.pose
         return frame_from_plane @ Pose.from_xyz_rpy((x, y, 0.0), (0.0, 0.0, yaw)) @ surface.rest_from_object
 

@@ -86,7 +86,7 @@ class SupportPlane:
 
     @property
     def partial(self) -> bool:
-        """Whether the surface goes on, or may go on, where the picture ends or something hides it."""
+        """Return whether the surface may continue beyond the image border or behind an occlusion."""
         return any(side in ("hidden", "cut") for side in self.sides)
 
     @property

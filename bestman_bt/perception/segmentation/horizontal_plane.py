@@ -154,7 +154,7 @@ class HorizontalPlane:
     def refined_plane(
         self, plane: NDArray[np.float64], points: NDArray[np.float64], needed: int
     ) -> tuple[NDArray[np.float64] | None, int]:
-        """As ``fit_plane``: the least-squares plane through the points (N, 3) near ``plane`` (a, b, c)."""
+        """Return the least-squares plane through the points (N, 3) near ``plane`` (a, b, c), like ``fit_plane``."""
         for limit in (1.5 * self.ransac_distance, self.ransac_distance, self.ransac_distance):
             inlier = np.abs(above_plane(points, plane)) < limit
             found = int(inlier.sum())

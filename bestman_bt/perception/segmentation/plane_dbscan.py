@@ -171,7 +171,7 @@ class Open3DDbscan(PlaneDbscan):
     def fit_plane(
         self, points: NDArray[np.float64], rng: np.random.Generator, needed: int
     ) -> tuple[NDArray[np.float64] | None, int]:
-        """As ``HorizontalPlane.fit_plane``, by points whose normals are vertical."""
+        """Fit like ``HorizontalPlane.fit_plane``, to points with vertical normals."""
         thin = thinned(PointCloud(points), self.normal_radius / 4).points
         level = thin[estimated_normals(thin, _UP, self.normal_radius)[:, 2] >= np.cos(self.max_normal_tilt)]
         if len(level) < 3:

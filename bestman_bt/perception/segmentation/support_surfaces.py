@@ -38,7 +38,7 @@ _PIXELS = 2
 
 
 def surface_sides(view: View, frame_from_plane: Pose, size: tuple[float, float]) -> tuple[Side, ...]:
-    """What most points just beyond -x, +x, -y, +y of the rectangle show."""
+    """Return the majority label of the points just beyond -x, +x, -y and +y of the rectangle."""
     half_x, half_y = size[0] / 2, size[1] / 2
     along = np.linspace(-0.9, 0.9, 19)
     sides: list[Side] = []
@@ -56,7 +56,9 @@ def surface_sides(view: View, frame_from_plane: Pose, size: tuple[float, float])
 
 
 def edge_kind(view: View, frame_from_plane: Pose, edge: NDArray[np.float64], outward: NDArray[np.float64]) -> Side:
-    """How the surface ends along ``edge``, (N, 2) metres in the plane's frame; ``outward``: (2,), a unit vector."""
+    """Return how the surface ends along ``edge``, (N, 2) metres in the plane's frame. ``outward``: (2,), a unit
+    vector.
+    """
     votes: Counter[Side] = Counter()
     plane_from_frame = frame_from_plane.inverse()
     beyond = np.zeros((len(edge), 3))

@@ -55,7 +55,7 @@ class Doorway:
 
     @property
     def has_door(self) -> bool:
-        """Whether it has a door."""
+        """Return whether it has a door."""
         return self.frame > 0.0
 
     @property

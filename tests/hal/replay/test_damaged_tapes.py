@@ -65,8 +65,8 @@ def test_an_array_that_is_packed_small_takes_no_more_memory_than_it_may(tmp_path
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("garbage", "line 100 is no JSON"),
-        ('{"t": 9.8, "par', "line 100 is no JSON"),
+        ("garbage", "line 100 is not JSON"),
+        ('{"t": 9.8, "par', "line 100 is not JSON"),
         ("[1]", "line 100 is malformed: TypeError"),
         ("7", "line 100 is malformed: TypeError"),
         ('{"t": 9.8}', "line 100 is malformed: KeyError: 'part'"),

@@ -46,7 +46,7 @@ def test_a_silent_sensor_has_no_reading_once_its_last_one_is_too_old(stream: Top
     assert stream.read() == 1
     assert stream.age == pytest.approx(0.39)
     clock.time = 100.41
-    with pytest.raises(NoDataError, match=r"lidar: what came last on /scan is 0\.41 s old"):
+    with pytest.raises(NoDataError, match=r"lidar: the newest message on /scan is 0\.41 s old"):
         stream.read()
     assert stream.latest() == 1
     stream.take(message(7.41, 2), 100.41)
