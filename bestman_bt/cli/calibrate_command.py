@@ -53,7 +53,7 @@ class LensCoefficients(StrEnum):
 
 @dataclass(frozen=True)
 class SimulatedViews:
-    """Of which robot's camera views are recorded in simulation; ``robot`` None: of none."""
+    """The simulated camera views to record; none if ``robot`` is None."""
 
     robot: Annotated[
         str | None, typer.Option("--simulate", metavar="ROBOT", help="Record the views with a simulated robot.")

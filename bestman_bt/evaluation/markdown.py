@@ -1,4 +1,4 @@
-"""The document of an evaluation as a page for people."""
+"""The document of an evaluation as Markdown."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ WAS = {
 
 
 def look_of(nodes: NodeStates, uid: int) -> Look:
-    """Return a node now. One that is idle has the look of its last result, dimmed, as Groot2 shows it."""
+    """Return the look of a node. An idle node has the look of its last result, dimmed, as in Groot2."""
     state, result = int(nodes.states[uid]), int(nodes.results[uid])
     if state != IDLE:
         return LOOKS[state]

@@ -119,7 +119,7 @@ def first(robot: Robot, kind: type[PartType]) -> PartType:
 
 
 def each(kind: type[PartType]) -> Callable[[Callable[[Robot, PartType], None]], Callable[[Robot], None]]:
-    """Makes a check of a part one of all the robot's parts of that kind."""
+    """Return a decorator that runs a check on each of the robot's parts of ``kind``."""
 
     def of_all(check: Callable[[Robot, PartType], None]) -> Callable[[Robot], None]:
         @wraps(check)

@@ -353,7 +353,7 @@ class RpcConnection:
             return 0.0  # it has ended, which the question itself will say
 
     def close(self) -> None:
-        """End it, after the question that is being asked."""
+        """Close the connection after the current request."""
         self._thread.shutdown()
         self._connection.close()
 

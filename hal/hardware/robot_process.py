@@ -101,7 +101,7 @@ class RobotServer:
             wire.send(answer)
 
     def close(self) -> None:
-        """The program that planned is gone: come to rest, then disconnect."""
+        """Bring the robot to rest, then disconnect: the planning program is gone."""
         self._robot.stop()
         threading.Event().wait(REST_TIME)
         self._robot.disconnect()

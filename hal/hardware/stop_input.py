@@ -48,7 +48,7 @@ class StopInput:
             time.sleep(0.01)
 
     def close(self) -> None:
-        """Listen no more; idempotent."""
+        """Stop listening; idempotent."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

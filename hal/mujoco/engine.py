@@ -274,7 +274,7 @@ class MujocoEngine(Engine):
         return points
 
     def gaps(self, body: int, other: int, within: float, link: int | None = None) -> Sequence[float]:
-        """Between convex parts."""
+        """Return the distances below ``within`` between convex parts, metres."""
         mine = self._solid(self._geom_body == body)
         theirs = self._solid((self._geom_body == other) & (True if link is None else self._geom_link == link))
         found = (

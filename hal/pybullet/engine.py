@@ -91,7 +91,7 @@ class PyBulletEngine(Engine):
         )
 
     def turn(self, body: int, joints: Sequence[int], speeds: Sequence[float], efforts: Sequence[float]) -> None:
-        """Bullet's velocity motors."""
+        """Drive Bullet's velocity motors."""
         self._free.setJointMotorControlArray(
             body, joints, pybullet.VELOCITY_CONTROL, targetVelocities=speeds, forces=efforts
         )
@@ -143,7 +143,7 @@ class PyBulletEngine(Engine):
         return [ContactPoint._make(point[1:]) for point in found]
 
     def gaps(self, body: int, other: int, within: float, link: int | None = None) -> Sequence[float]:
-        """Between convex parts."""
+        """Return the distances between convex parts, metres."""
         which = {} if link is None else {"linkIndexB": link}
         return [point[8] for point in self._free.getClosestPoints(body, other, within, **which)]
 

@@ -159,7 +159,7 @@ class RobotiqChannel(GripperChannel):
 
     @property
     def slowness(self) -> Failure | None:
-        """That it has taken too long to answer for a while."""
+        """Return the fault if its recent answers were too slow, else None."""
         late = self._lateness.late(self._options.longest_delay, self._clock.now())
         return Failure(MotionErrorCode.TIMEOUT, f"answers take {late:.2f} s") if late is not None else None
 

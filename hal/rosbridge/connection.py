@@ -227,7 +227,7 @@ class RosbridgeConnection(Connection):
         return None
 
     def recover(self) -> None:
-        """Go on if what was wrong is over. Raises ConnectionFailedError if it is not."""
+        """Continue if the fault is over. Raises ConnectionFailedError if it is not."""
         self._link.complaint = ""
         for stream, _, _ in self._streams:
             if self.options.clock == "estimated":

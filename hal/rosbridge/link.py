@@ -106,7 +106,7 @@ class TopicStream(Generic[Value]):
 
     @property
     def unlike_clock(self) -> str:
-        """How the newest stamp cannot be of a clock that is synchronised with ours, if that is said; else empty."""
+        """Return why the newest stamp contradicts a synchronised clock; empty if it does not, or without that claim."""
         if not isinstance(self._ros_time, SynchronisedTime):
             return ""
         if (ahead := self._ros_time.ahead) > FARTHEST_AHEAD:
@@ -119,7 +119,7 @@ class TopicStream(Generic[Value]):
         return self._lateness.late(longest_delay, self._clock.now())
 
     def newer_than(self, moment: float, deadline: float) -> tuple[Value, float] | None:
-        """Wait until ``deadline`` (of the monotonic clock) for a value stamped after ``moment``; it and its stamp."""
+        """Wait until ``deadline`` (monotonic clock) for a value stamped after ``moment``; returns both, or None."""
         with self._arrived:
             while self._newest is None or self._newest[1] <= moment:
                 left = deadline - time.monotonic()

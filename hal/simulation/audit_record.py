@@ -147,7 +147,7 @@ class Ledger:
         self._sealed = True
 
     def close_truth(self) -> None:
-        """All who may look and act past the Robotics API have their functions: what is taken from now on is counted."""
+        """Close the truth: functions past the Robotics API that are taken later are counted."""
         self.truth_closed = True
 
     def note(self, kind: str, name: str) -> None:

@@ -31,7 +31,7 @@ class ScenePhotographer:
         self._built = robot.simulation.built
 
     def visible(self, viewpoint: Viewpoint, name: str, width: int = 160, height: int = 120) -> tuple[float, float]:
-        """Shares of a small picture that show an object and the robot."""
+        """Return the shares of a small picture that show an object and the robot, 0 to 1."""
         bodies, _ = self._reader.segments(viewpoint, width, height)
         thing = among(self._built.objects, name, "object")
         return float(np.mean(bodies == thing)), float(np.mean(bodies == self._built.robot))

@@ -136,7 +136,7 @@ class Engine(ABC):
 
     @abstractmethod
     def set_friction(self, body: int, sliding: float, spinning: float) -> None:
-        """Change them, at once and in contacts that there are."""
+        """Set both coefficients of friction, effective at once, also in existing contacts."""
 
     def forget_contacts(self, body: int, link: int) -> None:  # noqa: B027 - for engines that keep contacts
         """Find what a link touches afresh in the next step; an engine that does so anyway has nothing to do."""

@@ -72,11 +72,11 @@ class TwinProcess:
 
     @property
     def judge_socket(self) -> Path:
-        """For ``RemoteTruth``."""
+        """Return the address for ``RemoteTruth``."""
         return Path(self._told["judge"])
 
     def judge(self, question: str, name: str = "") -> Any:
-        """Return the ground truth of the world."""
+        """Return the judge's answer to a question about the ground truth."""
         return ask(self.judge_socket, {"ask": question, "name": name})["answer"]
 
     def start(self) -> None:

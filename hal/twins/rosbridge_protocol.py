@@ -120,7 +120,7 @@ class Client:
                 self._filled.notify()
 
     def send_all(self) -> None:
-        """Send what is put, until ``leave``."""
+        """Send the queued messages, until ``leave``."""
         with contextlib.suppress(OSError):
             while True:
                 with self._filled:

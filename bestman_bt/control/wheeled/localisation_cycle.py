@@ -93,7 +93,7 @@ class LocalisationCycle:
 
     @property
     def doubt(self) -> str:
-        """Why it does not know where it is, in words."""
+        """Return the reason for a lost localisation as text."""
         estimate = self.localizer.estimate
         why = estimate.match.reason if estimate.match is not None and estimate.match.reason else "odometry alone"
         if self._confirmed or estimate.position_std > self._localising.lost_position_std:

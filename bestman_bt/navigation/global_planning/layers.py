@@ -205,7 +205,7 @@ class CellLayer(CostmapLayer):
 
     @classmethod
     def occupied(cls, grid: OccupancyGrid) -> CellLayer:
-        """Cells from ``OCCUPIED`` / 2 on."""
+        """Return the layer of the cells of at least ``OCCUPIED`` / 2."""
         return cls(grid, grid.data >= OCCUPIED / 2)
 
     @classmethod

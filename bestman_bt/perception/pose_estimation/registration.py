@@ -131,7 +131,7 @@ class Registration:
         pose: NDArray[np.float64],
         turns: int,
     ) -> Fit:
-        """Residuals and covariance of ``pose`` (3,) as it is."""
+        """Return the residuals and the covariance at ``pose`` (3,)."""
         return self._judged_fit(surface, points, _FacingSide(surface, eye, pose[None]), pose[None], turns)
 
     def _judged_fit(

@@ -209,7 +209,7 @@ class EndpointAddress:
 
     @property
     def is_local(self) -> bool:
-        """Whether the endpoint runs on this machine."""
+        """Return whether the endpoint runs on this machine."""
         host = httpx.URL(self.base_url).host
         try:
             return ipaddress.ip_address(host).is_loopback

@@ -62,7 +62,7 @@ class Finishes:
 
 
 def linear(color: list[float]) -> tuple[float, float, float]:
-    """Return an sRGB colour as light adds up."""
+    """Return an sRGB colour in linear light."""
     r, g, b = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in color[:3])
     return r, g, b
 
