@@ -50,7 +50,7 @@ def test_a_goal_that_the_arm_is_in_the_way_of_is_refused_and_reached_with_the_ar
     before = truth.base_pose().to_pose2d()
     code, why = why_not(session, to(goal))
     assert code == "arm_in_the_way"
-    assert "the arm stands out 2" in why
+    assert "the arm extends 2" in why
     assert truth.base_pose().to_pose2d().distance_to(before) < 0.001
     assert succeeds(session, f'<Sequence><MoveArm posture="carry"/>{to(goal)}</Sequence>')
     assert at(truth, goal)

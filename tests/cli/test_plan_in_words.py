@@ -132,7 +132,7 @@ def test_a_plan_beyond_the_limits_gives_no_tree(
     ("arguments", "words"),
     [
         ((), "set BESTMAN_LLM_BASE_URL and BESTMAN_LLM_MODEL in the environment"),
-        (("--limits", "fast"), "'fast' is no limit"),
+        (("--limits", "fast"), "'fast' is not a limit"),
         (("--limits", "without=frigde"), "the limits name an unknown thing 'frigde'"),
         (("--replay", "nothing.jsonl"), "nothing.jsonl"),
     ],

@@ -326,4 +326,4 @@ def test_what_somebody_forces_by_groot2_while_a_run_is_judged_stands_in_its_resu
     result = run_episode(load_run("fetch_cup", tree=path, seed=1, settings=["predicate=null"]), watch=force)
     assert result.success
     assert [mark.partition(" s: ")[2] for mark in result.interventions] == ["leaf was forced to return SUCCESS"]
-    assert "somebody intervened" in result.unearned
+    assert "a person intervened" in result.unearned

@@ -132,9 +132,9 @@ def test_limits_follow_the_names_of_another_world() -> None:
     ("limits", "words"),
     [
         ({"abilities": frozenset()}, "no ability is allowed"),
-        ({"max_cost": 0.0}, "a cost of at most 0 is no limit"),
-        ({"max_cost": float("nan")}, "a cost of at most nan is no limit"),
-        ({"max_actions": 0}, "at most 0 steps is no limit"),
+        ({"max_cost": 0.0}, "a cost of at most 0 is not a valid limit"),
+        ({"max_cost": float("nan")}, "a cost of at most nan is not a valid limit"),
+        ({"max_actions": 0}, "at most 0 steps is not a valid limit"),
     ],
 )
 def test_limits_that_allow_nothing_are_refused(limits: dict[str, Any], words: str) -> None:
@@ -181,10 +181,10 @@ def test_limits_survive_as_text(limits: PlanLimits) -> None:
         ("cost=dear", "'cost=dear': cost takes a number"),
         ("steps=3; steps=4", "steps is given twice, the second time by 'steps=4'"),
         ("cost=3; cost=4", "cost is given twice"),
-        ("only=", "'only=' is no limit"),
-        ("without= , ", "'without= ,' is no limit"),
+        ("only=", "'only=' is not a limit"),
+        ("without= , ", "'without= ,' is not a limit"),
         ("steps=²", "'steps=²': steps takes a number"),
-        ("only=PickUp; slowly", "'slowly' is no limit"),
+        ("only=PickUp; slowly", "'slowly' is not a limit"),
     ],
 )
 def test_text_that_is_no_limit_is_refused(text: str, words: str) -> None:

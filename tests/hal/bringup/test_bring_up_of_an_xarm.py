@@ -75,7 +75,7 @@ def test_a_step_that_has_failed_ends_the_bring_up_and_the_next_one_goes_on_there
         twin.fault("arm_controller", "as_built")
     assert again.outcome == "failed"
     assert "XI130400000099" in again.text
-    assert "was begun with XI130400000000" in again.text
+    assert "was started with XI130400000000" in again.text
 
 
 def test_a_run_with_another_controller_than_was_signed_is_refused_before_anything_moves(

@@ -37,7 +37,7 @@ def test_an_overhang_tells_how_far_and_from_which_height_on_it_stands_out():
     ).overhang
     assert overhang.reach == pytest.approx(0.12)
     assert overhang.height == pytest.approx(0.89)
-    assert str(overhang) == "the arm stands out 12 cm, 0.89 m above the floor"
+    assert str(overhang) == "the arm extends 12 cm beyond the base, 0.89 m above the floor"
 
 
 def test_of_a_body_that_leans_out_the_height_counts_at_which_it_leaves_the_outline():

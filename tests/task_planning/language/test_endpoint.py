@@ -113,7 +113,7 @@ def test_a_late_answer_is_given_up_and_asked_for_again(way: Way) -> None:
 def test_an_answer_that_is_packed_without_being_asked_is_refused() -> None:
     bomb = gzip.compress(b" " * 10_000_000)
     assert len(bomb) < 100_000
-    with serving(raw(bomb, Content_Encoding="gzip")) as server, pytest.raises(EndpointReplyError, match="packed"):
+    with serving(raw(bomb, Content_Encoding="gzip")) as server, pytest.raises(EndpointReplyError, match="compressed"):
         endpoint(server).complete(QUESTION)
 
 
@@ -283,18 +283,18 @@ def test_a_key_that_no_header_can_carry_is_refused_without_showing_it() -> None:
     [
         ({"BESTMAN_LLM_BASE_URL": ""}, "set BESTMAN_LLM_BASE_URL in"),
         ({"BESTMAN_LLM_BASE_URL": "", "BESTMAN_LLM_MODEL": " "}, "set BESTMAN_LLM_BASE_URL and BESTMAN_LLM_MODEL in"),
-        ({"BESTMAN_LLM_BASE_URL": "ftp://host/v1"}, "BESTMAN_LLM_BASE_URL is no address"),
-        ({"BESTMAN_LLM_BASE_URL": "https://me:hidden@host/v1"}, "BESTMAN_LLM_BASE_URL is no address"),
-        ({"BESTMAN_LLM_BASE_URL": "https://host/v1?key=hidden"}, "BESTMAN_LLM_BASE_URL is no address"),
-        ({"BESTMAN_LLM_BASE_URL": "http://host:x/v1"}, "BESTMAN_LLM_BASE_URL is no address"),
+        ({"BESTMAN_LLM_BASE_URL": "ftp://host/v1"}, "BESTMAN_LLM_BASE_URL is not an address"),
+        ({"BESTMAN_LLM_BASE_URL": "https://me:hidden@host/v1"}, "BESTMAN_LLM_BASE_URL is not an address"),
+        ({"BESTMAN_LLM_BASE_URL": "https://host/v1?key=hidden"}, "BESTMAN_LLM_BASE_URL is not an address"),
+        ({"BESTMAN_LLM_BASE_URL": "http://host:x/v1"}, "BESTMAN_LLM_BASE_URL is not an address"),
         ({"BESTMAN_LLM_PRICES": "cheap"}, "BESTMAN_LLM_PRICES is 'cheap'"),
         ({"BESTMAN_LLM_PRICES": "1;nan"}, "BESTMAN_LLM_PRICES is '1;nan'"),
         ({"BESTMAN_LLM_PRICES": "-1;1"}, "BESTMAN_LLM_PRICES is '-1;1'"),
         ({"BESTMAN_LLM_PRICES": "inf;1"}, "BESTMAN_LLM_PRICES is 'inf;1'"),
         ({"BESTMAN_LLM_PRICES": "1;inf"}, "BESTMAN_LLM_PRICES is '1;inf'"),
-        ({"BESTMAN_LLM_BASE_URL": "https:///v1"}, "BESTMAN_LLM_BASE_URL is no address"),
-        ({"BESTMAN_LLM_BASE_URL": "https://host/v1#hidden"}, "BESTMAN_LLM_BASE_URL is no address"),
-        ({"BESTMAN_LLM_BASE_URL": "https://hidden@host/v1"}, "BESTMAN_LLM_BASE_URL is no address"),
+        ({"BESTMAN_LLM_BASE_URL": "https:///v1"}, "BESTMAN_LLM_BASE_URL is not an address"),
+        ({"BESTMAN_LLM_BASE_URL": "https://host/v1#hidden"}, "BESTMAN_LLM_BASE_URL is not an address"),
+        ({"BESTMAN_LLM_BASE_URL": "https://hidden@host/v1"}, "BESTMAN_LLM_BASE_URL is not an address"),
         ({"BESTMAN_LLM_API_KEY": "hidden\nhidden"}, "the API key has characters"),
     ],
 )
