@@ -121,7 +121,7 @@ def write_map(grid: OccupancyGrid, path: str | Path, mode: str = "trinary") -> P
         grey = np.where(known, np.rint(255.0 * (1.0 - share)), 0.0).astype(np.uint8)
         image = Image.fromarray(np.dstack([grey, np.where(known, 255, 0).astype(np.uint8)]), mode="LA")
     else:
-        image = Image.fromarray(np.where(known, data, 255).astype(np.uint8))
+        image = Image.fromarray(np.where(known, data, -1).astype(np.uint8))
     facts = {
         "image": image_path.name,
         "mode": mode,
