@@ -98,6 +98,7 @@ def scripted_skills(task: str = "fetch_cup", base: Pose2D = ASKEW, *settings: st
     skills.gripper = ScriptedController("open", "close", "release", name=gripper, model=hand)
     skills.gripper.width, skills.gripper.pressing = lambda: 0.08, lambda: True
     skills.base = ScriptedController("follow", "drive", "turn", "rotate_to", "park", stuck=False)
+    skills.base.lidar = SimpleNamespace(height=0.2)
     skills.base.localisation = SimpleNamespace(lost=False)
     skills.head = ScriptedController("move_to", "look_at")
     posture = setup.robot_model.posture("carry", setup.robot_model.of(ArmModel)[arm].joint_names)

@@ -133,9 +133,8 @@ def test_on_its_way_home_the_arm_keeps_clear_of_a_leaf_as_unsure_as_it_is_if_it_
     monkeypatch.setattr(
         "behaviours.furniture.leaf_motion.move_free", lambda skill, goals, world: told.append(world.which) or iter(())
     )
-    monkeypatch.setattr(
-        "bestman_bt.manipulation.kinematics.cartesian_path", lambda *_: SimpleNamespace(path=np.zeros((1, 7)))
-    )
+    straight = "bestman_bt.manipulation.kinematics.cartesian_path.cartesian_path"
+    monkeypatch.setattr(straight, lambda *_: SimpleNamespace(path=np.zeros((1, 7))))
     skill: Any = SimpleNamespace(skills=skills)
     for pairs in ([], [("panda_hand", "panda_link5")]):  # the arm touches itself: that says nothing of the leaf
         others[:] = pairs

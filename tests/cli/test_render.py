@@ -24,7 +24,7 @@ def test_a_run_without_motion_is_refused_with_the_reason(bestman_bt: Command, fo
     ("arguments", "words"),
     [
         ([], "name a run folder"),
-        (["nowhere"], "nowhere is no run folder"),
+        (["nowhere"], "nowhere is not a run folder"),
         (["nowhere", "--size", "large"], "a size is WIDTHxHEIGHT"),
         (["nowhere", "--size", "²x²"], "a size is WIDTHxHEIGHT"),
         (["nowhere", "--size", f"{'9' * 5000}x720"], "a size is WIDTHxHEIGHT"),

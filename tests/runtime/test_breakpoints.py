@@ -215,7 +215,7 @@ def test_a_forced_result_replaces_one_tick_of_a_node_and_halts_it_first(debugged
     ("asked", "words"),
     [
         ({"do": "breakpoint", "node": "nowhere", "when": "before"}, "no node 'nowhere'"),
-        ({"do": "breakpoint", "node": 99, "when": "before"}, "from 1 to 6, not 99"),
+        ({"do": "breakpoint", "node": 99, "when": "before"}, "from 1 to 6, got 99"),
         ({"do": "breakpoint", "node": 1, "when": "during"}, "'before' or 'after' a node, got 'during'"),
         ({"do": "breakpoint", "node": 1, "when": "before", "condition": "n >"}, "n >"),
         ({"do": "breakpoint", "node": 1, "when": "before", "condition": {"n": 1}}, "a condition should be a script"),

@@ -137,12 +137,12 @@ def test_a_policy_of_a_users_own_is_named_by_its_file_and_checked(tmp_path: Path
     assert policy.specification.joint_names == ("a",)
     policy.reset()
     with pytest.raises(
-        WrongResultError, match=r"Mine\.act should return ActionChunk, got ndarray \(at .*mine\.py:16\)"
+        WrongResultError, match=r"Mine\.act should return ActionChunk, got ndarray \(at .*mine\.py:17\)"
     ):
         policy.act(Observation(np.zeros(1), Pose()))
     for name, words in (
         ("mine.py:Mime", "mine.py has no class 'Mime'; did you mean 'Mine'?"),
-        ("mine.py:Unfinished", "mine.py:20: Unfinished does not define act, as a Policy has to"),
+        ("mine.py:Unfinished", "mine.py:21: Unfinished does not define act, as a Policy has to"),
         ("their.py:Mine", "no such file: their.py"),
     ):
         with pytest.raises(PolicyModelError, match=f"{re.escape(words)}$"):

@@ -68,5 +68,5 @@ def test_a_suite_that_waits_for_an_old_code_is_told_the_new_one(tmp_path: Path) 
         "tasks:\n  fetch_cup: {episodes: 1}\n"
         "controls:\n  blind: {task: fetch_cup, causes: [object_not_found], successes: {at_most: 0, of: 1}}\n"
     )
-    with pytest.raises(ConfigurationError, match=r"mine.yaml:4: .*'object_not_found'; use 'not_found'"):
+    with pytest.raises(ConfigurationError, match=r"mine.yaml:4: .*'object_not_found'; it is called 'not_found' now"):
         load_suite(str(suite))

@@ -111,22 +111,25 @@ class HorizontalPlane:
     ) -> NDArray[np.float64] | None:
         """Return a plane (a, b, c) clearly below ``plane`` with its share of the points (N, 3) and of the extent.
 
-        First of what is a whole step below it, then of what is less: a plane that slants across a low step has points
-        of both levels.
+        First of the points a whole step below it, then of those less below: a plane that slants across a low step has
+        points of both levels, and the lower plane fits its own points better.
         """
         heights = above_plane(band, plane)
+        near = np.abs(heights) < self.ransac_distance
         needed = math.ceil(self.lower_share * len(band))
         for step in (2.0, 1.0, 0.5, 0.0):
             below = band[heights < -step * self.ransac_distance]
             lower, _ = self.fit_plane(below, rng, needed) if len(below) >= needed else (None, 0)
             if lower is not None:
                 lower, _ = self.refined_plane(lower, band, needed)
-            if lower is None or np.mean(above_plane(band, lower) - heights) < self.ransac_distance / 2:
+            if lower is None:
                 continue
-            covered, of_plane = (
-                cv2.contourArea(footprint(band[np.abs(above) < self.ransac_distance, :2]))
-                for above in (above_plane(band, lower), heights)
-            )
+            above = above_plane(band, lower)
+            near_lower = np.abs(above) < self.ransac_distance
+            slants = np.std(above[near_lower]) < np.std(heights[near])
+            if np.mean(above - heights) < self.ransac_distance / 2 or (step < 2.0 and not slants):
+                continue
+            covered, of_plane = (cv2.contourArea(footprint(band[inlier, :2])) for inlier in (near_lower, near))
             if covered >= self.lower_share * of_plane:
                 return lower
         return None

@@ -142,7 +142,7 @@ def test_an_answer_that_cannot_be_used_is_an_error_of_its_type(
 def test_a_server_that_is_late_is_given_up_within_the_timeout(serve: Callable[[str], OpenpiPolicy]) -> None:
     policy = replace(serve("silent"), timeout=0.3, retries=1)
     started = time.monotonic()
-    with pytest.raises(PolicyUnreachableError, match=r"in 2 tries; last failure: no answer within 0\.3 s"):
+    with pytest.raises(PolicyUnreachableError, match=r"in 2 tries; the last: no answer within 0\.3 s"):
         policy.act(observation())
     assert time.monotonic() - started < 4.0
 

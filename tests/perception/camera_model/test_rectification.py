@@ -62,7 +62,7 @@ def test_an_image_of_another_camera_is_refused(points):
 
 
 def test_points_of_a_bent_image_are_refused(points):
-    with pytest.raises(ValueError, match="rectify it first"):
+    with pytest.raises(ValueError, match="rectify it before computing points"):
         drawn_through_the_lens(points).points()
     with pytest.raises(PerceptionError, match="rectify it first"):
         View(drawn_through_the_lens(points), Pose())
