@@ -128,7 +128,7 @@ def test_the_sign_of_the_wrist_is_told_from_the_hands_weight_in_two_postures(
     assert arm.positions() == pytest.approx(here, abs=0.005)
     twin.fault(CONTROLLER, "other_wrench_sign")
     try:
-        assert "the other sign" in (check_wrist(robot, "arm", "wrist_force_torque").fault or "")
+        assert "the opposite sign" in (check_wrist(robot, "arm", "wrist_force_torque").fault or "")
     finally:
         twin.fault(CONTROLLER, "other_wrench_sign")
 
