@@ -16,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 help:
 	@echo "make demo      install, then watch the robot fetch a cup"
 	@echo "make test      install, then lint, types, import contracts and the quick tests (about 5 minutes)"
-	@echo "make test-all  every test, as CI runs them (about 25 minutes)"
+	@echo "make test-all  every test, as CI runs them (about 28 minutes)"
 	@echo "make properties  random examples of what holds for each algorithm, for about an hour"
 	@echo "make mutants   seed known faults one by one and see that the tests find them (hours; resumes)"
 	@echo "make eval      20 seeds of every judged task, and the controls (about an hour; goes on where it stopped)"

@@ -98,7 +98,7 @@ def test_handles_of_other_furniture_are_not_chosen(at_chest) -> None:
 def test_furniture_that_does_not_exist_is_refused_with_what_there_is(at_chest) -> None:
     code, words = why_not(at_chest[0], '<DetectHandle furniture="piano"/>')
     assert code == "unknown_furniture"
-    assert "there are table, counter, fridge, drawer_chest" in words
+    assert "known: table, counter, fridge, drawer_chest" in words
 
 
 def test_the_handle_of_furniture_on_furniture_belongs_to_the_upper_one(at_microwave) -> None:
