@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import Any
 
@@ -70,7 +70,7 @@ class URController:
         self.robot_mode, self.safety_mode = RobotMode.RUNNING, SafetyMode.NORMAL
         self._program: URProgram | None = None
         self._inputs: dict[str, Any] = {}
-        self._arriving: deque[tuple[float, Mapping[str, Any]]] = deque()
+        self._arriving: deque[tuple[float, Sequence[Mapping[str, Any]]]] = deque()
         self._written = time.monotonic()
         self._cycles_since = 0.0  # seconds of cycles since then
         self._tripped = -UNLOCK_DELAY
@@ -105,9 +105,9 @@ class URController:
             "actual_digital_output_bits": self._digital_outputs,
         }
 
-    def write(self, due: float, values: Mapping[str, Any]) -> None:
-        """Inputs that take effect in the first cycle after ``due``."""
-        self._arriving.append((due, values))
+    def write(self, due: float, inputs: Sequence[Mapping[str, Any]]) -> None:
+        """Inputs that take effect together, in the first cycle after ``due``; later ones replace earlier ones."""
+        self._arriving.append((due, inputs))
 
     def upload(self, script: str) -> None:
         """A program on the script port replaces the one that runs; without power or after a stop it is dropped."""
@@ -216,11 +216,11 @@ class URController:
         now, fresh = time.monotonic(), False
         self._cycles_since += dt
         while self._arriving and self._arriving[0][0] <= now:
-            values = self._arriving.popleft()[1]
-            self._inputs.update(values)
-            self._set_outputs(values)
-            if "input_int_register_0" in values:
-                self._written, self._cycles_since, fresh = now, 0.0, True
+            for values in self._arriving.popleft()[1]:
+                self._inputs.update(values)
+                self._set_outputs(values)
+                if "input_int_register_0" in values:
+                    self._written, self._cycles_since, fresh = now, 0.0, True
         return fresh
 
     def _set_outputs(self, values: Mapping[str, Any]) -> None:

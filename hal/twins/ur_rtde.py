@@ -91,7 +91,8 @@ OUTPUT_RECIPE = 1
 
 
 class RtdeSession:
-    """One client, until it goes. ``read``: all output fields now; ``write(due, values)``: inputs, to apply when due.
+    """One client, until it goes. ``read``: all output fields now; ``write(due, all)``: inputs that came together, to
+    apply in one cycle when due: a machine that was held up must not take the first of them in a cycle of its own.
 
     ``owners``: input field → the session that has set it up, shared by all sessions: a field has one writer.
     """
@@ -101,7 +102,7 @@ class RtdeSession:
         client: socket.socket,
         faults: Faults,
         read: Callable[[], Mapping[str, Any]],
-        write: Callable[[float, Mapping[str, Any]], None],
+        write: Callable[[float, Sequence[Mapping[str, Any]]], None],
         owners: dict[str, RtdeSession],
     ) -> None:
         self._client, self._faults, self._read, self._write = client, faults, read, write
@@ -120,20 +121,23 @@ class RtdeSession:
                 if self._faults.wire.silent:
                     continue
                 buffer += chunk
+                data: list[Mapping[str, Any]] = []
                 while len(buffer) >= 3 and len(buffer) >= (size := int.from_bytes(buffer[:2], "big")):
                     command, payload, buffer = buffer[2], buffer[3:size], buffer[size:]
-                    self._answer(command, payload)
+                    if command == DATA:
+                        recipe = self._inputs.get(payload[0])
+                        data += [] if recipe is None else [recipe.unpack(payload[1:])]
+                    else:
+                        self._answer(command, payload)
+                if data:
+                    self._write(time.monotonic() + self._faults.wire.delay, data)
         finally:
             self._streaming.clear()
             for name in [name for name, owner in self._owners.items() if owner is self]:
                 del self._owners[name]
 
     def _answer(self, command: int, payload: bytes) -> None:
-        if command == DATA:
-            recipe = self._inputs.get(payload[0])
-            if recipe is not None:
-                self._write(time.monotonic() + self._faults.wire.delay, recipe.unpack(payload[1:]))
-        elif command == VERSION:
+        if command == VERSION:
             self._send(command, bytes([struct.unpack(">H", payload)[0] == PROTOCOL]))
         elif command == CONTROLLER_VERSION:
             self._send(command, struct.pack(">4I", *POLYSCOPE))
