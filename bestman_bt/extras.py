@@ -24,14 +24,16 @@ PACKAGE_OF_EXTRA = {
 EXTRA_OF_SIMULATOR = {"mujoco": "mujoco", "pybullet": "sim"}
 """Simulation driver → the extra that it needs."""
 PYBULLET_HAS_WHEELS = sys.version_info < (3, 12)
-_PYBULLET = find_spec("pybullet") is not None or (PYBULLET_HAS_WHEELS and find_spec("mujoco") is None)
-DEFAULT_SIMULATOR = "pybullet" if _PYBULLET else "mujoco"
-"""The driver where none is named: PyBullet where it is installed or has wheels, else MuJoCo."""
 
 
 def is_installed(extra: str) -> bool:
     """Return whether the package of an extra is installed, without importing it."""
     return find_spec(PACKAGE_OF_EXTRA[extra]) is not None
+
+
+_PYBULLET = is_installed("sim") or (PYBULLET_HAS_WHEELS and not is_installed("mujoco"))
+DEFAULT_SIMULATOR = "pybullet" if _PYBULLET else "mujoco"
+"""The driver where none is named: PyBullet where it is installed, or could be and MuJoCo is not; else MuJoCo."""
 
 
 def install_command(extra: str) -> str:

@@ -78,25 +78,18 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_setup() -> Generator[None, object, object]:
-    """See ``_skipped_without_pybullet``."""
-    return (yield from _skipped_without_pybullet())
-
-
-@pytest.hookimpl(wrapper=True)
 def pytest_runtest_call() -> Generator[None, object, object]:
-    """See ``_skipped_without_pybullet``."""
-    return (yield from _skipped_without_pybullet())
-
-
-def _skipped_without_pybullet() -> Generator[None, object, object]:
-    """On a Python for which PyBullet has no wheels, what needs it is skipped."""
+    """Skips what needs PyBullet on a Python for which it has no wheels; elsewhere a missing PyBullet is an error."""
     try:
         return (yield)
     except MissingExtraError as error:
         if error.name == "pybullet" and not PYBULLET_HAS_WHEELS:
-            pytest.skip(str(error))
+            pytest.skip(str(error))  # which names the package, the reason and this Python
         raise
+
+
+pytest_runtest_setup = pytest_runtest_call
+"""Fixtures, too."""
 
 
 def pytest_unconfigure() -> None:

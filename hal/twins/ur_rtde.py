@@ -125,8 +125,8 @@ class RtdeSession:
                 while len(buffer) >= 3 and len(buffer) >= (size := int.from_bytes(buffer[:2], "big")):
                     command, payload, buffer = buffer[2], buffer[3:size], buffer[size:]
                     if command == DATA:
-                        recipe = self._inputs.get(payload[0])
-                        data += [] if recipe is None else [recipe.unpack(payload[1:])]
+                        if recipe := self._inputs.get(payload[0]):
+                            data.append(recipe.unpack(payload[1:]))
                     else:
                         self._answer(command, payload)
                 if data:

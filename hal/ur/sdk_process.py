@@ -251,7 +251,7 @@ class SDKProcess:
         """
         self._control.servoStop(self._settings["deceleration"])  # no two threads of the program may move the arm
         begun = bool(getattr(self._control, function)(target, acceleration, SPEED_TIME))
-        self._kicked = time.monotonic()  # a kick in the same cycle would overwrite the command before it is read
+        self._kicked = time.monotonic()  # the SDK kicks with command 0 at once, over one not yet read
         self._watch(self.stop_speed)
         return begun
 

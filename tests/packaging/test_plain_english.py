@@ -21,6 +21,7 @@ def check() -> ModuleType:
     return module
 
 
+@pytest.mark.slow  # `make test` has just run the same check, by `make lint`
 def test_code_and_pages_have_no_refused_words(check: ModuleType) -> None:
     assert check.faults(check.code_texts(), check.page_texts()) == []
 

@@ -13,7 +13,7 @@ import pytest
 
 from bestman_bt.configuration.data import data_names, data_root, pybullet_data
 from bestman_bt.configuration.errors import ConfigurationError
-from bestman_bt.extras import PYBULLET_HAS_WHEELS
+from bestman_bt.extras import missing_extra
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import ArmModel
 from bestman_bt.runtime import robot_facts
@@ -26,9 +26,8 @@ LOCK = Path(__file__).resolve().parents[2] / "requirements.lock"
 
 def installed_models() -> Path:
     specification = find_spec("pybullet_data")
-    if specification is None and not PYBULLET_HAS_WHEELS:
-        pytest.skip("PyBullet, whose models are compared, has no wheels for this Python")
-    assert specification is not None
+    if specification is None:
+        raise missing_extra("the comparison with its models", "sim")
     assert specification.submodule_search_locations
     return Path(specification.submodule_search_locations[0])
 

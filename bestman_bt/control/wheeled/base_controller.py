@@ -103,12 +103,13 @@ class VelocityGate:
         self._share = min(self._give_way.share(pose, wanted, people), self._share + RISE * period)
         wanted = Twist2D(self._share * wanted.vx, self._share * wanted.vy, self._share * wanted.wz)
         self.waits = speed == 0.0 or self._share < REST
+        base_from_map = pose.inverse()
         discs = np.array([(disc.x, disc.y, disc.radius) for disc in tall]).reshape(-1, 3)
-        discs[:, :2] = pose.inverse().apply(discs[:, :2])
+        discs[:, :2] = base_from_map.apply(discs[:, :2])
         known = self._known
         are_tall = None if known is None else (lambda points: _tall(known, pose.apply(points), self.placed))
         mapped = () if known is None or not self.placed else known.unseen
-        unseen = [UnseenOutline(pose.inverse().apply(one.corners), one.height) for one in mapped]
+        unseen = [UnseenOutline(base_from_map.apply(one.corners), one.height) for one in mapped]
         monitored = self._monitor.limit(wanted, velocity, odometry, discs, are_tall, unseen)
         self.held_by = monitored.text or _words(velocity)
         if monitored.brake:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import socket
 import struct
+import threading
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,9 +12,10 @@ import numpy as np
 import pytest
 
 from bestman_bt.robot_model.compose import load_robot_model
+from hal.twins.faults import Faults
 from hal.twins.ur_kinematics import URKinematics
 from hal.twins.ur_program import Command, URProgram, path_of
-from hal.twins.ur_rtde import Recipe
+from hal.twins.ur_rtde import DATA, SETUP_INPUTS, Recipe, RtdeSession
 from hal.ur.sdk_process import PROGRAM
 from tests.robot_models import arm_model
 
@@ -36,6 +39,27 @@ def test_fields_are_packed_in_the_order_asked_and_unknown_ones_are_named() -> No
     assert packed == struct.pack(">d6diiQ", 2.5, 1, 2, 3, 4, 5, 6, 3, 0, 0)
     assert recipe.unpack(packed)["actual_q"] == (1, 2, 3, 4, 5, 6)
     assert Recipe(["timestamp", "tea_temperature"]).types == ("DOUBLE", "NOT_FOUND")
+
+
+def test_inputs_that_come_together_are_applied_together() -> None:
+    ours, theirs = socket.socketpair()
+    written: list[tuple[float, Any]] = []
+    session = RtdeSession(theirs, Faults(), dict, lambda *inputs: written.append(inputs), {})
+    serving = threading.Thread(target=session.serve)
+    serving.start()
+
+    def package(command: int, payload: bytes) -> bytes:
+        return struct.pack(">HB", 3 + len(payload), command) + payload
+
+    recipe = Recipe(["input_int_register_0", "input_double_register_0"])
+    ours.sendall(package(SETUP_INPUTS, ",".join(recipe.names).encode()))
+    number = ours.recv(100)[3]
+    both = [dict(zip(recipe.names, values, strict=True)) for values in ((11, 0.1), (11, 0.2))]
+    ours.sendall(b"".join(package(DATA, bytes([number]) + recipe.pack(one)) for one in both))
+    ours.close()
+    serving.join(5.0)
+    theirs.close()
+    assert [inputs for _, inputs in written] == [both]
 
 
 def test_a_watchdog_counts_from_the_first_line_of_a_program_where_that_sets_it() -> None:

@@ -83,10 +83,13 @@ def test_a_motion_of_the_controller_that_nobody_renews_is_stopped(
 def test_no_motion_is_over_before_it_began(robot: HardwareRobot) -> None:
     arm = robot.part("arm", URArm)
     for sign in (1, -1) * 10:
-        begun = robot.clock.now()
+        # Set-points before it: then the watchdog is due, and must not be fed over the command that moves the arm.
+        assert ended(robot, arm.move_to(arm.positions() + 0.02 * sign * STEP)).status is MotionStatus.SUCCEEDED
+        begun, start = robot.clock.now(), arm.positions()[0]
         motion = ended(robot, arm.speed_joints(sign * STEP, 0.15))
         assert motion.status is MotionStatus.SUCCEEDED, motion.failure
         assert robot.clock.now() - begun > 0.15
+        assert sign * (arm.positions()[0] - start) > 0.01
 
 
 def test_a_tool_velocity_is_that_of_the_arms_base_frame(robot: HardwareRobot) -> None:
