@@ -38,14 +38,16 @@ install:
 demo: install
 	$(BIN)/bestman-bt demo
 
-# Tests against real-time clocks run after the others.
+# Tests against real-time clocks run after the others; those that take the whole machine run one after the other.
 test: lint page-packages
 	$(PYTEST) -m "not slow and not real_time"
-	$(PYTEST) -m "not slow and real_time" $(REAL_TIME)
+	$(PYTEST) -m "not slow and real_time and not alone" $(REAL_TIME)
+	$(BIN)/python -m pytest -m "not slow and alone" $(REAL_TIME)
 
 test-all: install page-packages
 	$(PYTEST) --durations 30 -m "not real_time"
-	$(PYTEST) --durations 30 -m real_time $(REAL_TIME)
+	$(PYTEST) --durations 30 -m "real_time and not alone" $(REAL_TIME)
+	$(BIN)/python -m pytest --durations 30 -m alone $(REAL_TIME)
 
 properties: install
 	PROPERTY_EXAMPLES=60 $(BIN)/python -m pytest -n $(JOBS) --dist load --timeout 3600 tests/properties

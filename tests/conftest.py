@@ -21,25 +21,18 @@ for limit in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
 
 REAL_TIME_FOLDERS = ("tests/hal/", "tests/monitor/")
 """Where the Makefile looks for tests against real-time clocks: to collect all others costs seconds in each process."""
-UR = (
-    "tests/hal/ur/",
-    "tests/hal/bringup/test_bring_up_of_a_ur.py",
-    "tests/hal/hardware/test_faults_of_a_ur_while_a_tree_runs.py",
-    "tests/hal/hardware/test_kill_matrix.py",
-)
-"""Of a UR over its twin: set-points, controller and protocol at 500 Hz take most of a processor."""
 SLOW = 10
 """How many quick tests take as long as one marked slow, about."""
 
 
-def unit_of(nodeid: str) -> str:
-    """What runs one after the other: the tests of a file, and all tests of a UR."""
-    return UR[0] if nodeid.startswith(UR) else nodeid.split("::", 1)[0]
+def file_of(item: pytest.Item) -> str:
+    """Return the test's file, as node IDs name it."""
+    return item.nodeid.split("::", 1)[0]
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> Generator[None]:
-    """Refuses tests against real-time clocks that ``make test`` would not find; in workers, longest units come first.
+    """Refuses tests against real-time clocks that ``make test`` would not find; in workers, longest files come first.
 
     So no worker begins a long file when the others have nothing left to do.
     """
@@ -50,20 +43,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if hasattr(config, "workerinput"):
         length: Counter[str] = Counter()
         for item in items:
-            length[unit_of(item.nodeid)] += SLOW if item.get_closest_marker("slow") else 1
-        items.sort(key=lambda item: -length[unit_of(item.nodeid)])
+            length[file_of(item)] += SLOW if item.get_closest_marker("slow") else 1
+        items.sort(key=lambda item: -length[file_of(item)])
 
 
-class _Scheduling(LoadFileScheduling):
-    """Units in the order in which the workers have collected them."""
-
-    def _split_scope(self, nodeid: str) -> str:
-        return unit_of(nodeid)
-
-
-def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> _Scheduling:
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadFileScheduling:
+    """Files are dealt in the order in which the workers have collected them."""
     config.option.loadscopereorder = False
-    return _Scheduling(config, log)
+    return LoadFileScheduling(config, log)
 
 
 @pytest.hookimpl(wrapper=True)

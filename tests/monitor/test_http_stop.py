@@ -15,7 +15,7 @@ from hal.twins.remote_truth import RemoteTruth
 from tests.cli.command_line import Program, wait_for
 from tests.hal.twinned import twin_settings
 
-pytestmark = [pytest.mark.slow, pytest.mark.real_time]
+pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]
 
 DRIVE = '<root BTCPP_format="4"><BehaviorTree ID="Drive"><NavigateTo goal="1.5;-0.4;0"/></BehaviorTree></root>'
 

@@ -9,7 +9,7 @@ import pytest
 
 from tests.hal.bringup.brought_up_twins import Pair, brought_up, fails_alone, passes
 
-pytestmark = [pytest.mark.real_time, pytest.mark.slow]
+pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]
 
 
 @pytest.fixture(scope="module")

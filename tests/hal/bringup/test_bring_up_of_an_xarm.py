@@ -13,7 +13,7 @@ from bestman_bt.bringup.procedure import bring_up
 from bestman_bt.robot_model.bringup_file import BringUpFile
 from tests.hal.bringup.brought_up_twins import WITHOUT_MOTION, Pair, brought_up, fails_alone, passes
 
-pytestmark = [pytest.mark.real_time, pytest.mark.slow]
+pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]
 
 
 @pytest.fixture(scope="module")

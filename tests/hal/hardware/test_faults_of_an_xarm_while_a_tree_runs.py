@@ -11,7 +11,7 @@ from bestman_bt.runtime.robot_session import Session
 from hal.twins.process import TwinProcess
 from tests.hal.hardware.struck_trees import FIXTURES, OVERDUE, of_their_robots, robot_stops_and_recovers
 
-pytestmark = [pytest.mark.real_time, pytest.mark.slow]
+pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]
 
 robot_name, twin, session = FIXTURES
 

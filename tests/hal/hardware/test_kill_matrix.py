@@ -10,7 +10,7 @@ from benchmarks.kill_matrix import PROCESSES, REST_LIMIT, ROBOTS, SIGNALS, trial
 from hal.twins.process import TwinProcess
 from tests.hal.twinned import SLACK, twin_settings
 
-pytestmark = [pytest.mark.real_time, pytest.mark.slow]
+pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]
 
 SDKS = {"xarm": "xarm", "ur": "rtde_control"}
 

@@ -194,6 +194,7 @@ def test_a_wrong_input_is_told_with_its_line(tmp_path: Path, written: str, told:
 
 @pytest.mark.slow
 @pytest.mark.real_time
+@pytest.mark.alone
 def test_a_stop_of_one_vendors_controller_and_one_from_outside_stop_those_of_all_vendors() -> None:
     for sdk in ("xarm", "roslibpy"):
         pytest.importorskip(sdk, reason="the vendors' SDKs are not installed")

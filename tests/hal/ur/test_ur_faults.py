@@ -27,7 +27,7 @@ from tests.hal.twinned import (
     works_again,
 )
 
-pytestmark = [pytest.mark.real_time, pytest.mark.slow]
+pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]
 
 CONTROLLER = "arm_controller"
 ROBOT = Path(__file__).parent / "ur5e_on_a_base.yaml"

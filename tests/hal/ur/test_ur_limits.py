@@ -19,7 +19,7 @@ from hal.twins.process import TwinProcess
 from hal.ur.arm import URArm
 from tests.hal.twinned import ended, twin_settings
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.alone]
 
 ROBOT = Path(__file__).parent / "ur5e_on_a_base.yaml"
 STEP = np.array([0.3, 0, 0, 0, 0, 0])

@@ -16,7 +16,7 @@ from hal.ur.arm import URArm
 from hal.ur.connection import URConnection
 from tests.hal.twinned import ended, wait_for, wait_in_twin
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.alone]
 
 CONTROLLER = "arm_controller"
 STEP = np.array([0.3, 0, 0, 0, 0, 0])
