@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from bestman_bt.manipulation.kinematics.base import InverseKinematics
     from bestman_bt.manipulation.kinematics.link_hulls import ArmBodies, LinkBodies
     from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap
-    from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm
     from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
     from bestman_bt.manipulation.policy.base import Policy
+    from bestman_bt.manipulation.stand_pose import ReachingArm
     from bestman_bt.navigation.global_planning.base import GlobalPlanner
     from bestman_bt.navigation.global_planning.costmap import Costmap
     from bestman_bt.navigation.global_planning.footprint import Footprint
@@ -236,7 +236,7 @@ class SkillContext:
 
     def reaching_arm(self, reachability: ReachabilityMap | None = None) -> ReachingArm:
         """Return the current arm, for a search of base placements."""
-        from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm
+        from bestman_bt.manipulation.stand_pose import ReachingArm
 
         return ReachingArm(self.kinematics, self.arm_model, self.arm_positions(), self.rng, reachability)
 

@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 from behaviours.clear_stop import ClearStop
+from behaviours.manipulation.base_placement import FindStandPose
 from behaviours.manipulation.grasp import Grasp, Holding, PlanGrasp, Reachable
 from behaviours.manipulation.move_arm import MoveArm, Retreat
 from behaviours.manipulation.place import FindPlacePose, PlaceOn, Release
 from behaviours.manipulation.second_look import SecondLook
-from behaviours.navigation.base_placement import FindStandPose
 from behaviours.navigation.navigate import NavigateTo
 from behaviours.perception.look import LookAt
 from behaviours.perception.perceive import BelievedSurface, DetectObject, EstimatePose, ObjectAt

@@ -18,7 +18,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from bestman_bt.manipulation.kinematics.reachability_map import ReachabilitySampling
-from bestman_bt.manipulation.kinematics.stand_along import ArcStands
+from bestman_bt.manipulation.stand_along import ArcStands
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -28,8 +28,8 @@ import numpy as np
 
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
-from bestman_bt.manipulation.kinematics.stand_along import stands_around
-from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm
+from bestman_bt.manipulation.stand_along import stands_around
+from bestman_bt.manipulation.stand_pose import ReachingArm
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import ArmModel, RobotModel

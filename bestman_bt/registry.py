@@ -285,7 +285,7 @@ BEHAVIOURS = Registry(
             "behaviours.nav2.sequences": (
                 "GoalUpdatedController NonblockingSequence PauseResumeController PersistentSequence SingleTrigger"
             ),
-            "behaviours.navigation.base_placement": "FindStandPose",
+            "behaviours.manipulation.base_placement": "FindStandPose",
             "behaviours.navigation.explore": "ExploreAndMap",
             "behaviours.navigation.localise": "InitialPoseReceived Relocalise",
             "behaviours.navigation.navigate": "At BelieveBlocked ForgetBlocked NavigateTo ReturnToStart",

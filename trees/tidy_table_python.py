@@ -6,8 +6,8 @@ bestman-bt run tidy_table_python --task tidy_table
 from __future__ import annotations
 
 from behaviours.clear_stop import ClearStop
+from behaviours.manipulation.base_placement import FindStandPose
 from behaviours.manipulation.move_arm import MoveArm
-from behaviours.navigation.base_placement import FindStandPose
 from behaviours.perception.look import LookAt
 from behaviours.perception.tidying import FindFreePlace, FindUntidy, IsTidy, RememberSeen
 from behaviours.pick_and_place import carry, have_object, place, put_aside, put_down, survey, verify

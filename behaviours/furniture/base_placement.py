@@ -27,7 +27,7 @@ from bestman_bt.messages.shapes import NonNegative
 from bestman_bt.world_model.world_model import MOVED, HandleBelief
 
 if TYPE_CHECKING:
-    from bestman_bt.manipulation.kinematics.stand_along import StandAlong
+    from bestman_bt.manipulation.stand_along import StandAlong
 
 
 # Standing to close a door or drawer: from where the arm pushes its front all the way shut.
@@ -88,7 +88,7 @@ class FindCloseStand(OnArm, Skill):
 
 
 def _around(push: FrontPush) -> tuple[Pose2D, ...]:
-    from bestman_bt.manipulation.kinematics.stand_along import stands_around
+    from bestman_bt.manipulation.stand_along import stands_around
 
     middle = push.start / 2
     outward = -push.leaf.front(middle).rotation[:, 0]
@@ -127,7 +127,7 @@ class FindLookStand(Skill):
 
         If the believed opening has changed, it starts straight in front again.
         """
-        from bestman_bt.manipulation.kinematics.stand_along import stands_around
+        from bestman_bt.manipulation.stand_along import stands_around
 
         articulation: str = self.articulation
         leaf = find_leaf(self.skills, articulation)
@@ -192,7 +192,7 @@ class FindOpenStand(OnArm, Skill):
         return find_stands(self.skills, opening.leaf, self._ways(opening, belief))
 
     def _ways(self, opening: Opening, belief: HandleBelief) -> Iterator[LeafWay]:
-        from bestman_bt.manipulation.kinematics.stand_along import stands_around
+        from bestman_bt.manipulation.stand_along import stands_around
 
         skills = self.skills
         position, outward = opening.handle.pose.position, opening.handle.outward

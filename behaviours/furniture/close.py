@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviours.arm_motion import move_free, unreached
 from behaviours.contacts import handle
 from behaviours.context import SkillContext
 from behaviours.furniture.leaf import FurnitureLeaf, find_leaf, free_along, world_at_leaf
 from behaviours.furniture.leaf_motion import LEAF_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
-from behaviours.manipulation.arm_motion import move_free, unreached
 from behaviours.skill import (
     ALGORITHM_ERRORS,
     ArticulationName,

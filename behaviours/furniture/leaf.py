@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviours.arm_motion import hand_contacts
 from behaviours.context import DRIVEN, SkillContext
-from behaviours.manipulation.arm_motion import hand_contacts
 from behaviours.skill import SkillFailure
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
 from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from bestman_bt.manipulation.collision.planning_scene import PlanningScene
     from bestman_bt.manipulation.kinematics.arc_path import IsFreeAt, Stations
     from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap
-    from bestman_bt.manipulation.kinematics.stand_along import ArcStands, StandAlong
+    from bestman_bt.manipulation.stand_along import ArcStands, StandAlong
 
 
 MEASURED = 0.01
@@ -253,7 +253,7 @@ def find_stands(skills: SkillContext, leaf: FurnitureLeaf, ways: Iterable[LeafWa
 
     The arm's reachability map limits the candidates, so that few searches fail.
     """
-    from bestman_bt.manipulation.kinematics.stand_along import ArcStands
+    from bestman_bt.manipulation.stand_along import ArcStands
 
     kinematics, current = skills.kinematics, skills.world.base.pose
     reachability = _reachability(skills)

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
 from behaviours.computation import Until
 from behaviours.context import SkillContext
 from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, FurnitureLeaf, world_at_leaf
 from behaviours.furniture.leaf_measurement import grown
-from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
 from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.messages import Pose
 from bestman_bt.world_model.world_model import Obstacle

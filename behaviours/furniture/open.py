@@ -8,12 +8,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviours.arm_motion import follow_path, move_free, unreached
 from behaviours.contacts import handle
 from behaviours.furniture.leaf import world_at_leaf
 from behaviours.furniture.leaf_measurement import felt_leaf
 from behaviours.furniture.leaf_motion import LEAF_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
 from behaviours.furniture.opening import HandlePull, Opening, plan_opening, plan_pull, pull_grasps
-from behaviours.manipulation.arm_motion import follow_path, move_free, unreached
 from behaviours.skill import (
     ALGORITHM_ERRORS,
     ArticulationName,

@@ -243,7 +243,7 @@ class HandlePull:
 def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> HandlePull | None:
     """Return the grasp that lets the arm move furthest from the current base, or None if none is within reach."""
     from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
-    from bestman_bt.manipulation.kinematics.stand_along import ArcStands
+    from bestman_bt.manipulation.stand_along import ArcStands
 
     base_from_map, here = skills.map_from_base.inverse(), [skills.world.base.pose]
     free = world_at_leaf(skills, opening.leaf, opening.start, "free")

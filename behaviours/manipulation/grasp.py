@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from behaviours.contacts import grasp as grasp_contact
-from behaviours.contacts import support, surface_below
-from behaviours.manipulation.arm_motion import (
+from behaviours.arm_motion import (
     ARM_PLANNING_FAILS,
     follow_path,
     hand_contacts,
@@ -17,6 +15,8 @@ from behaviours.manipulation.arm_motion import (
     timed_path,
     unreached,
 )
+from behaviours.contacts import grasp as grasp_contact
+from behaviours.contacts import support, surface_below
 from behaviours.manipulation.grasp_candidates import grasp_candidates
 from behaviours.skill import (
     ALGORITHM_ERRORS,

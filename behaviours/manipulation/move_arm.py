@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from behaviours.arm_motion import ARM_PLANNING_FAILS, MAX_HELD_TILT, follow_path, hand_contacts, move_free
 from behaviours.contacts import grasp
 from behaviours.context import SkillContext
-from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, MAX_HELD_TILT, follow_path, hand_contacts, move_free
 from behaviours.skill import Declaration, OnArm, PostureName, Skill, SkillFailure, Steps
 from bestman_bt.engine import In
 from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose

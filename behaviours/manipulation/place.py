@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free, unreached
 from behaviours.contacts import grasp, support, surface_below
-from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free, unreached
 from behaviours.perception.beliefs import believe_surface
 from behaviours.perception.perceive import NO_CAMERA, camera_called
 from behaviours.perception.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, surface_region

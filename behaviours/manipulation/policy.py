@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviours.arm_motion import hand_contacts
 from behaviours.computation import TimeSource, Until
 from behaviours.contacts import Contact, grasp, support, surface_below
 from behaviours.context import SkillContext
-from behaviours.manipulation.arm_motion import hand_contacts
 from behaviours.perception.perceive import NO_CAMERA
 from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.control import MotionStatus

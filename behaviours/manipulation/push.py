@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free, unreached
 from behaviours.contacts import push, support, surface_below
-from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free, unreached
-from behaviours.navigation.base_placement import FindStandPose, StandTarget
+from behaviours.manipulation.base_placement import FindStandPose, StandTarget
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
 from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps
 from bestman_bt.engine import In, Out

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, move_free
+from behaviours.arm_motion import ARM_PLANNING_FAILS, move_free
 from behaviours.perception.beliefs import only_nearest, remember_view
 from behaviours.perception.perceive import NO_CAMERA, region_around
 from behaviours.perception.surfaces import SURFACE_NOT_SEEN

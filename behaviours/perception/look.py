@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS, move_free
+from behaviours.arm_motion import ARM_PLANNING_FAILS, move_free
 from behaviours.perception.perceive import NO_CAMERA, camera_called
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
 from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps, SurfaceName

@@ -15,6 +15,7 @@ import typer
 
 if TYPE_CHECKING:
     from bestman_bt.configuration.run import RunRequest
+    from bestman_bt.engine import NodeRegistry
 
 
 def grouped_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -140,6 +141,26 @@ class MonitorOptions:
 
     monitor: Monitor = False
     monitor_port: MonitorPort = MONITOR_PORT
+
+
+@dataclass(frozen=True)
+class OtherFiles:
+    """What trees may name beside the shipped nodes and the trees of their own file."""
+
+    models: Models = None
+    search: Search = None
+    plugins: Plugins = None
+
+    @property
+    def paths(self) -> list[Path]:
+        """Return where models and SubTrees of others are, as ``Package.open`` takes them."""
+        return [*(self.models or ()), *(self.search or ())]
+
+    def registry(self) -> NodeRegistry:
+        """Return the shipped nodes and those of the plug-ins. Raises ConfigurationError if one cannot be loaded."""
+        from bestman_bt.runtime.plugins import node_registry
+
+        return node_registry([str(plugin) for plugin in self.plugins or ()])
 
 
 def is_package(path: str) -> bool:

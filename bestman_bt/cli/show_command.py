@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from bestman_bt.cli.options import Models, Plugins, Search, is_package
+from bestman_bt.cli.options import OtherFiles, grouped_options, is_package
 from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.engine import (
@@ -25,10 +25,10 @@ from bestman_bt.engine.errors import Problem as TreeProblem
 from bestman_bt.engine.models.foreign import Placeholders, missing_nodes, open_tree
 from bestman_bt.engine.models.overview import models_svg, models_text, overview_dot, overview_svg, overview_text
 from bestman_bt.engine.models.package import Package
-from bestman_bt.runtime.plugins import node_registry
 
 
-def command(  # noqa: PLR0913 - its options, each by its name
+@grouped_options
+def command(
     tree: Annotated[str, typer.Argument(help="A shipped tree, an XML or Python file, a folder or a .btproj.")],
     ports: Annotated[bool, typer.Option("--ports", help="Who maps what to whom across subtrees.")] = False,
     paths: Annotated[
@@ -37,16 +37,14 @@ def command(  # noqa: PLR0913 - its options, each by its name
     dot: Annotated[bool, typer.Option("--dot", help="Print Graphviz source.")] = False,
     tree_id: Annotated[str | None, typer.Option("--tree", metavar="ID", help="Another tree of an XML file.")] = None,
     svg: Annotated[Path | None, typer.Option(metavar="FILE.svg", help="Write a picture; needs no Graphviz.")] = None,
-    models: Models = None,
-    search: Search = None,
-    plugins: Plugins = None,
+    others: OtherFiles = OtherFiles(),
 ) -> None:
     """Print a tree as text, or in one of the other forms; of a folder, which trees it has and who uses whom.
 
     Nodes and trees that are not here are drawn as placeholders, dashed.
     """
     whole = is_package(tree)
-    package = Package.open([*([tree] if whole else ()), *(models or ()), *(search or ())], shipped_trees())
+    package = Package.open([*([tree] if whole else ()), *others.paths], shipped_trees())
     if whole and tree_id is None:
         _print(overview_svg(package) if svg else overview_dot(package) if dot else overview_text(package), svg)
         package.refuse_broken()
@@ -57,7 +55,7 @@ def command(  # noqa: PLR0913 - its options, each by its name
     if tree_id is None and (described := _nodes_of_a_file_without_trees(path)):
         _print(models_svg(described) if svg else models_text(described), svg)
         return
-    registry = node_registry([str(plugin) for plugin in plugins or ()])
+    registry = others.registry()
     faults: list[TreeProblem] = []
     gaps = Placeholders()
     loaded = open_tree(

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Models, MonitorOptions, Plugins, Search, Seed, grouped_options
+from bestman_bt.cli.options import Json, MonitorOptions, OtherFiles, Seed, grouped_options
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, EngineError, Node, Tree, WallClock, render_svg
@@ -27,7 +27,6 @@ from bestman_bt.engine.simulation import LIMIT, SimulatedRun, simulate
 from bestman_bt.records.events import RunEvent
 from bestman_bt.runtime.control_channel import ControlChannel
 from bestman_bt.runtime.executor import Ending, Executor
-from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.telemetry import Telemetry
 
 PAGE_LOOKS = 1.5
@@ -54,16 +53,14 @@ def command(  # noqa: PLR0913 - its options, each by its name
         Path | None, typer.Option(metavar="FILE.svg", help="Write a picture, coloured by what the runs came to.")
     ] = None,
     page: MonitorOptions = MonitorOptions(),
-    models: Models = None,
-    search: Search = None,
-    plugins: Plugins = None,
+    others: OtherFiles = OtherFiles(),
     json: Json = False,
 ) -> None:
     """Run a tree without robot and without its leaves, in simulated time, and tell what the runs tried of it."""
     with json_output(json) as tell:
         played = Scenario() if scenario is None else Scenario.load(scenario)
         played = replace(played, enums={**played.enums, **_enums(enums or ())})
-        registry = node_registry([str(plugin) for plugin in plugins or ()])
+        registry = others.registry()
         shown: dict[str, Any] = {}
         if page.monitor:
             if runs > 1:
@@ -73,7 +70,7 @@ def command(  # noqa: PLR0913 - its options, each by its name
                 "clock": WallClock(),
                 "drive": partial(_run_shown, name=tree, seed=seed, period=period, limit=limit),
             }
-        package = Package.open([*(models or ()), *(search or ())], shipped_trees())
+        package = Package.open(others.paths, shipped_trees())
         path = find_data("tree", tree)
         results: list[tuple[int, SimulatedRun]] = []
         coverage: Coverage | None = None

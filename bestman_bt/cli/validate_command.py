@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bestman_bt.cli.options import Models, Plugins, Search, is_package
+from bestman_bt.cli.options import OtherFiles, grouped_options, is_package
 from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.engine import NoMainTree, Problem, TreeLoadError
@@ -21,7 +21,6 @@ from bestman_bt.engine.errors import in_lines
 from bestman_bt.engine.models.foreign import open_tree
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.validation import validate_file
-from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.tree_checks import ALWAYS_FILLED, TASK_ENTRIES, arm_problems, lacking_parts, unknown_names
 
 if TYPE_CHECKING:
@@ -34,6 +33,7 @@ MOST_NAMES = 20
 _UNKNOWN = re.compile(r"unknown node '(.*)'")
 
 
+@grouped_options
 def command(
     files: Annotated[
         list[str], typer.Argument(metavar="FILE…", help="Shipped trees, XML or Python files, folders or .btproj.")
@@ -41,16 +41,14 @@ def command(
     robot: Annotated[
         str | None, typer.Option("--robot", help="Also whether this robot has the parts that they need.")
     ] = None,
-    models: Models = None,
-    search: Search = None,
-    plugins: Plugins = None,
+    others: OtherFiles = OtherFiles(),
 ) -> None:
     """Check tree files without running them.
 
     Exit code 0: nothing but warnings. 1: a node, port or tree is missing here; the file may be right elsewhere. 2: a
     file is wrong in every BehaviorTree.CPP.
     """
-    registry = node_registry([str(plugin) for plugin in plugins or ()])
+    registry = others.registry()
     model, worst = None, 0
     if robot is not None:
         from bestman_bt.robot_model.compose import load_robot_model
@@ -61,14 +59,14 @@ def command(
             print(error, file=sys.stderr)
             worst = 2
     try:
-        further = Package.open([*(models or ()), *(search or ())], shipped_trees())
+        further = Package.open(others.paths, shipped_trees())
         further.refuse_broken()
     except TreeLoadError as error:
         print(error, file=sys.stderr)
         sys.exit(2)
     for file in files:
         if is_package(file):
-            worst = max(worst, _check_package(file, [*(models or ()), *(search or ())], registry))
+            worst = max(worst, _check_package(file, others.paths, registry))
         else:
             worst = max(worst, _check_file(file, registry, further, model))
     sys.exit(worst)

@@ -88,7 +88,7 @@ FAMILIES = {
         *("perception.perceive", "perception.scan", "perception.look", "manipulation.second_look"),
         "furniture.handles",
     ),
-    "planning_s": ("navigation.base_placement", "furniture.base_placement", "perception.tidying"),
+    "planning_s": ("manipulation.base_placement", "furniture.base_placement", "perception.tidying"),
 }
 """Duration → modules and folders of ``behaviours`` whose leaves it adds up."""
 _OTHER_FAMILY = {

@@ -18,11 +18,12 @@ from bestman_bt.registry import BUILDERS
 from bestman_bt.runtime.executor import Execution
 from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.builders.base import made_builder
 from bestman_bt.task_planning.builders.plan_tree import PlanTree
 from bestman_bt.task_planning.builders.replanning import with_replanning
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
-from bestman_bt.task_planning.planners import made_builder, made_planner, planner_class
+from bestman_bt.task_planning.planners import made_planner, planner_class
 from bestman_bt.task_planning.symbolic.facts import goal_as_facts
 from bestman_bt.task_planning.symbolic.problem import Action, GoalError, GoalFaults, PlanningError, Problem, TaskPlan
 from bestman_bt.task_planning.verification import verify

@@ -1,13 +1,12 @@
-"""Planners and tree builders by name; errors of third-party ones name the class."""
+"""Planners by name; errors of third-party ones name the class."""
 
 from __future__ import annotations
 
 import inspect
 
 from bestman_bt.engine.own_files import in_words
-from bestman_bt.registry import BUILDERS, PLANNERS, UnknownNameError
+from bestman_bt.registry import PLANNERS, UnknownNameError
 from bestman_bt.task_planning.base import TaskPlanner
-from bestman_bt.task_planning.builders.base import TreeBuilder
 from bestman_bt.task_planning.symbolic.problem import Action, PlanningError, Problem, TaskPlan
 
 
@@ -33,21 +32,6 @@ def made_planner(name: str) -> TaskPlanner:
         return made()
     except (Exception, SystemExit) as error:  # of a third party: whatever it is, the run goes on
         raise PlanningError(f"the planner {name!r} cannot be made: {in_words(error)}") from error
-
-
-def made_builder(name: str) -> TreeBuilder:
-    """Return a tree builder by name. Raises UnknownNameError, or PlanningError if it is not one or cannot be
-    created.
-    """
-    made: object = None
-    found = BUILDERS.resolve(name)
-    try:
-        made = found()
-    except Exception as error:  # of a third party: whatever it is, it is reported by name
-        raise PlanningError(f"the tree builder {name!r} cannot be made: {in_words(error)}") from error
-    if not isinstance(made, TreeBuilder):
-        raise PlanningError(f"the tree builder {name!r} should be a subclass of TreeBuilder, got {found!r:.100}")
-    return made
 
 
 def actions_of(planner: TaskPlanner, problem: Problem) -> tuple[Action, ...]:

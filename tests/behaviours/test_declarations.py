@@ -6,9 +6,9 @@ import re
 
 import pytest
 
+from behaviours.arm_motion import ARM_PLANNING_FAILS
 from behaviours.failure import MOTION_FAILS, SEEING_FAILS, declared_failures, own_failures
 from behaviours.furniture.leaf_motion import FOLLOWING_FAILS, error_code
-from behaviours.manipulation.arm_motion import ARM_PLANNING_FAILS
 from behaviours.navigation.navigate import DRIVING_FAILS
 from behaviours.skill import Explained, Skill
 from bestman_bt.control.arm.constraint_following import FollowEnd

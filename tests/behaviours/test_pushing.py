@@ -10,8 +10,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from behaviours.arm_motion import FREE_SPEED, timed_path
 from behaviours.manipulation import push as push_module
-from behaviours.manipulation.arm_motion import FREE_SPEED, timed_path
 from behaviours.manipulation.push import Push, PushPlan
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import Pose

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from behaviours.arm_motion import unreached
 from behaviours.context import SkillContext
 from behaviours.failure import NodeFailure
-from behaviours.manipulation.arm_motion import unreached
-from behaviours.navigation.base_placement import FindStandPose
+from behaviours.manipulation.base_placement import FindStandPose
 from behaviours.skill import OnArm, Skill, SkillFailure, Steps
 from bestman_bt.engine import FAILURE
 from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene, SceneObstacle

@@ -17,7 +17,7 @@ EXAMPLE = Path(__file__).resolve().parents[2] / "examples/own_tree/take_and_put.
 INTO_THE_TABLE = """
 import math
 
-from behaviours.manipulation.arm_motion import move_free
+from behaviours.arm_motion import move_free
 from behaviours.contacts import grasp, handle, push, support
 from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillFailure, Steps
 from behaviours.perception.surfaces import find_surface

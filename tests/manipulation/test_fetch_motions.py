@@ -11,10 +11,10 @@ from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
 from bestman_bt.manipulation.collision.scene_from_world_model import finger_contacts, planning_scene_from_world_model
 from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
-from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm, StandSearch
 from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
 from bestman_bt.manipulation.motion_planning.upright import Upright
+from bestman_bt.manipulation.stand_pose import ReachingArm, StandSearch
 from bestman_bt.manipulation.trajectory.base import SpeedScale, first_touch
 from bestman_bt.manipulation.trajectory.toppra import Toppra
 from bestman_bt.messages import Cylinder, ObjectModel, PlacedShape, Pose, Pose2D

@@ -57,6 +57,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     shutil.copy(CHECKOUT / "pyproject.toml", tree)
     for number, (folder, statement, _) in enumerate(FORBIDDEN_IMPORTS):
         (tree / folder / f"trespasser_{number}.py").write_text(f"{statement}\n")
+    (tree / "behaviours/perception/trespasser.py").write_text("import behaviours.manipulation\n")
     command = [str(Path(sys.executable).parent / "lint-imports"), "--no-cache"]
     wide = {**os.environ, "COLUMNS": "400"}
     output = subprocess.run(command, cwd=tree, env=wide, capture_output=True, text=True, check=False).stdout
@@ -83,3 +84,7 @@ def test_a_forbidden_import_breaks_its_contract(
     folder, statement, contract = case
     offence = f"{folder.replace('/', '.')}.trespasser_{number} -> {statement.removeprefix('import ')} (l.1)"
     assert offence in report[CONTRACTS[contract]["name"]]
+
+
+def test_packages_that_import_each_other_break_their_contract(report: dict[str, str]) -> None:
+    assert "No cycles are allowed in behaviours." in report[CONTRACTS["circles"]["name"]]

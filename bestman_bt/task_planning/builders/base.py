@@ -8,6 +8,7 @@ from typing import Any
 
 from bestman_bt.engine import XmlElement
 from bestman_bt.engine.own_files import defined_at, in_words, signature_fault
+from bestman_bt.registry import BUILDERS
 from bestman_bt.task_planning.builders.plan_tree import PlanTree, Writer
 from bestman_bt.task_planning.symbolic.problem import Literal, PlanningError, TaskPlan
 
@@ -41,3 +42,18 @@ class TreeBuilder(ABC):
     @abstractmethod
     def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
         """Return the root of the tree; ``plan`` is not empty."""
+
+
+def made_builder(name: str) -> TreeBuilder:
+    """Return a tree builder by name. Raises UnknownNameError, or PlanningError if it is not one or cannot be
+    created.
+    """
+    made: object = None
+    found = BUILDERS.resolve(name)
+    try:
+        made = found()
+    except Exception as error:  # of a third party: whatever it is, it is reported by name
+        raise PlanningError(f"the tree builder {name!r} cannot be made: {in_words(error)}") from error
+    if not isinstance(made, TreeBuilder):
+        raise PlanningError(f"the tree builder {name!r} should be a subclass of TreeBuilder, got {found!r:.100}")
+    return made

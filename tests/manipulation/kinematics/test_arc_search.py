@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.kinematics.arc_path import ArcSearch
-from bestman_bt.manipulation.kinematics.stand_along import ArcStands
-from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm, StandSearch
+from bestman_bt.manipulation.stand_along import ArcStands
+from bestman_bt.manipulation.stand_pose import ReachingArm, StandSearch
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.world_model.semantic_map import MapFurniture
 from tests.manipulation.kinematics.slides import LIMITS, Slides, at

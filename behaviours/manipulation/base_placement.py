@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviours.arm_motion import unreached
 from behaviours.context import DRIVEN
-from behaviours.manipulation.arm_motion import unreached
 from behaviours.manipulation.grasp_candidates import grasp_candidates
 from behaviours.manipulation.place import place_tool_poses
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface, with_open_drawers
@@ -23,7 +23,7 @@ from bestman_bt.world_model.world_model import BasePose
 
 if TYPE_CHECKING:
     from bestman_bt.manipulation.collision.base import CollisionWorld
-    from bestman_bt.manipulation.kinematics.stand_pose import StandPose
+    from bestman_bt.manipulation.stand_pose import StandPose
 
 
 SAME_STAND = 0.05
@@ -134,7 +134,7 @@ class FindStandPose(OnArm, Skill):
         return float(self._middle()[2] - held.model.bounds()[0, 2])
 
     def _rank(self, furniture: MapFurniture, target: StandTarget) -> tuple[StandPose, ...]:
-        from bestman_bt.manipulation.kinematics.stand_pose import StandSearch
+        from bestman_bt.manipulation.stand_pose import StandSearch
 
         skills = self.skills
         costmap = skills.seen_costmap(DRIVEN)
@@ -149,7 +149,7 @@ class FindStandPose(OnArm, Skill):
 
     def _beside(self, furniture: MapFurniture, target: StandTarget) -> list[Pose2D]:
         """Stands at the furniture that have not been tried, free or not."""
-        from bestman_bt.manipulation.kinematics.stand_pose import StandSearch
+        from bestman_bt.manipulation.stand_pose import StandSearch
 
         front = float(np.array(self.skills.base.model.footprint)[:, 0].max())
         beside = StandSearch().beside(with_open_drawers(self.skills, furniture), target.at, front)

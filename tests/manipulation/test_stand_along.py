@@ -8,8 +8,8 @@ import pytest
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
 from bestman_bt.manipulation.kinematics.reachability_map import ReachabilitySampling
-from bestman_bt.manipulation.kinematics.stand_along import ArcStands, stands_around
-from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm
+from bestman_bt.manipulation.stand_along import ArcStands, stands_around
+from bestman_bt.manipulation.stand_pose import ReachingArm
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.robot_model.model import ArmModel
 from tests.manipulation.kinematics.door_stations import door_stations

@@ -10,7 +10,7 @@ from bestman_bt.manipulation.collision.scene_from_world_model import planning_sc
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
 from bestman_bt.manipulation.kinematics.reachability_map import ReachabilitySampling
-from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm, StandSearch
+from bestman_bt.manipulation.stand_pose import ReachingArm, StandSearch
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.robot_model.model import ArmModel, BaseModel
 from bestman_bt.world_model.semantic_map import MapFurniture, SemanticMap

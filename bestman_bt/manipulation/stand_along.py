@@ -25,7 +25,7 @@ from bestman_bt.manipulation.kinematics.arc_path import (
 )
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap
-from bestman_bt.manipulation.kinematics.stand_pose import ReachingArm
+from bestman_bt.manipulation.stand_pose import ReachingArm
 from bestman_bt.messages import Pose, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import Count
 
