@@ -27,7 +27,7 @@ def boards(model: FurnitureModel, elevation: float) -> tuple[PlacedShape, ...]:
 
 
 def leaves(model: FurnitureModel, elevation: float, opened: Mapping[str, float]) -> tuple[MapLeaf, ...]:
-    """Return doors and drawers as slabs, drawers with their inner boards, without grooves and handles.
+    """Return doors and drawers as slabs, drawers with their inner boards, without grooves; of handles only the depth.
 
     ``opened``: their mapped openings, by name.
     """
@@ -40,6 +40,7 @@ def leaves(model: FurnitureModel, elevation: float, opened: Mapping[str, float])
             upper=leaf.upper,
             shapes=_raised(_plain_boards(leaf), elevation),
             position=opened.get(leaf.name, 0.0),
+            handle_depth=0.0 if leaf.handle.kind == "edge" else leaf.handle.standoff + leaf.handle.radius,
         )
         for leaf in model.articulations
     )

@@ -36,6 +36,7 @@ class MapLeaf:
 
     ``origin``: (3,) metres, a point on the ``axis``, (3,) unit, about or along which it opens. ``shapes``: its boards,
     without its handle. ``upper``: its full range, radians or metres; ``position``: its opening when the map was made.
+    ``handle_depth``: metres by which its handle stands out from its front, ``shapes[0]``; the map does not say where.
     """
 
     name: str
@@ -45,6 +46,17 @@ class MapLeaf:
     upper: float
     shapes: tuple[PlacedShape, ...]
     position: float = 0.0
+    handle_depth: float = 0.0
+
+    @property
+    def handle_room(self) -> PlacedShape | None:
+        """Return a box before its closed front, in the furniture frame, in which its handle is; None without one."""
+        front = self.shapes[0]
+        if not self.handle_depth or not isinstance(front.shape, Box):
+            return None
+        thickness, width, height = front.shape.size
+        before = Pose(np.array([-(thickness + self.handle_depth) / 2, 0.0, 0.0]))
+        return PlacedShape(Box((self.handle_depth, width, height)), front.pose @ before)
 
     @property
     def hull(self) -> PlacedShape:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
+from bestman_bt.messages.shapes import bounding_corners
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.map_of_world import leaves, semantic_map
@@ -106,3 +107,15 @@ def test_a_board_that_is_laid_on_its_side_is_as_large_on_the_map_as_it_is() -> N
         assert isinstance(same.shape, Box)
         assert same.shape.size == pytest.approx(slab.shape.size)
         assert len(other.shapes) == len(plain.shapes)
+
+
+@pytest.mark.parametrize("scene", ["chest_room", "kitchen_furnished", "apartment"])
+def test_the_room_before_a_front_is_as_deep_as_its_handle_stands_out(scene: str) -> None:
+    for piece in draw_world(load_scene(scene), 5).furniture:
+        for leaf, on_map in zip(piece.model.articulations, leaves(piece.model, 0.0, {}), strict=True):
+            nearest = min(float((part.pose.apply(bounding_corners(part.shape)))[:, 0].min()) for part in leaf.parts)
+            front = on_map.shapes[0]
+            assert isinstance(front.shape, Box)
+            out = float(front.pose.position[0]) - front.shape.size[0] / 2 - nearest
+            assert out - 1e-6 <= on_map.handle_depth <= out + 0.011
+            assert (on_map.handle_room is None) == (leaf.handle.kind == "edge")

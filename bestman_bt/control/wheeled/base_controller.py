@@ -19,7 +19,6 @@ from bestman_bt.errors import WrongResultError
 from bestman_bt.messages import Failure, LaserScan, MotionErrorCode, Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.footprint import Footprint
-from bestman_bt.navigation.global_planning.layers import UnseenOutline
 from bestman_bt.navigation.local_planning.base import PathFollower
 from bestman_bt.navigation.local_planning.braking import GiveWay
 from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
@@ -109,7 +108,7 @@ class VelocityGate:
         known = self._known
         are_tall = None if known is None else (lambda points: _tall(known, pose.apply(points), self.placed))
         mapped = () if known is None or not self.placed else known.unseen
-        unseen = [UnseenOutline(base_from_map.apply(one.corners), one.height) for one in mapped]
+        unseen = [replace(one, corners=base_from_map.apply(one.corners)) for one in mapped]
         monitored = self._monitor.limit(wanted, velocity, odometry, discs, are_tall, unseen)
         self.held_by = monitored.text or _words(velocity)
         if monitored.brake:

@@ -150,7 +150,7 @@ class CollisionMonitor:
             (outline, area.corners)
             for area in unseen
             for low, high, outline in self._by_height
-            if low <= area.height < high
+            if low <= area.height < high or (area.low and low == -math.inf)
         ]
         looks = self._looks(points, tall, are_tall), entries
         moving = max(math.hypot(velocity.vx, velocity.vy), abs(velocity.wz)) > STANDING

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 from bestman_bt.messages import Cylinder, OccupancyGrid, PlacedShape, Pose2D
 from bestman_bt.messages.grids import OCCUPIED, UNKNOWN
 from bestman_bt.messages.shapes import bounding_corners
-from bestman_bt.navigation.global_planning.footprint import UpperBody
+from bestman_bt.navigation.global_planning.footprint import LOOKS_AROUND, UpperBody
 from bestman_bt.world_model.semantic_map import MapFurniture
 
 # Exact distances in the plane, for many points at once.
@@ -120,7 +120,7 @@ def _hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class FurnitureLayer(CostmapLayer):
-    """Outlines of ``pieces``, grown by their possible position and heading errors.
+    """Outlines of ``pieces`` and of what their handles take up, grown by possible position and heading errors.
 
     ``position_error``: metres, each way, and ``heading_error``: radians, unless a piece has smaller ones.
     """
@@ -139,14 +139,22 @@ class FurnitureLayer(CostmapLayer):
         distance = np.full(points.shape[1], np.inf)
         for piece in self.pieces:
             position_error = min(self.position_error, piece.position_error)
-            for outline in _possible_outlines(piece, min(self.heading_error, piece.heading_error)):
-                np.minimum(distance, distance_to_polygon(points, outline) - position_error, out=distance)
+            for corners in (piece.corners(), *(_hull(room[:, :2]) for room in _handle_rooms(piece))):
+                for outline in _turned(piece, corners, min(self.heading_error, piece.heading_error)):
+                    np.minimum(distance, distance_to_polygon(points, outline) - position_error, out=distance)
         return distance
 
 
-def _possible_outlines(piece: MapFurniture, heading_error: float) -> Iterator[NDArray[np.float64]]:
+def _handle_rooms(piece: MapFurniture) -> Iterator[NDArray[np.float64]]:
+    """Corners (8, 3) in the map frame of the boxes in which the handles of closed doors and drawers are."""
+    rooms = (leaf.handle_room for leaf in piece.leaves)
+    return (_corners(PlacedShape(room.shape, piece.pose.to_pose() @ room.pose)) for room in rooms if room is not None)
+
+
+def _turned(piece: MapFurniture, corners: NDArray[np.float64], heading_error: float) -> Iterator[NDArray[np.float64]]:
+    """An outline (N, 2) of a piece in the map frame, turned about the piece by its heading error."""
     centre = piece.pose.xy
-    corners = piece.corners() - centre
+    corners = corners - centre
     for turn in (-heading_error, 0.0, heading_error) if heading_error else (0.0,):
         yield Pose2D(centre[0], centre[1], turn).apply(corners)
 
@@ -159,10 +167,14 @@ _ROUND = np.array([[math.cos(turn), math.sin(turn)] for turn in np.arange(16) * 
 
 @dataclass(frozen=True, eq=False)
 class UnseenOutline:
-    """A convex area, ``corners`` (N, 2) counter-clockwise in metres, and up to which height something is in it."""
+    """A convex area, ``corners`` (N, 2) counter-clockwise in metres, and up to which height something is in it.
+
+    ``low``: whether the base itself may hit it, although it may be higher than the lidar.
+    """
 
     corners: NDArray[np.float64]
     height: float
+    low: bool = False
 
 
 def unseen_outlines(
@@ -175,22 +187,35 @@ def unseen_outlines(
     """What a robot with this upper body may hit unseen, in the map frame.
 
     Of ``pieces`` wherever they may stand (as in ``FurnitureLayer``), unless a lidar sees them as they are or the robot
-    fits under all their boards; of ``shapes`` in the map frame those that lie above or below the plane of the lidar.
+    fits under all their boards, and of handles; of ``shapes`` in the map frame those that lie above or below the plane
+    of the lidar.
     """
     outlines = []
     for piece in pieces:
+        off, turn = min(position_error, piece.position_error), min(heading_error, piece.heading_error)
+        for room in _handle_rooms(piece):
+            low, high = float(room[:, 2].min()), float(room[:, 2].max())
+            if low < upper.top:
+                area = _possible_area(piece, _hull(room[:, :2]), off, turn)
+                outlines.append(UnseenOutline(area, high, low < upper.lidar_height + LOOKS_AROUND))
         boards = [_corners(placed)[:, 2].min() for placed in piece.shapes]
         if piece.solid_at_lidar or piece.is_passage or min(boards, default=0.0) > upper.top:
             continue
-        turned = np.concatenate(list(_possible_outlines(piece, min(heading_error, piece.heading_error))))
-        off = min(position_error, piece.position_error)
-        outlines.append(UnseenOutline(_hull((turned[:, None] + off * _ROUND).reshape(-1, 2)), piece.height))
+        outlines.append(UnseenOutline(_possible_area(piece, piece.corners(), off, turn), piece.height))
     for placed in shapes:
         points = _corners(placed)
         low, high = points[:, 2].min(), points[:, 2].max()
         if low < upper.top and not low <= upper.lidar_height <= high:
             outlines.append(UnseenOutline(_hull(points[:, :2]), float(high)))
     return tuple(outlines)
+
+
+def _possible_area(
+    piece: MapFurniture, corners: NDArray[np.float64], position_error: float, heading_error: float
+) -> NDArray[np.float64]:
+    """The area in which an outline (N, 2) of a piece lies wherever that may stand."""
+    turned = np.concatenate(list(_turned(piece, corners, heading_error)))
+    return _hull((turned[:, None] + position_error * _ROUND).reshape(-1, 2))
 
 
 # Cells of an occupancy grid, such as SLAM makes: the occupied ones, and those that no scan has covered.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
-from bestman_bt.world_model.semantic_map import MapFurniture, SemanticMap
+from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, SemanticMap
 from bestman_bt.world_model.world_model import Obstacle
 from tests.control.scripted_parts import BASE, CORNERS, ScriptedBase
 
@@ -107,6 +108,29 @@ def test_what_the_robot_fits_under_and_what_its_lidar_sees_is_left_to_the_lidar(
 def test_what_is_lower_than_the_lidar_is_kept_from_the_base_itself():
     poses = driven(room_with(piece(0.15)), AHEAD, Twist2D(0.6))
     assert OFF < gap(poses, np.array(CORNERS)) < OFF + 0.06
+
+
+def chest(bottom: float) -> MapFurniture:
+    """A drawer of 0.2 m from ``bottom`` on, whose handle stands out by 0.06 m; the rest is seen by the lidar."""
+    front = PlacedShape(Box((0.02, 1.2, 0.2)), Pose(np.array([-0.39, 0.0, bottom + 0.1])))
+    drawer = MapLeaf("drawer", "prismatic", (0.0, 0.0, 0.0), (-1.0, 0.0, 0.0), 0.4, (front,), handle_depth=0.06)
+    return replace(piece(0.75, solid=True), leaves=(drawer,))
+
+
+@pytest.mark.parametrize(
+    ("bottom", "outline"), [(0.1, np.array(CORNERS)), (0.5, COLUMN_OUTLINE)], ids=["base", "column"]
+)
+def test_the_handle_of_a_closed_drawer_is_kept_from_the_base_and_from_what_is_as_high(bottom, outline):
+    costmap = room_with(chest(bottom))
+    for start, twist in ((AHEAD, Twist2D(0.6)), (AHEAD @ Pose2D(0.0, 0.0, math.pi), Twist2D(-0.6))):
+        assert OFF + 0.06 < gap(driven(costmap, start, twist), outline) < OFF + 0.06 + 0.08
+    before_it = THERE.apply(np.array([(-0.4 - 0.06, 0.0)]))
+    row, column = ((before_it - costmap.origin) / costmap.resolution).astype(int)[0][::-1]
+    assert costmap.distance[row, column] < 0.0
+
+
+def test_a_handle_above_the_robot_is_driven_under():
+    assert gap(driven(room_with(chest(0.9)), AHEAD, Twist2D(0.6)), COLUMN_OUTLINE) < -0.3
 
 
 def test_an_open_drawer_above_the_lidar_is_kept_from_the_column():
