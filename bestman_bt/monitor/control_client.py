@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 from pathlib import Path
@@ -41,8 +42,27 @@ def socket_folder() -> Path:
         raise ControlError(str(error)) from error
 
 
+def link_folder(path: Path, run_folder: Path) -> None:
+    """Link ``control.sock`` in a run folder to an executor's socket, and the socket's name with ``.folder`` back."""
+    path.with_suffix(".folder").symlink_to(run_folder.absolute())
+    link = run_folder / "control.sock"
+    link.unlink(missing_ok=True)  # of an executor that was killed
+    link.symlink_to(path)
+
+
+def remove_socket(path: Path) -> None:
+    """Remove an executor's socket and both links, also of a process that was killed."""
+    back = path.with_suffix(".folder")
+    with contextlib.suppress(OSError):
+        link = back / "control.sock"
+        if link.readlink() == path:
+            link.unlink()
+    back.unlink(missing_ok=True)
+    path.unlink(missing_ok=True)
+
+
 def running_executors() -> list[Path]:
-    """Return the sockets of the running executors; sockets without a server are removed."""
+    """Return the sockets of the running executors; sockets without a server are removed, and the links to them."""
     alive = []
     for path in sorted(socket_folder().glob("*.sock")):
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
@@ -50,7 +70,7 @@ def running_executors() -> list[Path]:
             try:
                 connection.connect(str(path))
             except (ConnectionRefusedError, FileNotFoundError):
-                path.unlink(missing_ok=True)
+                remove_socket(path)
                 continue
             except OSError:  # it has a server, which is too busy to answer now
                 pass

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from bestman_bt.errors import Error
-from bestman_bt.monitor.control_client import socket_folder
+from bestman_bt.monitor.control_client import link_folder, remove_socket, socket_folder
 from bestman_bt.monitor.outbox import Outbox
 from bestman_bt.records.events import TOPICS, Topic
 
@@ -49,7 +49,7 @@ def serve(channel: Channel, run_folder: Path | None = None) -> Iterator[Path]:
         ControlError: the folder of sockets is not this user's own.
     """
     path = socket_folder() / f"{os.getpid()}-{id(channel):x}.sock"
-    path.unlink(missing_ok=True)
+    remove_socket(path)
     mask = os.umask(0o177)
     try:
         server = _Server(str(path), channel)
@@ -57,17 +57,14 @@ def serve(channel: Channel, run_folder: Path | None = None) -> Iterator[Path]:
         os.umask(mask)
     thread = threading.Thread(target=server.serve_forever, args=(0.1,), name="control-channel", daemon=True)
     thread.start()
-    link = run_folder / "control.sock" if run_folder is not None else None
-    if link is not None:
-        link.symlink_to(path)
+    if run_folder is not None:
+        link_folder(path, run_folder)
     try:
         yield path
     finally:
         server.shutdown()
         server.server_close()
-        path.unlink(missing_ok=True)
-        if link is not None:
-            link.unlink(missing_ok=True)
+        remove_socket(path)
 
 
 class _Server(socketserver.ThreadingUnixStreamServer):

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.monitor.control_client import socket_folder
+from bestman_bt.monitor.control_client import remove_socket, socket_folder
 from bestman_bt.monitor.recorded import RecordedRun, identity_of, read_run, run_folders
 from bestman_bt.monitor.run import MonitoredRun, RunError, running_first
 from bestman_bt.records.events import Event, EventError, ImageEvent, RunEvent, Topic, from_line
@@ -126,17 +126,9 @@ class AttachedRun(MonitoredRun):
             await asyncio.sleep(RETRY)
         else:
             with contextlib.suppress(OSError):
-                self.socket.unlink()
-            self._remove_link()
+                remove_socket(self.socket)
         self.is_lost = self.history.end is None
         self.wake_watchers()
-
-    def _remove_link(self) -> None:
-        """In the run folder of a process that was killed, ``control.sock`` leads nowhere."""
-        link = Path(str(self.history.about.get("folder") or "")) / "control.sock"
-        with contextlib.suppress(OSError):
-            if link.is_symlink() and link.readlink() == self.socket:
-                link.unlink()
 
     async def _catch_up(self) -> None:
         """Read what the run has recorded before we came; without a folder, its past is not known."""

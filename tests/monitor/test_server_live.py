@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from bestman_bt.monitor.control_client import socket_folder
+from bestman_bt.monitor.control_client import link_folder, socket_folder
 from bestman_bt.monitor.viewer import MOST_CONTROLS, MOST_OPEN
 from bestman_bt.records.timeline import Timeline
 from tests.monitor.conftest import FakeExecutor, Message, Monitor, Page, states_event, wait_until
@@ -503,7 +503,7 @@ def test_an_executor_that_was_killed_is_lost_within_seconds_and_its_socket_remov
         assert process.stdout is not None
         assert process.stdout.readline() == b"ready\n"
         path = socket_folder() / f"{ID}.sock"
-        (tmp_path / "control.sock").symlink_to(path)
+        link_folder(path, tmp_path)
         monitor = start_monitor()
         with monitor.page() as page:
             opened(page)

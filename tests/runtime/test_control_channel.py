@@ -5,8 +5,11 @@ from __future__ import annotations
 import errno
 import json
 import os
+import signal
 import socket
 import stat
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -14,6 +17,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from py_trees.behaviour import Behaviour
@@ -23,6 +27,7 @@ from behaviours.failure import NodeFailure
 from bestman_bt.control.operator_speed import OperatorSpeed
 from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, build_tree, load_tree
 from bestman_bt.monitor.control_client import ControlError, request, running_executors, socket_folder
+from bestman_bt.monitor.control_socket import serve
 from bestman_bt.records.events import EndEvent, Event, RunEvent, StatesEvent, from_line
 from bestman_bt.runtime import control_channel
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges
@@ -471,6 +476,24 @@ def test_running_executors_are_found_and_dead_sockets_are_cleared_away(served: S
         left.bind(str(dead))
     assert running_executors() == [served.socket]
     assert not dead.exists()
+
+
+def test_an_executor_that_was_killed_leaves_nothing_after_the_next_command(tmp_path: Path) -> None:
+    code = (
+        "import os, sys\nfrom pathlib import Path\nfrom bestman_bt.monitor.control_socket import serve\n"
+        "with serve(None, Path(sys.argv[1])):\n    os.kill(os.getpid(), 9)"
+    )
+    runs = [tmp_path / "first", tmp_path / "second"]
+    for run in runs:
+        run.mkdir()
+        assert subprocess.run([sys.executable, "-c", code, run], check=False).returncode == -signal.SIGKILL
+        assert (run / "control.sock").is_symlink()
+    with serve(Mock(), runs[1]) as path:  # an evaluation goes on in the folder of an episode that was killed
+        assert running_executors() == [path]
+        assert sorted(entry.name for entry in socket_folder().iterdir()) == [f"{path.stem}.folder", path.name]
+        assert not (runs[0] / "control.sock").is_symlink()
+        assert (runs[1] / "control.sock").resolve() == path.resolve()
+    assert list(socket_folder().iterdir()) == list(runs[1].iterdir()) == []
 
 
 def test_an_executor_that_is_too_busy_to_answer_keeps_its_socket() -> None:
