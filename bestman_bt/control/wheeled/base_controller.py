@@ -484,6 +484,9 @@ class BaseController:
     def _drive(self, action: _Action, follower: PathFollower, pose: Pose2D) -> None:
         period, velocity, now, where = self._period, self._base.velocity(), self._clock.now(), self.localisation
         command = follower.compute(pose, velocity, period)
+        if not np.isfinite([command.twist.vx, command.twist.vy, command.twist.wz]).all():
+            kind = type(follower).__name__
+            raise WrongResultError(f"{kind}.compute should return a finite velocity but returned {command.twist}")
         people: Sequence[MovingObstacle] = ()
         if action.driven is not None:
             action.driven.swept.advance(pose.xy)

@@ -158,11 +158,14 @@ def test_a_drive_ends_where_it_should_and_no_faster_than_it_is_asked(distance, s
     assert fastest == pytest.approx(speed, abs=1e-9) if speed else 0.3 < fastest <= 0.6
 
 
-def test_a_follower_that_breaks_its_interface_fails_the_drive_with_the_base_at_rest():
+@pytest.mark.parametrize("wrong", [None, Twist2D(math.nan, 0.0, 0.0), Twist2D(0.5, 0.0, math.inf)])
+def test_a_follower_that_breaks_its_interface_fails_the_drive_with_the_base_at_rest(wrong):
     class Breaks(Ends):
         def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
             if it.base.speed[0] < 0.3:
                 return FollowerCommand(Twist2D(0.5), False, 1.0)
+            if wrong is not None:
+                return FollowerCommand(wrong, False, 1.0)
             raise WrongResultError("Breaks.compute should return FollowerCommand, got NoneType")
 
     it = driven(follower=Breaks())
