@@ -17,9 +17,9 @@ BESIDE = 0.05
 """Metres beyond the mapped rectangle of a surface within which an object still counts as standing on it."""
 
 MAX_FORCE = 200.0
-"""Default limit of the force between a finger and an object, or an object and its support, newtons."""
-MAX_HANDLE_FORCE = 600.0
-"""Default limit of the force on a door or drawer, newtons: an end stop causes a short peak."""
+"""Limit of the force of a contact if a skill gives none, newtons."""
+STOPPING = 100.0
+"""Newtons by which a contact may exceed the force at which a motion ends, while arm and load are braked."""
 MOST_FORCE = 600.0
 """Largest force that a skill may declare, newtons: six times that of the strongest shipped gripper, 100 N."""
 
@@ -60,6 +60,11 @@ class Contact:
         return ""
 
 
+def stopping_at(force: float) -> float:
+    """Return the limit to declare for motions or hands that press with ``force`` newtons at most, until they stop."""
+    return min(force + STOPPING, MOST_FORCE)
+
+
 def grasp(thing: str, max_force: float = MAX_FORCE) -> Contact:
     """Declare that the fingers take, hold or release an object; ``max_force``: newtons."""
     return Contact("grasp", thing, max_force)
@@ -70,7 +75,7 @@ def push(thing: str, max_force: float = MAX_FORCE) -> Contact:
     return Contact("push", thing, max_force)
 
 
-def handle(articulation: str, max_force: float = MAX_HANDLE_FORCE) -> Contact:
+def handle(articulation: str, max_force: float = MAX_FORCE) -> Contact:
     """Declare that the fingers pull or push a door or drawer, ``furniture/leaf``; ``max_force``: newtons."""
     return Contact("handle", articulation, max_force)
 

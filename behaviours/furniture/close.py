@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.arm_motion import move_free, unreached
-from behaviours.contacts import handle
+from behaviours.contacts import handle, stopping_at
 from behaviours.context import SkillContext
 from behaviours.furniture.leaf import FurnitureLeaf, find_leaf, free_along, world_at_leaf
 from behaviours.furniture.leaf_motion import LEAF_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
@@ -304,7 +304,7 @@ class Close(OnArm, Skill):
         yield skills.gripper.close(FINGER_FORCE)
         yield from move_free(self, [plan.approach.pre], world_at_leaf(skills, leaf, plan.push.start, "free"))
         yield from tare_wrist(self)
-        with self.touching(handle(leaf.articulation)):
+        with self.touching(handle(leaf.articulation, stopping_at(self.max_push))):
             try:
                 start = yield from self._touch(plan.push)
                 left = yield from self._push(plan, start)
@@ -375,6 +375,7 @@ class Close(OnArm, Skill):
             FollowGoal(
                 distance=beyond if axis.kind == "prismatic" else math.inf,
                 angle=beyond if axis.kind == "revolute" else math.inf,
+                end_stop=push.lever * (max(0.0, start) - self._uncertainty(push)),
                 max_pull=self.max_push,
                 guide=plan.guide,
                 axis=replace(axis, point=base_from_map.apply(axis.point[None])[0], direction=base @ axis.direction),

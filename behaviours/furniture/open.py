@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.arm_motion import follow_path, move_free, unreached
-from behaviours.contacts import handle
+from behaviours.contacts import handle, stopping_at
 from behaviours.furniture.leaf import world_at_leaf
 from behaviours.furniture.leaf_measurement import felt_leaf
 from behaviours.furniture.leaf_motion import LEAF_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
@@ -81,7 +81,7 @@ class Open(OnArm, Skill):
         yield skills.gripper.open(plan.fingers)
         yield from move_free(self, [plan.into[0]], world_at_leaf(skills, leaf, opening.start, "free"))
         yield from tare_wrist(self)
-        with self.touching(handle(leaf.articulation)):
+        with self.touching(handle(leaf.articulation, stopping_at(self.force + self.max_pull))):
             opened = yield from self._pull_open(opening, plan, posture)
         self.opened = opened
         self.feedback_message = f"{leaf.articulation} open by {opened:.2f}"

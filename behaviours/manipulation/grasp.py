@@ -16,7 +16,7 @@ from behaviours.arm_motion import (
     unreached,
 )
 from behaviours.contacts import grasp as grasp_contact
-from behaviours.contacts import support, surface_below
+from behaviours.contacts import stopping_at, support, surface_below
 from behaviours.manipulation.grasp_candidates import grasp_candidates
 from behaviours.skill import (
     ALGORITHM_ERRORS,
@@ -236,7 +236,8 @@ class Grasp(OnArm, Skill):
         yield skills.gripper.open(grasp.candidate.opening)
         yield from move_free(self, [grasp.approach.pre])
         stands_on = belief.surface or surface_below(skills.world, belief.pose)
-        with self.touching(grasp_contact(name), support(name, stands_on)):
+        gripped = stopping_at(self.force or skills.gripper_model.part.max_force)
+        with self.touching(grasp_contact(name, gripped), support(name, stands_on)):
             yield from self._close_and_lift(name, grasp)
 
     def _close_and_lift(self, name: str, grasp: PlannedGrasp) -> Steps:

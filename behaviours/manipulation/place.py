@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free, unreached
-from behaviours.contacts import grasp, support, surface_below
+from behaviours.contacts import MAX_FORCE, grasp, stopping_at, support, surface_below
 from behaviours.perception.beliefs import believe_surface
 from behaviours.perception.perceive import NO_CAMERA, camera_called
 from behaviours.perception.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, surface_region
@@ -150,7 +150,9 @@ class PlaceOn(OnArm, Skill):
                 self._lowering_world(held),
             )
         yield from move_free(self, [approach.pre])
-        with self.touching(grasp(name), support(name, surface_below(skills.world, self.pose))):
+        felt = stopping_at(SET_DOWN_FORCE) if skills.wrist_wrench is not None else MAX_FORCE
+        gripped = stopping_at(skills.gripper_model.part.max_force)
+        with self.touching(grasp(name, gripped), support(name, surface_below(skills.world, self.pose), felt)):
             yield from follow_path(self, approach.into, self._lowering_world(held), speed=0.35)
             if skills.wrist_wrench is not None:
                 yield from self._set_down(name)

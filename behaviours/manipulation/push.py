@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free, unreached
-from behaviours.contacts import push, support, surface_below
+from behaviours.contacts import push, stopping_at, support, surface_below
 from behaviours.manipulation.base_placement import FindStandPose, StandTarget
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
 from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps
@@ -123,7 +123,8 @@ class Push(OnArm, Skill):
             )
         yield from move_free(self, [plan.pre])
         stands_on = belief.surface or surface_below(skills.world, belief.pose)
-        with self.touching(push(name), support(name, stands_on)):
+        most = stopping_at(self.max_force)
+        with self.touching(push(name, most), support(name, stands_on, most)):
             yield from self._push(belief, plan)
 
     def _push(self, belief: ObjectBelief, plan: PushPlan) -> Steps:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from behaviours.computation import InlineComputation
+from behaviours.contacts import Contact
 from behaviours.context import SkillContext
 from behaviours.parts import parts_by_kind
 from bestman_bt.configuration.run import load_run
@@ -28,6 +29,18 @@ UNDER_WAY = object()
 """How a command comes out that a test ends itself, or that a halt cancels."""
 ASKEW = Pose2D(0.7, -1.1, 2.1)
 """Where the base of these tests stands: no axis of it is one of the map's."""
+
+
+class DeclaredContacts(list[Contact]):
+    """The current contacts of a context that also keeps all that were ever ``declared``."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.declared: list[Contact] = []
+
+    def __iadd__(self, contacts: Iterable[Contact]) -> DeclaredContacts:
+        self.declared += contacts
+        return super().__iadd__(contacts)
 
 
 class ScriptedController:

@@ -10,6 +10,7 @@ from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import RUNNING
 from bestman_bt.messages import Pose2D
 from bestman_bt.runtime.robot_session import open_session
+from tests.behaviours.scripted import DeclaredContacts
 from tests.behaviours.truth import audited, known_world, succeeds, why_not
 
 pytestmark = pytest.mark.slow
@@ -43,7 +44,12 @@ def test_what_is_believed_to_stand_open_is_pushed_shut_by_the_fingers_alone(
 ) -> None:
     with standing_open(task, leaf, written, stand) as (session, truth):
         session.skills.world.articulations[leaf] = position
+        session.skills.contacts = contacts = DeclaredContacts()
         assert succeeds(session, CLOSE)
+        (declared,) = contacts.declared
+        assert (declared.thing, declared.max_force) == (leaf, 140.0)
+        pressed = [c.peak_force for c in session.robot.audit_record().contacts if c.leaf == leaf]
+        assert 10.0 < max(pressed) < 100.0  # at its end stop, too
         assert truth.articulation_position(leaf) < 0.005
         assert session.skills.world.articulations[leaf] == 0.0
         assert audited(session).honest

@@ -13,6 +13,7 @@ from bestman_bt.messages import Box, MotionStage, PlacedShape, Pose2D
 from bestman_bt.runtime.robot_session import Session
 from bestman_bt.world_model.world_model import Obstacle
 from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
+from tests.behaviours.scripted import DeclaredContacts
 from tests.behaviours.truth import audited, known_world, why_not
 
 pytestmark = pytest.mark.slow
@@ -50,6 +51,7 @@ def drawer_session(scene: str | Path = "chest_room", start: tuple[str, ...] = ST
 def opened():
     """A drawer that has been opened by the shipped tree, with the truth about it."""
     with drawer_session() as (session, truth):
+        session.skills.contacts = DeclaredContacts()
         assert opens(session)
         yield session, truth
 
@@ -58,6 +60,10 @@ def test_a_drawer_is_opened_as_far_as_asked_and_seen_to_be_where_it_is(opened) -
     session, truth = opened
     position = truth.articulation_position(DRAWER)
     assert position >= 0.20
+    (declared,) = session.skills.contacts.declared
+    assert (declared.thing, declared.max_force) == (DRAWER, 40.0 + 45.0 + 100.0)
+    pressed = [contact.peak_force for contact in session.robot.audit_record().contacts if contact.leaf == DRAWER]
+    assert 40.0 < max(pressed) < 100.0
     assert session.skills.world.articulations[DRAWER] == pytest.approx(position, abs=0.008)
     assert all(truth.articulation_position(f"drawer_chest/drawer_{i}") < 1e-3 for i in (1, 2))
     assert session.skills.gripper.width() > 0.07

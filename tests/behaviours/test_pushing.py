@@ -16,7 +16,18 @@ from behaviours.manipulation.push import Push, PushPlan
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import Pose
 from bestman_bt.world_model.world_model import HeldObject, ObjectBelief
-from tests.behaviours.scripted import ASKEW, UNDER_WAY, codes, in_base, load, map_from, register, run, scripted_skills
+from tests.behaviours.scripted import (
+    ASKEW,
+    UNDER_WAY,
+    DeclaredContacts,
+    codes,
+    in_base,
+    load,
+    map_from,
+    register,
+    run,
+    scripted_skills,
+)
 
 WAY = np.array([math.cos(0.4), math.sin(0.4), 0.0])
 """Of the push, in the base frame."""
@@ -72,8 +83,10 @@ def outcome(distance: float, touched: bool = False) -> SimpleNamespace:
 def test_what_was_pushed_is_believed_as_far_on_in_the_map_as_the_hand_went_with_it(skills: Any, went: float) -> None:
     stood = skills.world.objects["cup"]
     skills.arm.ends["move_until"] = [outcome(went)]
+    skills.contacts = contacts = DeclaredContacts()
     tree = push(skills, goal=goal_of(skills), speed=0.04, max_force=9.0)
     assert run(skills, tree) == SUCCESS
+    assert [(one.kind, one.max_force) for one in contacts.declared] == [("push", 109.0), ("support", 109.0)]
     belief, pushed = skills.world.objects["cup"], max(0.0, went - GAP)
     x, y, _ = 0.7 * np.array([1.0, 0.0, 0.0]) + pushed * WAY
     np.testing.assert_allclose(belief.pose.position, map_from(ASKEW, x, y, 0.8), atol=1e-9)

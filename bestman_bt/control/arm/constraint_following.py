@@ -101,7 +101,8 @@ class Following:
     ``compliance``: m/s across the motion per newton, up to ``side_speed``. ``acceleration``: along it.
     ``force_filter``: seconds. ``stall_time``: without ``stall_distance`` of progress counts as stuck. ``moved``:
     distance beyond which a stuck joint is jammed, not locked. ``turn_speed``: rad/s of the hand. ``relax_time``: of
-    yielding to residual forces at the end. ``time_factor``: on the time at full speed.
+    yielding to residual forces at the end. ``time_factor``: on the time at full speed. ``stop_speed``: m/s where an end
+    stop is expected.
     """
 
     compliance: float = 2.5e-4
@@ -114,6 +115,7 @@ class Following:
     turn_speed: float = 0.6
     relax_time: float = 0.3
     time_factor: float = 4.0
+    stop_speed: float = 0.02
     axis: AxisFitting = field(default_factory=AxisFitting)
 
 
@@ -122,15 +124,17 @@ class FollowGoal:
     """Goal and limits of a following.
 
     It succeeds after ``distance`` metres along the path or ``angle`` radians about the estimated hinge, whichever is
-    given and comes first. ``speed``: m/s. ``max_pull``, ``max_side``: newtons along and across the motion. ``turn``:
-    fraction of a door's rotation by which the hand rotates; at 0 the bar rotates between the fingers. ``guide``: a
-    planned path of hand and arm, with priority over ``turn``. ``axis``: the believed joint axis, base frame, refined by
-    the hand's path if ``learns`` is set (a pushing hand is not guided). Raises ValueError for invalid values.
+    given and comes first. ``speed``: m/s. ``end_stop``: metres along the path from which on an end stop may be met, at
+    ``Following.stop_speed``. ``max_pull``, ``max_side``: newtons along and across the motion. ``turn``: fraction of a
+    door's rotation by which the hand rotates; at 0 the bar rotates between the fingers. ``guide``: a planned path of
+    hand and arm, with priority over ``turn``. ``axis``: the believed joint axis, base frame, refined by the hand's path
+    if ``learns`` is set (a pushing hand is not guided). Raises ValueError for invalid values.
     """
 
     speed: float = 0.06
     distance: float = math.inf
     angle: float = math.inf
+    end_stop: float = math.inf
     max_pull: float = 45.0
     max_side: float = 40.0
     turn: float = 1.0
@@ -242,9 +246,11 @@ class ConstraintFollowing:
     def _advance(self, held: Array, tangent: Array, side: Array, pull: float) -> tuple[FollowEnd, str] | None:
         goal, p, time = self._goal, self._following, self._stream.step_time
         braking = math.sqrt(2.0 * p.acceleration * max(self._remaining(held), 1e-5))
+        before_stop = goal.end_stop - self._estimator.axis.travelled(self._start, held)
+        touching = math.sqrt(p.stop_speed**2 + 2.0 * p.acceleration * max(0.0, before_stop))
         # The closer to the force limit, the slower, so that nothing locked is pulled at harder.
         yielding = goal.speed * min(1.0, max(0.0, 2.0 * (1.0 - pull / goal.max_pull)))
-        self._speed = min(self._speed + p.acceleration * time, goal.speed, braking, yielding)
+        self._speed = min(self._speed + p.acceleration * time, goal.speed, braking, touching, yielding)
         for slower in (1.0, 0.5, 0.2):
             velocity = slower * self._speed * tangent + self._giving_way(side)
             for turn in self._turns(held, slower):

@@ -81,6 +81,16 @@ def test_what_does_not_give_way_is_told_within_the_force_limit(jam, end, words):
         assert np.linalg.norm(it.wrist.force(it.tool)) < 0.9 * handle.result.peak_pull
 
 
+def test_where_an_end_stop_may_be_met_it_moves_slowly_and_presses_less():
+    for stop, most in ((math.inf, 0.06), (0.1, 0.02)):
+        it, handle = follow(drawer(jam=0.15), max_pull=30.0, end_stop=stop)
+        assert handle.result.end is FollowEnd.JAMMED
+        way = np.linalg.norm(it.arm.sent - it.arm.sent[0], axis=1)
+        speeds = np.diff(way) * 60.0
+        assert speeds[way[1:] > 0.103].max() == pytest.approx(most, abs=1e-3)
+        assert speeds[way[1:] < 0.08].max() == pytest.approx(0.06, abs=1e-3)
+
+
 def test_a_hand_that_gets_no_further_is_jammed_though_it_feels_nothing(monkeypatch):
     it = AtWork()
     way, measured = np.append(OUT, np.zeros(4)), it.arm.positions
