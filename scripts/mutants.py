@@ -141,17 +141,17 @@ def apply(fault: Fault, index: dict[str, list[Definition]]) -> tuple[Path, str]:
         dedented = textwrap.dedent(source)
         if dedented.count(fault.before) == 1:
             indent = source[: len(source.partition("\n")[0]) - len(dedented.partition("\n")[0])]
-            changed = textwrap.indent(dedented.replace(fault.before, fault.after), indent)
-            text = "".join([*lines[: definition.start], changed, *lines[definition.end :]])
-            places.append((definition.file, text))
+            changed = dedented.replace(fault.before, fault.after)
+            new_lines = [*lines[: definition.start], textwrap.indent(changed, indent), *lines[definition.end :]]
+            places.append((definition.file, changed, "".join(new_lines)))
     if len(places) != 1:
         raise FaultError(
             f"{fault.origin} ({fault.fault}): the text occurs exactly once in {len(places)} of the "
             f"{len(index.get(fault.function, []))} definitions of {fault.function!r}; exactly one is needed"
         )
-    file, text = places[0]
+    file, changed, text = places[0]
     try:
-        ast.parse(text)
+        ast.parse(changed)
     except SyntaxError as error:
         raise FaultError(f"{fault.origin} ({fault.fault}): the text after does not parse: {error}") from error
     return file, text

@@ -7,7 +7,9 @@ import os
 import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 from xdist.scheduler import LoadFileScheduling
@@ -92,3 +94,36 @@ def own_runtime_folder() -> Iterator[None]:
         patch.setenv("XDG_RUNTIME_DIR", folder)
         yield
     shutil.rmtree(folder, ignore_errors=True)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def shipped_files_are_understood_once() -> Iterator[None]:
+    """What a shipped file says of a robot, an object or a piece of furniture is the same for all tests of a process."""
+    from bestman_bt.configuration.data import data_root, pybullet_data
+    from bestman_bt.configuration.document import Document
+    from bestman_bt.robot_model import compose
+    from bestman_bt.scene import furniture_file, object_file
+
+    def once(function: Callable[..., Any]) -> Callable[..., Any]:
+        made: dict[tuple[str, ...], Any] = {}
+
+        def known(name: str, document: Document, *folder: Path) -> Any:
+            sources = {source for source, _ in document.origins.values()}
+            # Whatever else has a say, such as an option, is read anew; so are files that a test has written.
+            files = [Path(source).resolve() for source in sources]
+            if not files or not all(file.is_file() and file.is_relative_to(data_root()) for file in files):
+                return function(name, document, *folder)
+            # Tests hide PyBullet, whose models then lie elsewhere.
+            key = (name, repr(document.data), repr(document.origins), str(pybullet_data()))
+            if key not in made:
+                made[key] = function(name, document, *folder)
+            return made[key]
+
+        return known
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compose, "compose_robot", once(compose.compose_robot))
+        patch.setattr(object_file, "object_of", once(object_file.object_of))
+        for name in ("_written", "_generated"):
+            patch.setattr(furniture_file, name, once(getattr(furniture_file, name)))
+        yield

@@ -32,9 +32,17 @@ def index(mutants: ModuleType) -> Any:
     return mutants.index_definitions(mutants.tracked_files())
 
 
-def test_every_seeded_fault_applies_to_exactly_one_place(mutants: ModuleType, index: Any) -> None:
-    faults = mutants.load_faults(CHECKOUT / "tests" / "mutants")
-    applied = mutants.check(faults, index)
+@pytest.fixture(scope="module")
+def faults(mutants: ModuleType) -> Any:
+    return mutants.load_faults(CHECKOUT / "tests" / "mutants")
+
+
+@pytest.fixture(scope="module")
+def applied(mutants: ModuleType, faults: Any, index: Any) -> Any:
+    return mutants.check(faults, index)
+
+
+def test_every_seeded_fault_applies_to_exactly_one_place(faults: Any, applied: Any) -> None:
     assert len(applied) == len(faults)
     sentences = [fault.fault for fault in faults]
     assert len(sentences) == len(set(sentences))
@@ -43,9 +51,7 @@ def test_every_seeded_fault_applies_to_exactly_one_place(mutants: ModuleType, in
         assert text != (CHECKOUT / file).read_text(), fault.fault
 
 
-def test_the_faults_are_many_and_spread_over_the_packages(mutants: ModuleType, index: Any) -> None:
-    faults = mutants.load_faults(CHECKOUT / "tests" / "mutants")
-    applied = mutants.check(faults, index)
+def test_the_faults_are_many_and_spread_over_the_packages(mutants: ModuleType, faults: Any, applied: Any) -> None:
     packages = {mutants.package_of(file) for file, _ in applied.values()}
     assert len(faults) >= 120
     assert packages >= {

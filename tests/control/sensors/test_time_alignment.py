@@ -14,7 +14,7 @@ from bestman_bt.messages import Pose
 
 @pytest.fixture
 def turning(simulate):
-    """A base that turns by 1.2 rad, its head too; yields the rig, its camera's views and scans, and the true poses."""
+    """A base that turns by 0.6 rad, its head too; yields the rig, its camera's views and scans, and the true poses."""
     it = simulate(3)
     it.joints.start(it.robot.clock)
     sensor = RGBDSensor(
@@ -25,13 +25,13 @@ def turning(simulate):
     def note() -> None:
         truth.append((it.robot.clock.now(), it.truth.frame_pose(sensor.optical_frame), it.true_pose))
 
-    motion = it.base.turn(1.2)
+    motion = it.base.turn(0.6)
     head = it.robot.parts["head"]
-    head.move_to(head.positions() + np.array([0.8, 0.0]))
+    head.move_to(head.positions() + np.array([0.4, 0.0]))
     while not motion.done:
         it.robot.clock.sleep(1.0 / 240.0)
         note()
-        if len(truth) % 24 == 0:
+        if len(truth) % 60 == 0:
             views.append(sensor.capture())
             scans.append(it.base.last_scan)
     return it, views, scans, truth

@@ -30,7 +30,7 @@ class CarelessAtFirst(MotionPlanner):
         return self.proper.plan(start, goals, world, limits, rng, constraint)
 
 
-@pytest.mark.parametrize("number", range(10))
+@pytest.mark.parametrize("number", [*range(4), *(pytest.param(n, marks=pytest.mark.slow) for n in range(4, 10))])
 def test_timed_motions_through_table_and_shelf_are_free_for_pybullet_too(number, world, arm, referee):
     start, goal = problems()[number]
     timed = TimedMotionPlanner(RRTConnect(), Toppra()).plan(start, [goal], world, arm, np.random.default_rng(number))
