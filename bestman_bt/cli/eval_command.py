@@ -19,7 +19,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, MonitorOptions, Plugins, Robot, Scene, Settings, grouped_options
+from bestman_bt.cli.options import Engine, Json, MonitorOptions, Plugins, Robot, Scene, Settings, grouped_options
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration.errors import ConfigurationError, Problem
@@ -32,7 +32,7 @@ from bestman_bt.evaluation.shards import KnownDurations, Shard
 from bestman_bt.evaluation.suite import Suite, SuiteEntry, make_suite
 from bestman_bt.evaluation.summary import spread_words
 from bestman_bt.evaluation.sweep import draw_settings
-from bestman_bt.extras import DEFAULT_SIMULATOR, EXTRA_OF_SIMULATOR
+from bestman_bt.extras import DEFAULT_SIMULATOR
 
 # An evaluation on the terminal: a table that fills while it goes on, a line per episode elsewhere.
 
@@ -131,12 +131,6 @@ def _standing(document: dict[str, Any]) -> Text:
     )
 
 
-def _simulator(name: str) -> str:
-    if name not in EXTRA_OF_SIMULATOR:
-        raise typer.BadParameter(f"{name!r} does not simulate: {' or '.join(sorted(EXTRA_OF_SIMULATOR))}")
-    return name
-
-
 @dataclass(frozen=True)
 class EpisodeOptions:
     """The episodes to run; the scene and the robot if they differ from the task's."""
@@ -149,9 +143,7 @@ class EpisodeOptions:
     ] = None
     scene: Scene = None
     robot: Robot = None
-    engine: Annotated[str, typer.Option(help="What simulates: pybullet or mujoco.", callback=_simulator)] = (
-        DEFAULT_SIMULATOR
-    )
+    engine: Engine = DEFAULT_SIMULATOR
     settings: Settings = None
     plugins: Plugins = None
 

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bestman_bt.extras import EXTRA_OF_SIMULATOR
+
 if TYPE_CHECKING:
     from bestman_bt.configuration.run import RunRequest
     from bestman_bt.engine import NodeRegistry
@@ -68,6 +70,12 @@ def _writable_png(path: Path | None) -> Path | None:
     return writable_file(path)
 
 
+def _simulator(name: str) -> str:
+    if name not in EXTRA_OF_SIMULATOR:
+        raise typer.BadParameter(f"{name!r} does not simulate: {' or '.join(sorted(EXTRA_OF_SIMULATOR))}")
+    return name
+
+
 Seed = Annotated[int, typer.Option(min=0, help="Decides the scene, the noise and every sample.")]
 Settings = Annotated[
     list[str] | None,
@@ -92,6 +100,7 @@ Driver = Annotated[
         help="Which robot: pybullet or mujoco, simulated; hardware for the controllers in the robot's YAML; or replay."
     ),
 ]
+Engine = Annotated[str, typer.Option(help="What simulates: pybullet or mujoco.", callback=_simulator)]
 Scene = Annotated[str | None, typer.Option(help="A shipped scene or a YAML file.")]
 Png = Annotated[
     Path | None, typer.Option(metavar="FILE.png", help="Write a picture.", callback=_writable_png, show_default=False)

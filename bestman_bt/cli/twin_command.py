@@ -16,9 +16,10 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Seed, Settings, grouped_options
+from bestman_bt.cli.options import Engine, Json, Seed, Settings, grouped_options
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import parse_settings
+from bestman_bt.extras import DEFAULT_SIMULATOR, EXTRA_OF_SIMULATOR, require_extra
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
@@ -35,6 +36,7 @@ class TwinOptions:
     robot: Annotated[str, typer.Option(help="A shipped robot or a YAML file.")] = "diff_xarm6"
     scene: Annotated[str, typer.Option(help="A shipped scene or a YAML file.")] = "pick_place_table"
     seed: Seed = 0
+    engine: Engine = DEFAULT_SIMULATOR
     settings: Settings = None
 
 
@@ -82,6 +84,7 @@ def command(
 
 
 def _host(asked: TwinOptions, judge: bool) -> TwinHost:
+    require_extra("simulation", EXTRA_OF_SIMULATOR[asked.engine])
     values = parse_settings(asked.settings or ())
     inner = {
         kind: {key.removeprefix(f"{kind}."): value for key, value in values.items() if key.startswith(f"{kind}.")}
@@ -92,7 +95,8 @@ def _host(asked: TwinOptions, judge: bool) -> TwinHost:
         problems = [Problem(f"--set {key}", None, "", "should begin with robot. or scene.") for key in strange]
         raise ConfigurationError(problems)
     model = load_robot_model(asked.robot, inner["robot"])
-    return TwinHost(model, draw_world(load_scene(asked.scene, inner["scene"]), asked.seed), asked.seed, judge)
+    world = draw_world(load_scene(asked.scene, inner["scene"]), asked.seed)
+    return TwinHost(model, world, asked.seed, judge, asked.engine)
 
 
 def _tell(hosted: Hosted, as_json: bool) -> None:

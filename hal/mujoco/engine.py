@@ -334,10 +334,23 @@ class MujocoEngine(Engine):
         """Place a free body."""
         model, data = self.model, self.data
         place, speed = model.jnt_qposadr[model.body_jntadr[body]], self._free[body]
+        if body == self.built.robot:
+            centre = Pose(np.array(position), np.array(quaternion))
+            position = centre.apply(-model.body_ipos[body]).tolist()
         x, y, z, w = quaternion
         data.qpos[place : place + 7] = (*position, w, x, y, z)
         data.qvel[speed : speed + 6] = 0.0
-        mujoco.mj_kinematics(model, data)
+        self._was_put()
+
+    def set_joint(self, body: int, joint: int, position: float) -> None:
+        """Place a joint that has a motor."""
+        slot = self._slots[joint]
+        self.data.qpos[self._at[slot]] = position
+        self.data.qvel[self._dofs[slot]] = 0.0
+        self._was_put()
+
+    def _was_put(self) -> None:
+        mujoco.mj_kinematics(self.model, self.data)
         self._keep_state()
         self._contacts = None
 

@@ -203,6 +203,10 @@ class PyBulletEngine(Engine):
         self._free.resetBaseVelocity(body, [0.0] * 3, [0.0] * 3)
         self._free.changeDynamics(body, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP)
 
+    def set_joint(self, body: int, joint: int, position: float) -> None:
+        """Reset."""
+        self._free.resetJointState(body, joint, position)
+
     def friction(self, body: int) -> tuple[float, float]:
         """Return the friction that Bullet stores."""
         values = self._free.getDynamicsInfo(body, -1)

@@ -128,7 +128,11 @@ class Engine(ABC):
 
     @abstractmethod
     def put(self, body: int, position: Sequence[float], quaternion: Sequence[float]) -> None:
-        """Put a body's centre of mass somewhere, at rest and awake."""
+        """Put a body's centre of mass somewhere, at rest and awake; for bodies that can move as a whole."""
+
+    @abstractmethod
+    def set_joint(self, body: int, joint: int, position: float) -> None:
+        """Put a joint to a position, at rest."""
 
     @abstractmethod
     def friction(self, body: int) -> tuple[float, float]:

@@ -28,7 +28,11 @@ TRUTH = frozenset(
         "segments",
     }
 )
-KINDS = {**dict.fromkeys(TRUTH | {"friction", "constants", "constraint_count"}, "truth_reads"), "put": "resets"}
+KINDS = {
+    **dict.fromkeys(TRUTH | {"friction", "constants", "constraint_count"}, "truth_reads"),
+    "put": "resets",
+    "set_joint": "resets",
+}
 """As what functions of an engine are counted; all others are tampering: motors are commanded through the Robotics
 API, whose parts have the engine by ``Simulation.actor``."""
 OWN = frozenset({"joint_states"})

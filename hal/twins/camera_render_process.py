@@ -11,16 +11,17 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import chain
 from multiprocessing.connection import Connection
 from typing import TypeVar
 
 from bestman_bt.messages import RGBDImage
-from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.model import BaseModel, GripperModel, RobotModel
 from bestman_bt.robot_model.sensor_parts import CameraPart
 from bestman_bt.scene.scene import World
 from hal.api import Camera
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.guards import ReadPurpose
+from hal.simulation.robot import SimulatedRobot
 from hal.twins.errors import TwinError
 
 START_TIME = 60.0
@@ -33,7 +34,7 @@ RawPose = tuple[tuple[float, ...], tuple[float, ...]]
 
 @dataclass(frozen=True)
 class WorldState:
-    """Where everything is at ``stamp``: raw poses of bodies and positions of joints, by pybullet's indices.
+    """Where everything is at ``stamp``: raw poses of bodies and positions of joints.
 
     ``wall_time``: of the machine when it was so; the simulation's own time does not lag behind it evenly.
     """
@@ -41,7 +42,7 @@ class WorldState:
     stamp: float
     wall_time: float
     robot: RawPose
-    joints: tuple[float, ...]
+    joints: dict[str, float]
     objects: dict[str, RawPose]
     leaves: dict[str, float]
 
@@ -49,21 +50,23 @@ class WorldState:
 class StateCapture:
     """Captures states of a running simulation; constructed before time runs, used in the world's thread."""
 
-    def __init__(self, robot: PyBulletRobot) -> None:
+    def __init__(self, robot: SimulatedRobot) -> None:
         self._robot = robot
         self._built = robot.simulation.built
         self._reader = robot.simulation.reader(ReadPurpose.SENSOR)
+        coupled = [gripper.joint_positions(gripper.max_width) for gripper in robot.model.of(GripperModel).values()]
+        self._joints = list(dict.fromkeys(chain(robot.simulation.joint_names, *coupled)))
 
     def take(self) -> WorldState:
         """Return the present state; a few hundred microseconds."""
         built, reader, leaves = self._built, self._reader, self._built.articulations.items()
         pose, robot = reader.body_pose, built.robot
-        indices = list(range(max(built.joints.values()) + 1))
+        indices = [built.joints[joint] for joint in self._joints]
         return WorldState(
             stamp=self._robot.clock.now(),
             wall_time=time.time(),
             robot=pose(robot),
-            joints=tuple(reader.joint_states(robot, indices)[0]),
+            joints=dict(zip(self._joints, reader.joint_states(robot, indices)[0], strict=True)),
             objects={name: pose(body) for name, body in built.objects.items()},
             leaves={name: reader.joint_states(body, [leaf])[0][0] for name, (body, leaf) in leaves},
         )
@@ -76,11 +79,11 @@ class CameraRenderProcess:
     is developed at a time.
     """
 
-    def __init__(self, model: RobotModel, world: World, seed: int) -> None:
+    def __init__(self, simulated: type[SimulatedRobot], model: RobotModel, world: World, seed: int) -> None:
         context = multiprocessing.get_context("spawn")
         self._wire, other = context.Pipe()
         self._lock = threading.Lock()
-        self._process = context.Process(target=_work, args=(other, model, world, seed), daemon=True)
+        self._process = context.Process(target=_work, args=(other, simulated, model, world, seed), daemon=True)
         self._process.start()
         other.close()
         if not self._wire.poll(START_TIME) or self._wire.recv() != "ready":
@@ -114,13 +117,13 @@ class CameraRenderProcess:
             self._process.join()
 
 
-def _work(wire: Connection, model: RobotModel, world: World, seed: int) -> None:
+def _work(wire: Connection, simulated: type[SimulatedRobot], model: RobotModel, world: World, seed: int) -> None:
     """The other process: less urgent than the controllers, and ended by the end of the wire alone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # This process renders what it is told to at once; the latency is that of the twin that sends the picture.
     prompt = {name: dataclasses.replace(camera, latency=0.0) for name, camera in model.of(CameraPart).items()}
     model = dataclasses.replace(model, parts={**model.parts, **prompt})
-    with PyBulletRobot(model, world, seed=seed) as robot, contextlib.suppress(EOFError, OSError):
+    with simulated(model, world, seed=seed) as robot, contextlib.suppress(EOFError, OSError):
         with contextlib.suppress(PermissionError):
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
         wire.send("ready")
@@ -129,7 +132,7 @@ def _work(wire: Connection, model: RobotModel, world: World, seed: int) -> None:
 
 
 def _picture(
-    robot: PyBulletRobot, camera: str, state: WorldState, pack: Callable[[RGBDImage], Packed]
+    robot: SimulatedRobot, camera: str, state: WorldState, pack: Callable[[RGBDImage], Packed]
 ) -> Packed | Exception:
     try:
         _put(robot, state)
@@ -139,14 +142,14 @@ def _picture(
         return error
 
 
-def _put(robot: PyBulletRobot, state: WorldState) -> None:
+def _put(robot: SimulatedRobot, state: WorldState) -> None:
     """Nothing moves in this copy: poses are set, not reached."""
-    built = robot.simulation.built
-    place, set_joint = robot.client.resetBasePositionAndOrientation, robot.client.resetJointState
-    place(built.robot, *state.robot)
-    for index, position in enumerate(state.joints):
-        set_joint(built.robot, index, position)
+    built, engine = robot.simulation.built, robot.simulation.engine
+    if robot.model.of(BaseModel):
+        engine.put(built.robot, *state.robot)
+    for name, position in state.joints.items():
+        engine.set_joint(built.robot, built.joints[name], position)
     for name, pose in state.objects.items():
-        place(built.objects[name], *pose)
+        engine.put(built.objects[name], *pose)
     for name, position in state.leaves.items():
-        set_joint(*built.articulations[name], position)
+        engine.set_joint(*built.articulations[name], position)

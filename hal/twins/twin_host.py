@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, cast
 
+from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.messages import Pose
 from bestman_bt.registry import Registry
 from bestman_bt.robot_model.bringup_file import TWIN_SUFFIX, BringUpFile, Signature
@@ -138,14 +139,23 @@ class TwinHost:
     """Hosts the twins of a robot's connections, each on a loopback address of its own, over one world.
 
     ``run`` blocks, in the process's main thread; ``close`` ends it. ``judge``: whether to open the judge's socket.
+    ``engine``: the driver that simulates.
     """
 
-    def __init__(self, model: RobotModel, scene_world: World, seed: int = 0, judge: bool = False) -> None:
+    def __init__(
+        self,
+        model: RobotModel,
+        scene_world: World,
+        seed: int = 0,
+        judge: bool = False,
+        engine: str = DEFAULT_SIMULATOR,
+    ) -> None:
         if not model.connections:
             raise TwinError(f"robot {model.name!r} has no connections in its YAML, so there is nothing to stand in for")
         self._model, self._judge = model, judge
         spoken_for = {part for connection in model.connections.values() for part in connection.parts}
-        self.world = TwinWorld(model, scene_world, seed, cameras=bool(spoken_for & set(model.of(CameraPart))))
+        cameras = bool(spoken_for & set(model.of(CameraPart)))
+        self.world = TwinWorld(model, scene_world, seed, cameras=cameras, engine=engine)
         self.twins: dict[str, Twin] = {}
 
     def run(self, ready: Callable[[Hosted], None]) -> None:

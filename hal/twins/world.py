@@ -9,13 +9,15 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import TypeVar
 
+from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.messages import RGBDImage
+from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.robot_model.sensor_parts import CameraPart
 from bestman_bt.scene.scene import World
-from hal.pybullet.parameters import PhysicsParameters
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.parameters import SimulationParameters
+from hal.simulation.robot import SimulatedRobot
 from hal.twins.camera_render_process import CameraRenderProcess, StateCapture
 from hal.twins.errors import TwinError
 from hal.twins.machine_watch import MachineWatch
@@ -28,12 +30,12 @@ LONGEST_DELAY = 0.25
 
 
 class TwinWorld:
-    """Steps a PyBullet robot in real time, in the thread that calls ``run()``; no other thread touches physics.
+    """Steps a simulated robot in real time, in the thread that calls ``run()``; no other thread touches physics.
 
     Protocol servers hang a function in ``ticks``: it is called before each physics step with the step's length, and
     may use the robot's parts as any program does. Other threads hand in work by ``post`` and ``call``. Set-points are
     taken at the physics rate: protocols bring up to 500 a second. ``cameras``: whether pictures will be asked for.
-    ``watch``: on whether the machine keeps up.
+    ``watch``: on whether the machine keeps up. ``engine``: the driver that simulates.
     """
 
     def __init__(
@@ -43,14 +45,16 @@ class TwinWorld:
         seed: int = 0,
         *,
         cameras: bool = False,
-        parameters: PhysicsParameters | None = None,
+        engine: str = DEFAULT_SIMULATOR,
+        parameters: SimulationParameters | None = None,
     ) -> None:
-        parameters = parameters or PhysicsParameters(control_every=1, stream_reserve=DRIVE_RESERVE)
-        self.robot = PyBulletRobot(model, world, seed=seed, parameters=parameters)
+        simulated: type[SimulatedRobot] = DRIVERS.resolve(engine)
+        parameters = parameters or simulated.parameters_class(control_every=1, stream_reserve=DRIVE_RESERVE)
+        self.robot = simulated(model, world, seed=seed, parameters=parameters)
         self.ticks: list[Callable[[float], None]] = []
         self.watch = MachineWatch(lambda words: None)
         self.without_power: set[str] = set()  # arms whose flange powers no tool
-        self._drawing = model, world, seed
+        self._drawing = simulated, model, world, seed
         self._cameras = cameras
         self._truth: GroundTruth | None = None
         self._capture: StateCapture | None = None
@@ -98,7 +102,7 @@ class TwinWorld:
             raise TwinError("this world was made without cameras, or does not run yet")
         state = self.call(self._capture.take)
         packed = self._renderer.render(camera, state, pack)
-        lens = self._drawing[0].of(CameraPart)[camera].intrinsics
+        lens = self._drawing[1].of(CameraPart)[camera].intrinsics
         self.watch.frame(camera, time.time() - state.wall_time, lens.width * lens.height)
         return packed, state.wall_time
 

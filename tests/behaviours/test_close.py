@@ -62,7 +62,7 @@ def test_a_drawer_that_jams_is_told_with_how_far_it_is_open(tmp_path) -> None:
         session.skills.world.articulations[DRAWER] = 0.22
         simulation = session.robot.simulation
         body, joint = simulation.built.articulations[DRAWER]
-        simulation.engine.client.setJointMotorControl2(body, joint, 0, targetVelocity=0.0, force=400.0)
+        simulation.engine.turn(body, [joint], [0.0], [400.0])
         code, words = why_not(session, CLOSE)
         assert code == "jammed", words
         assert session.skills.world.articulations[DRAWER] == pytest.approx(
@@ -80,7 +80,7 @@ def test_a_drawer_that_jams_just_before_it_is_shut_is_seen_to_be_open() -> None:
         look = f'<Sequence><MoveArm posture="look"/>{LOOK}{is_shut}</Sequence>'
         assert why_not(session, look)[0] == "not_closed"
         assert world.articulations[DRAWER] == pytest.approx(truth.articulation_position(DRAWER), abs=0.01)
-        simulation.engine.client.resetJointState(body, joint, 0.0)
+        simulation.engine.set_joint(body, joint, 0.0)
         assert succeeds(session, look)
 
 

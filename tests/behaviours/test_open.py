@@ -115,7 +115,7 @@ def test_a_drawer_that_slid_back_is_seen_to_be_open_less_than_it_was_felt(opened
     session, truth = opened
     simulation = session.robot.simulation
     body, joint = simulation.built.articulations[DRAWER]
-    simulation.engine.client.resetJointState(body, joint, 0.12)
+    simulation.engine.set_joint(body, joint, 0.12)
     look = (
         '<Sequence><FindLookStand articulation="{articulation}" stand="{s}" front="{front}"/><LookAt point="{front}"/>'
         '<DetectHandle articulation="{articulation}" near="{front}"/>'

@@ -5,9 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.engine import FAILURE, RUNNING
-from bestman_bt.robot_model.model import GripperModel
 from bestman_bt.runtime.robot_session import Session
-from hal.pybullet.robot import PyBulletRobot
 from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
 from tests.behaviours.truth import known_world, succeeds, table_with
 
@@ -28,13 +26,8 @@ CARRY = """<ReactiveSequence>
 
 def grease(session: Session, name: str) -> None:
     """From now on nothing holds the thing by friction."""
-    robot = session.robot
-    assert isinstance(robot, PyBulletRobot)
-    built, client = robot.simulation.built, robot.client
-    client.changeDynamics(built.objects[name], -1, lateralFriction=0.0, spinningFriction=0.0, rollingFriction=0.0)
-    gripper = next(iter(session.setup.robot_model.of(GripperModel).values()))
-    for link in gripper.part.finger_links:
-        client.changeDynamics(built.robot, built.links[link], lateralFriction=0.0, spinningFriction=0.0)
+    simulation = session.robot.simulation
+    simulation.engine.set_friction(simulation.built.objects[name], 0.0, 0.0)
 
 
 def test_a_cup_that_slips_out_of_the_hand_mid_way_stops_the_robot_which_says_so(tmp_path) -> None:

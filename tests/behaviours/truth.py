@@ -14,8 +14,8 @@ from bestman_bt.engine import SUCCESS
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.runtime.robot_session import Session, open_session
 from bestman_bt.runtime.setup import load_for
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.robot import SimulatedRobot
 from tests.behaviours.at_the_table import failures_of, standing_at_a_table, tick, tree_of
 
 THINGS = """
@@ -36,7 +36,7 @@ def known_world(config: RunConfig) -> Iterator[tuple[Session, GroundTruth]]:
     truths: list[GroundTruth] = []
 
     def look_behind(robot: object) -> None:
-        assert isinstance(robot, PyBulletRobot)
+        assert isinstance(robot, SimulatedRobot)
         truths.append(GroundTruth(robot))
 
     with open_session(config, look_behind) as session:
@@ -78,13 +78,13 @@ def why_not(session: Session, body: str) -> tuple[str, str]:
 def put(session: Session, name: str, shift: ArrayLike) -> None:
     """Someone takes a thing and puts it elsewhere, (x, y, z) metres away."""
     simulation = session.robot.simulation  # type: ignore[attr-defined]
-    body, client = simulation.built.objects[name], simulation.engine.client
-    position, quaternion = client.getBasePositionAndOrientation(body)
-    client.resetBasePositionAndOrientation(body, np.add(position, shift).tolist(), quaternion)
+    body, engine = simulation.built.objects[name], simulation.engine
+    position, quaternion = engine.body_pose(body)
+    engine.put(body, np.add(position, shift).tolist(), quaternion)
     session.robot.clock.sleep(0.3)
 
 
 def audited(session: Session) -> Audit:
     """What the simulation has to object to so far."""
-    assert isinstance(session.robot, PyBulletRobot)
+    assert isinstance(session.robot, SimulatedRobot)
     return audit(session.robot.audit_record())

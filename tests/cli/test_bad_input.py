@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.configuration.data import data_root
-from hal.pybullet.client import PhysicsClient
+from hal.simulation.robot import SimulatedRobot
 from tests.cli.command_line import Answer, Program, files_in
 
 Command = Callable[..., Answer]
@@ -27,7 +27,7 @@ def tree(body: str) -> str:
 def refused(bestman_bt: Command, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
     """Run the command; it must refuse. Returns the message."""
     started: list[object] = []
-    monkeypatch.setattr(PhysicsClient, "connect", lambda self, gui=False: started.append(self))
+    monkeypatch.setattr(SimulatedRobot, "connect", started.append)
 
     def refuse(*arguments: object) -> str:
         files = files_in(folder)

@@ -18,7 +18,7 @@ from PIL import Image
 from bestman_bt.cli.main import main
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
-from hal.pybullet.client import PhysicsClient
+from hal.simulation.robot import SimulatedRobot
 from tests.cli.command_line import Answer, files_in
 
 Command = Callable[..., Answer]
@@ -71,7 +71,7 @@ def looked(tmp_path_factory: pytest.TempPathFactory) -> Looked:
 def refused(bestman_bt: Command, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
     """A look that must be refused before anything is started or written; returns the message."""
     started: list[object] = []
-    monkeypatch.setattr(PhysicsClient, "connect", lambda self, gui=False: started.append(self))
+    monkeypatch.setattr(SimulatedRobot, "connect", started.append)
 
     def refuse(*arguments: object) -> str:
         files = files_in(folder)

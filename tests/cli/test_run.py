@@ -24,8 +24,8 @@ from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.monitor.control_client import request
 from bestman_bt.runtime.robot_session import Session
 from hal.api import MobileBase
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.audit_record import AuditRecord
+from hal.simulation.robot import SimulatedRobot
 from tests.cli.command_line import Answer, Program, wait_for
 
 Command = Callable[..., Answer]
@@ -213,7 +213,7 @@ def test_a_stop_leaves_the_robot_at_rest(folder: Path, monkeypatch: pytest.Monke
     (folder / "drive.xml").write_text(DRIVE)
     driven, rested = [], []
 
-    def speed(robot: PyBulletRobot) -> float:
+    def speed(robot: SimulatedRobot) -> float:
         twist = robot.part("base", MobileBase).velocity()
         return max(abs(twist.vx), abs(twist.wz))
 
@@ -227,13 +227,13 @@ def test_a_stop_leaves_the_robot_at_rest(folder: Path, monkeypatch: pytest.Monke
 
         return after_tick
 
-    disconnect = PyBulletRobot.disconnect
+    disconnect = SimulatedRobot.disconnect
 
-    def look_and_disconnect(robot: PyBulletRobot) -> None:
+    def look_and_disconnect(robot: SimulatedRobot) -> None:
         rested.append(speed(robot))
         disconnect(robot)
 
-    monkeypatch.setattr(PyBulletRobot, "disconnect", look_and_disconnect)
+    monkeypatch.setattr(SimulatedRobot, "disconnect", look_and_disconnect)
     config = load_run(tree="drive.xml", scene="kitchen", robot="diff_panda")
     assert run_episode(config, folder, watch=stop_when_it_drives).outcome == "cancelled"
     assert driven

@@ -28,15 +28,16 @@ from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture, World
 from bestman_bt.world_model.semantic_map import SemanticMap
 from bestman_bt.world_model.world_model import BasePose, WorldModel
 from hal.api import Arm, Gripper, JointGroup, Lidar, MobileBase
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.robot import SimulatedRobot
+from tests.default_engine import DefaultRobot
 
 
 @dataclass
 class Simulated:
     """A robot in physics with its controllers, and the truth to judge them by."""
 
-    robot: PyBulletRobot
+    robot: SimulatedRobot
     truth: GroundTruth
     world: WorldModel
     base: BaseController
@@ -77,7 +78,7 @@ def simulate(model):
 
     def build(seed: int = 1, world: World | None = None, semantic: SemanticMap | None = None) -> Simulated:
         world = world or draw_world(load_scene("kitchen"), seed)
-        robot = PyBulletRobot(model, world, seed=seed)
+        robot = DefaultRobot(model, world, seed=seed)
         robot.connect()
         robots.append(robot)
         truth = GroundTruth(robot)

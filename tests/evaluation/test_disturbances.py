@@ -16,9 +16,9 @@ from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.messages import Pose
 from bestman_bt.runtime.robot_session import Session, open_session
 from bestman_bt.world_model.world_model import HeldObject, ObjectBelief
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.disturbance_injector import DisturbanceInjector
 from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.robot import SimulatedRobot
 
 DRAWER = "drawer_chest/drawer_3"
 
@@ -45,7 +45,7 @@ class Stage:
             self.script.after_tick()
 
     def told(self) -> list[str]:
-        assert isinstance(self.session.robot, PyBulletRobot)
+        assert isinstance(self.session.robot, SimulatedRobot)
         record = self.session.robot.audit_record()
         assert record.events == self.script.events
         assert not record.jumps

@@ -26,8 +26,8 @@ from bestman_bt.monitor.groot2.hooks import Groot2Hooks
 from bestman_bt.runtime.executor import Ending, Execution
 from bestman_bt.runtime.robot_session import Session
 from bestman_bt.runtime.setup import Setup
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.audit_record import ContactIncident, DisturbanceEvent
+from hal.simulation.robot import SimulatedRobot
 
 COUNTER_AS_MAPPED = ("scene.furniture.counter.offset=0", "scene.furniture.counter.turn=0")
 GOAL_IN_THE_MIDDLE = (
@@ -262,13 +262,13 @@ def test_of_several_failures_the_last_one_is_to_blame(tmp_path: Path) -> None:
 
 def test_a_run_that_somebody_stops_is_cancelled_and_not_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stops: list[float] = []
-    stop = PyBulletRobot.stop
+    stop = SimulatedRobot.stop
 
-    def noted(robot: PyBulletRobot) -> None:
+    def noted(robot: SimulatedRobot) -> None:
         stops.append(robot.clock.now())
         stop(robot)
 
-    monkeypatch.setattr(PyBulletRobot, "stop", noted)
+    monkeypatch.setattr(SimulatedRobot, "stop", noted)
     result = with_leaves(tmp_path, "<Stop/>", *cup_at(-0.12, 0.0))
     assert stops[-1] - stops[0] == pytest.approx(0.5, abs=0.01), "stopped at once, not only when the session ends"
     assert (result.outcome, result.success, result.predicate, result.metrics) == (Outcome.CANCELLED, False, None, {})
@@ -301,16 +301,16 @@ def test_a_run_that_nobody_judges_succeeds_with_its_tree_but_not_with_a_cheat(tm
     tree = tmp_path / "tree.xml"
 
     def cheat(session: Session, _: Tree) -> Callable[[], None]:
-        client = session.robot.client
-        cup = session.robot.simulation.built.objects["cup"]
-        return lambda: client.resetBaseVelocity(cup, [0.0, 0.0, 0.0])
+        simulation = session.robot.simulation
+        cup = simulation.built.objects["cup"]
+        return lambda: simulation.engine.put(cup, *simulation.engine.body_pose(cup))
 
     config = load_run("fetch_cup", tree=tree, seed=1, settings=["predicate=null"])
     result = run_episode(config, watch=cheat)
     assert (result.tree_status, result.predicate, result.success) == ("SUCCESS", None, False)
     assert result.failure is not None
     assert (result.failure.node, result.failure.error_code) == ("audit", "audit")
-    assert "resetBaseVelocity was called" in result.failure.why.partition(";")[2]
+    assert "put was called" in result.failure.why.partition(";")[2]
 
 
 def test_what_somebody_forces_by_groot2_while_a_run_is_judged_stands_in_its_result(tmp_path: Path) -> None:

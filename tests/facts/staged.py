@@ -14,7 +14,6 @@ from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.messages import Pose
 from bestman_bt.runtime.robot_session import Session
-from hal.pybullet.package import pybullet
 
 NOTHING = '<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>'
 AS_MAPPED = {"offset": 0, "turn": 0}
@@ -31,14 +30,12 @@ class Staged:
     def __call__(self, session: Session, tree: Tree) -> Callable[[], None]:
         """Called before the first tick."""
         simulation = session.robot.simulation  # type: ignore[attr-defined]
-        server, built = simulation.engine.client.id, simulation.built
+        engine, built = simulation.engine, simulation.built
         for name, position in self.opened.items():
-            pybullet.resetJointState(*built.articulations[name], position, physicsClientId=server)
+            engine.set_joint(*built.articulations[name], position)
         for name, where in self.moved.items():
             pose = where if isinstance(where, Pose) else where(session)
-            pybullet.resetBasePositionAndOrientation(
-                built.objects[name], pose.position.tolist(), pose.quaternion.tolist(), physicsClientId=server
-            )
+            engine.put(built.objects[name], pose.position.tolist(), pose.quaternion.tolist())
         return lambda: None
 
 

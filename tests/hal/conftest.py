@@ -13,8 +13,9 @@ from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture, PlacedObject, Surface, Wall, World
 from hal.api import Arm, Gripper, MobileBase, Motion, MotionStatus
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.robot import SimulatedRobot
+from tests.default_engine import DefaultRobot
 
 TABLE_TOP = 0.75
 ABOVE, LIFT, GRASP_BELOW_TOP = 0.12, 0.15, 0.03
@@ -50,16 +51,16 @@ def table_worlds(empty_world: World) -> dict[str, World]:
 
 
 @pytest.fixture(scope="session")
-def standing_robot(robot_model: RobotModel, empty_world: World) -> Iterator[PyBulletRobot]:
+def standing_robot(robot_model: RobotModel, empty_world: World) -> Iterator[SimulatedRobot]:
     """A connected robot in the empty world, shared by tests that leave it standing still."""
-    with PyBulletRobot(robot_model, empty_world, seed=1) as robot:
+    with DefaultRobot(robot_model, empty_world, seed=1) as robot:
         yield robot
 
 
 class Operator:
     """Grasps from above and moves the hand on straight vertical lines."""
 
-    def __init__(self, robot: PyBulletRobot) -> None:
+    def __init__(self, robot: SimulatedRobot) -> None:
         self.robot, self.truth = robot, GroundTruth(robot)
         self.arm, self.gripper = robot.part("arm", Arm), robot.part("gripper", Gripper)
         self.base = robot.part("base", MobileBase)
@@ -106,5 +107,5 @@ class Operator:
 
 
 @pytest.fixture(scope="session")
-def operator() -> Callable[[PyBulletRobot], Operator]:
+def operator() -> Callable[[SimulatedRobot], Operator]:
     return Operator

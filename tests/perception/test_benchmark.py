@@ -106,7 +106,7 @@ def test_resetting_a_pose_is_counted_against_the_rig(scene: GraspScene) -> None:
     with GraspRig(scene.world, scene.table_height, scene.head) as rig:
         simulation = rig.simulation
         body = simulation.built.objects["thing_0"]
-        simulation.engine.client.resetBasePositionAndOrientation(body, [0.6, 0.0, 1.2], [0.0, 0.0, 0.0, 1.0])
+        simulation.engine.put(body, [0.6, 0.0, 1.2], [0.0, 0.0, 0.0, 1.0])
         assert rig.audit()["resets"] == 1
 
 

@@ -33,15 +33,15 @@ def test_a_cup_that_is_lost_on_the_way_is_found_and_brought_all_the_same(tmp_pat
         goal = truth.object_pose("cup").position + np.array([0.0, 0.25, 0.0])
         tree.blackboard.set("goal", Pose(goal))
         simulation = session.robot.simulation
-        cup, client = simulation.built.objects["cup"], simulation.engine.client
-        stood = client.getBasePositionAndOrientation(cup)
+        cup, engine = simulation.built.objects["cup"], simulation.engine
+        stood = engine.body_pose(cup)
         lifted_for, taken = 0, False
         status = RUNNING
         while status == RUNNING and session.robot.clock.now() < 120.0:
             status = tree.tick_once()
             lifted_for += session.skills.held is not None
             if not taken and lifted_for > 5:
-                client.resetBasePositionAndOrientation(cup, *stood)
+                engine.put(cup, *stood)
                 taken = True
             tree.sleep(PERIOD)
         assert taken

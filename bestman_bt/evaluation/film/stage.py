@@ -46,26 +46,26 @@ class Stage:
     def set(self, snapshot: RobotSnapshot) -> None:
         """Set the poses of a snapshot. Raises FilmError if the robot has changed since the run."""
         simulation = self._robot.simulation
-        client, built = self._robot.client, simulation.built
+        engine, built = simulation.engine, simulation.built
         for name, pose in snapshot.body_poses.items():
             if name in self._leaves:
-                client.resetJointState(*built.articulations[name], opening(*self._leaves[name], pose))
+                engine.set_joint(*built.articulations[name], opening(*self._leaves[name], pose))
             elif name in self._starts:
                 body, slides = built.walkers[name]
                 for slide, value in zip(slides, pose.position[:2] - np.array(self._starts[name]), strict=True):
-                    client.resetJointState(body, slide, float(value))
+                    engine.set_joint(body, slide, float(value))
             else:
                 body = built.objects[name]
-                client.resetBasePositionAndOrientation(body, pose.position.tolist(), pose.quaternion.tolist())
+                engine.put(body, pose.position.tolist(), pose.quaternion.tolist())
         now = simulation.link_pose(self._reader, simulation.model.base_frame)
         position, quaternion = self._reader.body_pose(built.robot)
         root = snapshot.map_from_base @ now.inverse() @ Pose(np.array(position), np.array(quaternion))
-        client.resetBasePositionAndOrientation(built.robot, root.position.tolist(), root.quaternion.tolist())
+        engine.put(built.robot, root.position.tolist(), root.quaternion.tolist())
         unknown = set(snapshot.joint_positions) - set(built.joints)
         if unknown:
             raise FilmError(f"the robot has changed since the run: it has no joint {', '.join(sorted(unknown))}")
         for name, value in snapshot.joint_positions.items():
-            client.resetJointState(built.robot, built.joints[name], value)
+            engine.set_joint(built.robot, built.joints[name], value)
 
     def hand(self) -> NDArray[np.float64]:
         """Return the position of the hand, or of the base of a robot without one, (3,) metres."""

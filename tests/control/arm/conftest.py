@@ -18,8 +18,9 @@ from bestman_bt.messages import Handle, Pose, Pose2D
 from bestman_bt.scene.furniture_file import read_furniture
 from bestman_bt.scene.scene import PlacedFurniture, World
 from hal.api import Arm, ForceTorque, Gripper
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.robot import SimulatedRobot
+from tests.default_engine import DefaultRobot
 
 BEFORE = 0.06  # metres that the hand starts in front of the handle
 TURN_OVER = Pose(np.zeros(3), np.array([0.0, 0.0, 1.0, 0.0]))
@@ -29,7 +30,7 @@ TURN_OVER = Pose(np.zeros(3), np.array([0.0, 0.0, 1.0, 0.0]))
 class AtHandle:
     """``handle``: the true one, in the robot's base frame."""
 
-    robot: PyBulletRobot
+    robot: SimulatedRobot
     truth: GroundTruth
     arm: ArmController
     gripper: GripperController
@@ -84,7 +85,7 @@ def stand_before(model):
         placed = PlacedFurniture(name, piece, Pose2D(0, 0, 0), Pose2D(0, 0, 0), elevation=elevation)
         world = World("before_furniture", seed, (), (placed,), (), stand, {})
         world = dataclasses.replace(world, finger_friction=finger_friction)
-        robot = PyBulletRobot(dataclasses.replace(model, postures=postures), world, seed=seed)
+        robot = DefaultRobot(dataclasses.replace(model, postures=postures), world, seed=seed)
         robot.connect()
         robots.append(robot)
         joints = JointStateSensor(robot.parts, model)

@@ -11,7 +11,6 @@ from bestman_bt.control.arm.joint_axis import JointAxis
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
 from bestman_bt.messages import MotionErrorCode, Pose2D
 from hal.api import Arm
-from hal.pybullet.package import pybullet
 
 DRAWER = ("drawer_chest/drawer_3", Pose2D(-0.88, -0.6, -0.4))
 
@@ -25,10 +24,7 @@ def test_a_drawer_that_jams_half_way_is_told_within_the_force_limit_and_how_far_
     while scene.opened < 0.10:
         scene.robot.clock.sleep(0.05)
     body, joint = scene.robot.simulation.built.articulations[scene.joint]
-    server = scene.robot.client.id
-    pybullet.setJointMotorControl2(
-        body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=500.0, physicsClientId=server
-    )
+    scene.robot.simulation.engine.turn(body, [joint], [0.0], [500.0])
     ended = scene.wait(handle)
     assert (ended.failure.code, ended.result.end) == (MotionErrorCode.BLOCKED, FollowEnd.JAMMED)
     assert ended.result.peak_pull < 50.0

@@ -12,8 +12,8 @@ from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.scene import World
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
+from tests.default_engine import DefaultRobot
 
 
 @pytest.fixture(scope="session")
@@ -36,7 +36,7 @@ def world() -> World:
 
 @pytest.fixture(scope="module")
 def robot(model, world):
-    robot = PyBulletRobot(model, world, seed=1)
+    robot = DefaultRobot(model, world, seed=1)
     with robot:
         yield robot
 

@@ -13,8 +13,8 @@ from bestman_bt.robot_model.compose import compose_robot
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from hal.api import Imu, MobileBase
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
+from tests.default_engine import DefaultRobot
 
 
 class Remembering(OdometryFilter):
@@ -38,7 +38,7 @@ class Remembering(OdometryFilter):
 def robot():
     with_imu = Document({"parts": {"imu": {"part": "imu", "mount": "base_link"}}})
     model = compose_robot("feeling_panda", read_document(find_data("robot", "diff_panda")).merged(with_imu))
-    with PyBulletRobot(model, draw_world(load_scene("kitchen"), 1), seed=1) as connected:
+    with DefaultRobot(model, draw_world(load_scene("kitchen"), 1), seed=1) as connected:
         yield connected
 
 

@@ -13,12 +13,12 @@ from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import ArmModel
 from bestman_bt.scene.scene import World
 from hal.api import Arm, ForceTorque
-from hal.pybullet.robot import PyBulletRobot
+from tests.default_engine import DefaultRobot
 
 
 @pytest.fixture(scope="module")
 def robot():
-    with PyBulletRobot(load_robot_model("diff_panda"), World("empty", 0, (), (), (), Pose2D(0, 0, 0), {})) as robot:
+    with DefaultRobot(load_robot_model("diff_panda"), World("empty", 0, (), (), (), Pose2D(0, 0, 0), {})) as robot:
         yield robot
 
 

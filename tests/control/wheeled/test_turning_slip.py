@@ -16,9 +16,9 @@ from bestman_bt.robot_model.compose import compose_robot
 from bestman_bt.robot_model.model import BaseModel, RobotModel
 from bestman_bt.scene.scene import World
 from hal.api import Imu, ImuReading, MobileBase
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
 from tests.control.scripted_parts import ScriptedBase
+from tests.default_engine import DefaultRobot
 
 FLOOR = World("floor", 0, (), (), (), Pose2D(), {})
 
@@ -33,7 +33,7 @@ def husky(turning_slip: float) -> RobotModel:
 
 
 def measure(model: RobotModel, seed: int, **how: float) -> TurningSlip:
-    with PyBulletRobot(model, FLOOR, seed=seed) as robot:
+    with DefaultRobot(model, FLOOR, seed=seed) as robot:
         gyro = GyroHeading(robot.part("imu", Imu), robot.clock)
         present = model.of(BaseModel)["base"].part.turning_slip
         return measure_turning_slip(robot.part("base", MobileBase), gyro, robot.clock, present, **how)
@@ -41,7 +41,7 @@ def measure(model: RobotModel, seed: int, **how: float) -> TurningSlip:
 
 def error_of_a_full_turn(model: RobotModel, seed: int) -> float:
     """How far odometry and truth are apart after a turn of 360 degrees by odometry, radians."""
-    with PyBulletRobot(model, FLOOR, seed=seed) as robot:
+    with DefaultRobot(model, FLOOR, seed=seed) as robot:
         base, truth, turned, counted = robot.part("base", MobileBase), GroundTruth(robot), 0.0, 0.0
         yaw, heading = truth.base_pose().yaw, base.odometry().theta
         while counted < 2.0 * math.pi:

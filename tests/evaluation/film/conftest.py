@@ -11,8 +11,8 @@ from bestman_bt.evaluation.film.filmed_run import FilmedRun, read_filmed_run
 from bestman_bt.evaluation.film.stage import Stage
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.runtime.setup import prepare
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.scene_recorder import SceneRecorder
+from tests.default_engine import DefaultRobot
 
 
 @pytest.fixture(scope="session")
@@ -21,7 +21,7 @@ def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     config = load_run("fetch_from_fridge", seed=3)
     folder = make_run_folder(config, tmp_path_factory.mktemp("runs"))
     setup = prepare(config)
-    with PyBulletRobot(setup.robot_model, setup.world, seed=config.seed) as robot:
+    with DefaultRobot(setup.robot_model, setup.world, seed=config.seed) as robot:
         log = MotionLog(folder, SceneRecorder(robot))
         log.open()
         robot.clock.sleep(1.0)

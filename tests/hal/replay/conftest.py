@@ -8,9 +8,9 @@ import pytest
 
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.scene.scene import World
-from hal.pybullet.robot import PyBulletRobot
 from hal.replay.recorder import RecordedRobot
 from hal.replay.tape import TAPE_NAME
+from tests.default_engine import DefaultRobot
 from tests.hal.replay.story import Story, act
 
 
@@ -20,7 +20,7 @@ def recorded(
 ) -> tuple[Path, Story]:
     """The folder of a run, and what was seen in it."""
     folder = tmp_path_factory.mktemp("run")
-    with PyBulletRobot(robot_model, empty_world, seed=3) as robot:
+    with DefaultRobot(robot_model, empty_world, seed=3) as robot:
         seen = RecordedRobot(robot, folder / TAPE_NAME)
         story = act(seen)
         seen.close()

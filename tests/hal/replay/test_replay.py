@@ -24,9 +24,9 @@ from hal.api import (
     NotConnectedError,
 )
 from hal.parts.part_connection import ConnectionFailedError
-from hal.pybullet.robot import PyBulletRobot
 from hal.replay.robot import ReplayRobot
 from hal.replay.tape import TAPE_NAME, error_from_json, error_to_json
+from tests.default_engine import DefaultRobot
 from tests.hal.replay.story import Story, act, target
 
 
@@ -60,7 +60,7 @@ def test_the_same_program_sees_the_same(replay: ReplayRobot, recorded: tuple[Pat
 def test_a_run_is_the_same_whether_it_is_recorded_or_not(
     recorded: tuple[Path, Story], robot_model: RobotModel, empty_world: World
 ) -> None:
-    with PyBulletRobot(robot_model, empty_world, seed=3) as robot:
+    with DefaultRobot(robot_model, empty_world, seed=3) as robot:
         same(act(robot), recorded[1])
 
 

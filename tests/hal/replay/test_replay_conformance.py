@@ -8,10 +8,10 @@ from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.scene.scene import World
 from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, PromisesOfAConnectedRobot
 from hal.parts.channels import interface_of
-from hal.pybullet.robot import PyBulletRobot
 from hal.replay.recorder import RecordedRobot
 from hal.replay.robot import ReplayRobot
 from hal.replay.tape import TAPE_NAME
+from tests.default_engine import DefaultRobot
 
 pytestmark = pytest.mark.slow
 LENGTH = 40.0
@@ -22,7 +22,7 @@ LENGTH = 40.0
 def make_robot(robot_model: RobotModel, empty_world: World, tmp_path_factory: pytest.TempPathFactory) -> MakeRobot:
     """Of a robot that stands still and reads everything that it has."""
     tape = tmp_path_factory.mktemp("standing") / TAPE_NAME
-    with PyBulletRobot(robot_model, empty_world, seed=2) as robot:
+    with DefaultRobot(robot_model, empty_world, seed=2) as robot:
         recorded = RecordedRobot(robot, tape)
         while robot.clock.now() < LENGTH:
             for part in recorded.parts.values():

@@ -161,6 +161,10 @@ class KinematicEngine(Engine):
         """There are no objects."""
         raise SimulationError(f"there is no object {body}")
 
+    def set_joint(self, body: int, joint: int, position: float) -> None:
+        """Joints follow their commands alone."""
+        raise SimulationError(f"joint {joint} follows its command")
+
     def friction(self, body: int) -> tuple[float, float]:
         """None."""
         return 0.0, 0.0

@@ -9,11 +9,11 @@ import pytest
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.bodies import BodyState
 from hal.simulation.monitor import AttachmentCheck
 from hal.simulation.observation import SimulationState
 from hal.simulation.simulation import Simulation
+from tests.default_engine import DefaultRobot
 
 STEP = 0.0005
 """Metres that cup and finger move between two looks."""
@@ -31,7 +31,7 @@ class Slide:
 
 @pytest.fixture(scope="module")
 def simulation() -> Iterator[Simulation]:
-    with PyBulletRobot(load_robot_model("diff_panda"), draw_world(load_scene("cup_in_drawer"), 3), seed=3) as robot:
+    with DefaultRobot(load_robot_model("diff_panda"), draw_world(load_scene("cup_in_drawer"), 3), seed=3) as robot:
         yield robot.simulation
 
 

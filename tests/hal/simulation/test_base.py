@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hal.pybullet.parameters import PhysicsParameters
-from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.robot import SimulatedRobot
+from tests.default_engine import DefaultRobot
 
-WELL_CALIBRATED = PhysicsParameters(odometry_calibration=0.0)
+WELL_CALIBRATED = DefaultRobot.parameters_class(odometry_calibration=0.0)
 
 
-def drive(robot: PyBulletRobot, hand) -> tuple[float, float, float]:
+def drive(robot: SimulatedRobot, hand) -> tuple[float, float, float]:
     start = hand.truth.base_pose()
     hand.finish(hand.base.move_forward(1.0))
     robot.clock.sleep(0.3)
@@ -20,7 +20,7 @@ def drive(robot: PyBulletRobot, hand) -> tuple[float, float, float]:
 
 
 def test_one_metre_is_one_metre_when_the_wheels_are_calibrated(robot_model, empty_world, operator) -> None:
-    with PyBulletRobot(robot_model, empty_world, seed=5, parameters=WELL_CALIBRATED) as robot:
+    with DefaultRobot(robot_model, empty_world, seed=5, parameters=WELL_CALIBRATED) as robot:
         hand = operator(robot)
         x, y, yaw = drive(robot, hand)
         assert x == pytest.approx(1.0, abs=0.012)
@@ -30,8 +30,8 @@ def test_one_metre_is_one_metre_when_the_wheels_are_calibrated(robot_model, empt
 
 
 def test_odometry_drifts_with_the_calibration_of_the_wheels(robot_model, empty_world, operator) -> None:
-    with PyBulletRobot(
-        robot_model, empty_world, seed=5, parameters=PhysicsParameters(odometry_calibration=0.02)
+    with DefaultRobot(
+        robot_model, empty_world, seed=5, parameters=DefaultRobot.parameters_class(odometry_calibration=0.02)
     ) as robot:
         hand = operator(robot)
         x, y, yaw = drive(robot, hand)
@@ -41,7 +41,7 @@ def test_odometry_drifts_with_the_calibration_of_the_wheels(robot_model, empty_w
 
 
 def test_a_standing_base_keeps_its_place_while_the_arm_swings(robot_model, empty_world, operator) -> None:
-    with PyBulletRobot(robot_model, empty_world, seed=5) as robot:
+    with DefaultRobot(robot_model, empty_world, seed=5) as robot:
         hand = operator(robot)
         start, carry = hand.truth.base_pose(), hand.arm.positions()
         for _ in range(2):
@@ -53,7 +53,7 @@ def test_a_standing_base_keeps_its_place_while_the_arm_swings(robot_model, empty
 
 
 def test_a_standing_base_does_not_creep(robot_model, empty_world, operator) -> None:
-    with PyBulletRobot(robot_model, empty_world, seed=5) as robot:
+    with DefaultRobot(robot_model, empty_world, seed=5) as robot:
         hand = operator(robot)
         start = hand.truth.base_pose()
         robot.clock.sleep(5.0)

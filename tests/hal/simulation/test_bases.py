@@ -10,14 +10,14 @@ import pytest
 from bestman_bt.robot_model.compose import combine
 from bestman_bt.robot_model.model import BaseModel
 from hal.api import Arm, MobileBase
-from hal.pybullet.parameters import PhysicsParameters
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.robot import SimulatedRobot
+from tests.default_engine import DefaultRobot
 
-CALIBRATED = PhysicsParameters(odometry_calibration=0.0)
+CALIBRATED = DefaultRobot.parameters_class(odometry_calibration=0.0)
 
 
-def drive(robot: PyBulletRobot, velocity: tuple[float, float, float], seconds: float) -> None:
+def drive(robot: SimulatedRobot, velocity: tuple[float, float, float], seconds: float) -> None:
     base = robot.part("base", MobileBase)
     for _ in range(round(seconds / 0.1)):
         base.set_velocity(*velocity)
@@ -28,7 +28,7 @@ def drive(robot: PyBulletRobot, velocity: tuple[float, float, float], seconds: f
 
 @pytest.fixture(scope="module", params=["omni_base", "husky_base"])
 def robot(request: pytest.FixtureRequest, empty_world):
-    with PyBulletRobot(combine(request.param, "xarm6_arm", "xarm_gripper"), empty_world, parameters=CALIBRATED) as made:
+    with DefaultRobot(combine(request.param, "xarm6_arm", "xarm_gripper"), empty_world, parameters=CALIBRATED) as made:
         made.truth = GroundTruth(made)
         yield made
 

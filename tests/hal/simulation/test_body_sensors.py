@@ -17,14 +17,15 @@ from bestman_bt.robot_model.compose import compose_robot
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.robot_model.sensor_parts import BatteryPart, ImuPart, LidarPart, TactilePart
 from hal.api import Battery, Gripper, Imu, Lidar, MobileBase, NoDataError, Tactile
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.battery import SimulatedBattery
 from hal.simulation.force_torque import SimulatedForceTorque
 from hal.simulation.guards import ReadPurpose
 from hal.simulation.imu import SimulatedImu
 from hal.simulation.lidar import SimulatedLidar
+from hal.simulation.robot import SimulatedRobot
 from hal.simulation.sensor_pipeline import SensorFault
 from hal.simulation.tactile import SimulatedTactile
+from tests.default_engine import DefaultRobot
 
 BodySensor = SimulatedImu | SimulatedTactile | SimulatedBattery | SimulatedLidar | SimulatedForceTorque
 
@@ -50,18 +51,18 @@ def sensing_model() -> RobotModel:
 
 
 @pytest.fixture(scope="module")
-def robot(sensing_model: RobotModel, empty_world) -> Iterator[PyBulletRobot]:
-    with PyBulletRobot(sensing_model, empty_world, seed=3) as robot:
+def robot(sensing_model: RobotModel, empty_world) -> Iterator[SimulatedRobot]:
+    with DefaultRobot(sensing_model, empty_world, seed=3) as robot:
         yield robot
 
 
-def drive(robot: PyBulletRobot, vx: float, wz: float, seconds: float) -> None:
+def drive(robot: SimulatedRobot, vx: float, wz: float, seconds: float) -> None:
     for _ in range(round(seconds / 0.1)):
         robot.part("base", MobileBase).set_velocity(vx, 0.0, wz)
         robot.clock.sleep(0.1)
 
 
-def test_an_imu_at_rest_reads_gravity(robot: PyBulletRobot) -> None:
+def test_an_imu_at_rest_reads_gravity(robot: SimulatedRobot) -> None:
     imu, model = robot.part("imu", Imu), robot.model.of(ImuPart)["imu"]
     readings = []
     robot.clock.sleep(1.0)
@@ -76,7 +77,7 @@ def test_an_imu_at_rest_reads_gravity(robot: PyBulletRobot) -> None:
 
 
 def test_an_imu_feels_turning_and_gathering_speed(sensing_model: RobotModel, empty_world) -> None:
-    with PyBulletRobot(sensing_model, empty_world, seed=3) as robot:
+    with DefaultRobot(sensing_model, empty_world, seed=3) as robot:
         imu, base = robot.part("imu", Imu), robot.part("base", MobileBase)
 
         def felt(vx: float, wz: float, seconds: float) -> tuple[np.ndarray, np.ndarray]:
@@ -109,7 +110,7 @@ def test_an_imu_feels_turning_and_gathering_speed(sensing_model: RobotModel, emp
 class Grip:
     """The hand around the box on the table; what truly presses on a finger, from the contacts."""
 
-    def __init__(self, robot: PyBulletRobot, hand: Any) -> None:
+    def __init__(self, robot: SimulatedRobot, hand: Any) -> None:
         self.robot, self.hand = robot, hand
         self._reader = robot.simulation.reader(ReadPurpose.EVALUATION)
 
@@ -127,7 +128,7 @@ class Grip:
 def grip(sensing_model: RobotModel, table_worlds, operator) -> Iterator[Grip]:
     prompt = {name: dataclasses.replace(pad, latency=0.0) for name, pad in sensing_model.of(TactilePart).items()}
     model = dataclasses.replace(sensing_model, parts={**sensing_model.parts, **prompt})
-    with PyBulletRobot(model, table_worlds["box"], seed=3) as robot:
+    with DefaultRobot(model, table_worlds["box"], seed=3) as robot:
         grip = Grip(robot, operator(robot))
         grip.hand.reach_over("box")
         grip.hand.move_vertically(-0.12)
@@ -186,7 +187,7 @@ def test_the_picture_shows_where_the_box_is_pressed(grip: Grip) -> None:
         assert image[row_heights < top].max() > 100
 
 
-def test_the_battery_falls_with_motion(robot: PyBulletRobot) -> None:
+def test_the_battery_falls_with_motion(robot: SimulatedRobot) -> None:
     model, clock = robot.model.of(BatteryPart)["battery"], robot.clock
     battery = robot.part("battery", Battery)
     clock.sleep(0.7)
@@ -204,7 +205,7 @@ def test_the_battery_loses_the_energy_that_is_drawn(sensing_model: RobotModel, e
         sensing_model.of(BatteryPart)["battery"], capacity=10_000.0, noise_charge=0.0, latency=0.0
     )
     model = dataclasses.replace(sensing_model, parts={**sensing_model.parts, "battery": small})
-    with PyBulletRobot(model, empty_world) as robot:
+    with DefaultRobot(model, empty_world) as robot:
         battery = robot.part("battery", Battery)
         robot.clock.sleep(0.5)
         before = battery.read()
@@ -218,7 +219,7 @@ def test_the_battery_loses_the_energy_that_is_drawn(sensing_model: RobotModel, e
 def test_readings_come_with_their_latency(sensing_model: RobotModel, empty_world) -> None:
     late_lidar = dataclasses.replace(sensing_model.of(LidarPart)["lidar"], latency=0.2)
     model = dataclasses.replace(sensing_model, parts={**sensing_model.parts, "lidar": late_lidar})
-    with PyBulletRobot(model, empty_world) as robot:
+    with DefaultRobot(model, empty_world) as robot:
         for _ in range(20):
             robot.clock.sleep(1 / 60)
             now = robot.clock.now()
@@ -238,7 +239,7 @@ def test_readings_come_with_their_latency(sensing_model: RobotModel, empty_world
     ],
 )
 def test_a_sensor_that_is_switched_off_raises_and_a_frozen_one_repeats(
-    robot: PyBulletRobot, name: str, kind: type[BodySensor], read: Callable[[BodySensor], Any]
+    robot: SimulatedRobot, name: str, kind: type[BodySensor], read: Callable[[BodySensor], Any]
 ) -> None:
     part = robot.part(name, kind)
     fresh = read(part)

@@ -13,8 +13,8 @@ from bestman_bt.robot_model.compose import compose_robot
 from bestman_bt.robot_model.sensor_parts import MountedBumper
 from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture, World
 from hal.api import Bumper, MobileBase, NoDataError
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.sensor_pipeline import SensorFault
+from tests.default_engine import DefaultRobot
 
 
 def box_at(pose: Pose2D) -> PlacedFurniture:
@@ -31,7 +31,7 @@ def model():
 @pytest.fixture
 def robot(model):
     empty = World("floor", 0, (), (), (), Pose2D(), {})
-    with PyBulletRobot(model, replace(empty, furniture=(box_at(Pose2D(0.45, 0.0, 0.0)),)), seed=1) as connected:
+    with DefaultRobot(model, replace(empty, furniture=(box_at(Pose2D(0.45, 0.0, 0.0)),)), seed=1) as connected:
         yield connected
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -14,11 +14,11 @@ from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.scene import PlacedFurniture, World
 from hal.api import MobileBase
-from hal.pybullet.client import _FUNCTIONS
-from hal.pybullet.package import pybullet
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.disturbance_injector import DisturbanceInjector
+from hal.simulation.engine import Engine
 from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.robot import SimulatedRobot
+from tests.default_engine import DefaultRobot
 
 DRAWER, OTHER = "drawer_chest/drawer_3", "drawer_chest/drawer_1"
 OPEN = 0.28
@@ -43,20 +43,20 @@ def told(judged: Audit) -> list[str]:
     return [text.partition(": ")[2] for text in judged.disturbances]
 
 
-def _hidden(name: str) -> Callable:
-    """A function of pybullet that no wrapper sees."""
-    return _FUNCTIONS[name]
+def _hidden(robot: SimulatedRobot) -> Engine:
+    """The engine past what counts its calls."""
+    return robot.simulation._engine
 
 
-def _friction(robot: PyBulletRobot) -> float:
+def _friction(robot: SimulatedRobot) -> float:
     can = robot.simulation.built.objects["can"]
-    return _hidden("getDynamicsInfo")(can, -1, physicsClientId=robot.client.id)[1]
+    return _hidden(robot).friction(can)[0]
 
 
 @pytest.fixture(scope="module")
 def slip(robot_model, table_worlds, operator) -> Iterator[tuple[dict[str, float], Audit]]:
     """A can is lifted by 10 cm and slips; heights over the table, friction, and what the audit says."""
-    with PyBulletRobot(robot_model, table_worlds["can"], seed=3) as robot:
+    with DefaultRobot(robot_model, table_worlds["can"], seed=3) as robot:
         hand, somebody = operator(robot), DisturbanceInjector(robot)
         friction = _friction(robot)
         stood = hand.truth.object_pose("can").position[2]
@@ -95,7 +95,7 @@ def test_nothing_slips_that_no_hand_holds_and_nobody_takes_it_out_of_the_hand(
 
 
 def test_somebody_puts_a_can_elsewhere_and_nothing_counts_as_teleported(robot_model, table_worlds) -> None:
-    with PyBulletRobot(robot_model, table_worlds["can"], seed=3) as robot:
+    with DefaultRobot(robot_model, table_worlds["can"], seed=3) as robot:
         truth, somebody = GroundTruth(robot), DisturbanceInjector(robot)
         robot.clock.sleep(3.0)  # it sleeps
         place = Pose(truth.object_pose("can").position + np.array(BESIDE))
@@ -113,20 +113,20 @@ def test_somebody_puts_a_can_elsewhere_and_nothing_counts_as_teleported(robot_mo
 
 
 def test_a_teleport_right_after_somebody_moved_it_is_still_seen(robot_model, table_worlds) -> None:
-    with PyBulletRobot(robot_model, table_worlds["can"], seed=3) as robot:
+    with DefaultRobot(robot_model, table_worlds["can"], seed=3) as robot:
         truth, somebody = GroundTruth(robot), DisturbanceInjector(robot)
         place = Pose(truth.object_pose("can").position + np.array(BESIDE))
         assert somebody.move_object("can", place, "table/top")
         robot.clock.sleep(0.1)
-        body, server = robot.simulation.built.objects["can"], robot.client.id
+        body = robot.simulation.built.objects["can"]
         back = (place.position - np.array((0.0, 0.1, 0.0))).tolist()
-        _hidden("resetBasePositionAndOrientation")(body, back, [0.0, 0.0, 0.0, 1.0], physicsClientId=server)
+        _hidden(robot).put(body, back, [0.0, 0.0, 0.0, 1.0])
         robot.clock.sleep(0.1)
         assert audit(robot.audit_record()).teleports == 1
 
 
 def test_who_comes_late_is_a_cheat_whatever_he_calls_himself(robot_model, table_worlds, operator) -> None:
-    with PyBulletRobot(robot_model, table_worlds["can"], seed=3) as robot:
+    with DefaultRobot(robot_model, table_worlds["can"], seed=3) as robot:
         place = Pose(GroundTruth(robot).object_pose("can").position + np.array(BESIDE))
         robot.clock.sleep(0.1)
         assert DisturbanceInjector(robot).move_object("can", place, "table/top")
@@ -141,7 +141,7 @@ def test_who_comes_late_is_a_cheat_whatever_he_calls_himself(robot_model, table_
 @pytest.fixture(scope="module")
 def shut(robot_model) -> Iterator[tuple[list[float], Audit]]:
     """Somebody pushes a drawer shut before the robot: how far it was open, every 0.1 s, and what the audit says."""
-    with PyBulletRobot(robot_model, chest_world(0.3, DRAWER)) as robot:
+    with DefaultRobot(robot_model, chest_world(0.3, DRAWER)) as robot:
         truth, somebody = GroundTruth(robot), DisturbanceInjector(robot)
         event = somebody.push_shut(DRAWER, 0.3)
         assert not somebody.push_shut(DRAWER, 0.3)  # with one hand
@@ -161,7 +161,7 @@ def test_a_drawer_is_pushed_shut_at_the_speed_of_a_hand(shut: tuple[list[float],
 
 
 def test_nobody_pushes_a_drawer_that_the_robot_stands_at(robot_model) -> None:
-    with PyBulletRobot(robot_model, chest_world(-0.05, DRAWER)) as robot:
+    with DefaultRobot(robot_model, chest_world(-0.05, DRAWER)) as robot:
         truth, somebody = GroundTruth(robot), DisturbanceInjector(robot)
         assert not somebody.push_shut(DRAWER, 0.3)
         robot.clock.sleep(0.3)
@@ -169,7 +169,7 @@ def test_nobody_pushes_a_drawer_that_the_robot_stands_at(robot_model) -> None:
 
 
 def test_the_hand_waits_while_the_robot_comes_near(robot_model) -> None:
-    with PyBulletRobot(robot_model, chest_world(0.2, DRAWER)) as robot:
+    with DefaultRobot(robot_model, chest_world(0.2, DRAWER)) as robot:
         truth, somebody, base = GroundTruth(robot), DisturbanceInjector(robot), robot.part("base", MobileBase)
         event = somebody.push_shut(DRAWER, 0.02)
         for _ in range(12):
@@ -186,14 +186,12 @@ def test_the_hand_waits_while_the_robot_comes_near(robot_model) -> None:
 
 
 def test_a_drawer_that_moves_by_itself_while_another_is_pushed_is_seen(robot_model) -> None:
-    with PyBulletRobot(robot_model, chest_world(0.3, DRAWER, OTHER)) as robot:
+    with DefaultRobot(robot_model, chest_world(0.3, DRAWER, OTHER)) as robot:
         somebody = DisturbanceInjector(robot)
         event = somebody.push_shut(DRAWER, 0.3)
         robot.clock.sleep(0.1)
-        place, server = robot.simulation.built.articulations[OTHER], robot.client.id
-        _hidden("setJointMotorControl2")(
-            *place, pybullet.VELOCITY_CONTROL, targetVelocity=-0.3, force=40.0, physicsClientId=server
-        )
+        body, joint = robot.simulation.built.articulations[OTHER]
+        _hidden(robot).turn(body, [joint], [-0.3], [40.0])
         robot.clock.sleep(0.3)
         judged = audit(robot.audit_record(), script=[event])
         assert judged.tampering >= 1

@@ -17,25 +17,26 @@ from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import BaseModel
 from bestman_bt.scene.scene import World
 from hal.api import Arm, JointGroup, MobileBase, MotionErrorCode, MotionStatus, NoDataError
-from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.robot import SimulatedRobot
 from hal.simulation.sensor_pipeline import SensorFault, SensorPipeline
+from tests.default_engine import DefaultRobot
 
 NOISE = 0.002
 
 
 @contextmanager
-def panda(world: World, seed: int = 3, **encoders: Any) -> Iterator[PyBulletRobot]:
+def panda(world: World, seed: int = 3, **encoders: Any) -> Iterator[SimulatedRobot]:
     """diff_panda; ``encoders``: part → the block of its description."""
     changes = {f"parts.{part}.set": {"encoders": block} for part, block in encoders.items()}
-    with PyBulletRobot(load_robot_model("diff_panda", changes), world, seed=seed) as robot:
+    with DefaultRobot(load_robot_model("diff_panda", changes), world, seed=seed) as robot:
         yield robot
 
 
-def truth(robot: PyBulletRobot, names: tuple[str, ...]) -> np.ndarray:
+def truth(robot: SimulatedRobot, names: tuple[str, ...]) -> np.ndarray:
     return robot.simulation.joint_states()[:2, robot.simulation.slots(names)]
 
 
-def drive(robot: PyBulletRobot, seconds: float) -> None:
+def drive(robot: SimulatedRobot, seconds: float) -> None:
     for _ in range(round(seconds / 0.1)):
         robot.part("base", MobileBase).set_velocity(0.3, 0.0, 0.2)
         robot.clock.sleep(0.1)

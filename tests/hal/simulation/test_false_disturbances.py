@@ -10,11 +10,14 @@ import pytest
 
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.messages import Pose
+from hal.mujoco.engine import MujocoEngine
 from hal.pybullet.client import _FUNCTIONS
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.audit_record import DisturbanceEvent
 from hal.simulation.disturbance_injector import DisturbanceInjector
+from hal.simulation.engine import Engine
 from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.robot import SimulatedRobot
+from tests.default_engine import DefaultRobot
 
 ASIDE = np.array((0.05, 0.25, 0.0))
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
@@ -23,18 +26,29 @@ UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 class Run:
     """A can stands on a table; ``somebody`` is there from the beginning, and the truth is closed."""
 
-    def __init__(self, robot: PyBulletRobot) -> None:
+    def __init__(self, robot: SimulatedRobot) -> None:
         self.robot, self.truth, self.somebody = robot, GroundTruth(robot), DisturbanceInjector(robot)
         robot.close_truth()
         robot.clock.sleep(0.1)
         self.can = robot.simulation.built.objects["can"]
         self.aside = self.truth.object_pose("can").position + ASIDE
 
-    def past_every_wrapper(self, function: str, *arguments: object, **keywords: object) -> None:
-        _FUNCTIONS[function](*arguments, **keywords, physicsClientId=self.robot.client.id)
+    @property
+    def engine(self) -> Engine:
+        """Past what counts its calls."""
+        return self.robot.simulation._engine
 
     def teleport(self, position: np.ndarray) -> None:
-        self.past_every_wrapper("resetBasePositionAndOrientation", self.can, position.tolist(), UPRIGHT)
+        self.engine.put(self.can, position.tolist(), UPRIGHT)
+
+    def set_friction(self, sliding: float) -> None:
+        self.engine.set_friction(self.can, sliding, self.engine.friction(self.can)[1])
+
+    def lighten(self) -> None:
+        if isinstance(self.engine, MujocoEngine):
+            self.engine.model.body_mass[self.can] = 0.001
+        else:
+            _FUNCTIONS["changeDynamics"](self.can, -1, mass=0.001, physicsClientId=self.engine.client.id)
 
     def stolen_injector(self) -> DisturbanceInjector:
         owners = (getattr(control, "__self__", None) for control in self.robot.simulation.controls)
@@ -51,7 +65,7 @@ class Run:
 
 @pytest.fixture
 def run(robot_model, table_worlds) -> Iterator[Run]:
-    with PyBulletRobot(robot_model, table_worlds["can"], seed=3) as robot:
+    with DefaultRobot(robot_model, table_worlds["can"], seed=3) as robot:
         yield Run(robot)
 
 
@@ -114,13 +128,16 @@ def test_the_script_itself_and_the_evaluation_read_for_nothing(run: Run) -> None
     assert run.judged(event).ground_truth_reads == 0
 
 
-@pytest.mark.parametrize(
-    "changed", [{"lateralFriction": 50.0}, {"mass": 0.001}, {"lateralFriction": 0.0, "mass": 0.001}]
-)
-def test_what_slips_by_the_script_may_lose_its_friction_and_nothing_else(run: Run, changed: dict[str, float]) -> None:
+@pytest.mark.parametrize(("friction", "lighter"), [(50.0, False), (None, True), (0.0, True)])
+def test_what_slips_by_the_script_may_lose_its_friction_and_nothing_else(
+    run: Run, friction: float | None, lighter: bool
+) -> None:
     event = run.slip()
     run.robot._monitor.disturbance_log.announce(event)
-    run.past_every_wrapper("changeDynamics", run.can, -1, **changed)
+    if friction is not None:
+        run.set_friction(friction)
+    if lighter:
+        run.lighten()
     judged = run.judged(event)
     assert judged.tampering == 1
     assert any("of can changed" in finding for finding in judged.findings)
@@ -129,7 +146,7 @@ def test_what_slips_by_the_script_may_lose_its_friction_and_nothing_else(run: Ru
 def test_what_slips_by_the_script_is_not_accused_of_having_no_friction(run: Run) -> None:
     event = run.slip()
     run.robot._monitor.disturbance_log.announce(event)
-    run.past_every_wrapper("changeDynamics", run.can, -1, lateralFriction=0.0, spinningFriction=0.0)
+    run.engine.set_friction(run.can, 0.0, 0.0)
     assert run.judged(event).honest
 
 
@@ -145,5 +162,5 @@ def test_what_has_slipped_long_ago_is_watched_as_ever(run: Run) -> None:
     event = replace(run.slip(), until=run.robot.clock.now() + 0.2)
     run.robot._monitor.disturbance_log.announce(event)
     run.robot.clock.sleep(0.3)
-    run.past_every_wrapper("changeDynamics", run.can, -1, lateralFriction=0.0)
+    run.set_friction(0.0)
     assert run.judged(event).tampering == 1

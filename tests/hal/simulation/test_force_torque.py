@@ -14,12 +14,12 @@ from bestman_bt.robot_model.payload import payload
 from bestman_bt.robot_model.sensor_parts import MountedForceTorque
 from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture, PlacedObject, World
 from hal.api import ForceTorque, NotConnectedError
-from hal.pybullet.parameters import PhysicsParameters
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.robot import SimulatedRobot
+from tests.default_engine import DefaultRobot
 
 SENSOR = "wrist_force_torque"
-AT_HOME = PhysicsParameters(initial_postures=("home",))
+AT_HOME = DefaultRobot.parameters_class(initial_postures=("home",))
 
 
 def weight_between_fingers(model: RobotModel, empty: World) -> World:
@@ -43,7 +43,7 @@ def exact_model(robot_model: RobotModel) -> RobotModel:
 
 
 def test_it_weighs_the_hand_with_its_camera(exact_model: RobotModel, empty_world) -> None:
-    with PyBulletRobot(exact_model, empty_world) as robot:
+    with DefaultRobot(exact_model, empty_world) as robot:
         truth, sensor = GroundTruth(robot), robot.part(SENSOR, ForceTorque)
         robot.parts["arm"].move_to([0.3, -0.6, 0.2, -2.0, 0.4, 1.2, 0.2], 0.5)
         robot.clock.sleep(4.0)
@@ -55,7 +55,7 @@ def test_it_weighs_the_hand_with_its_camera(exact_model: RobotModel, empty_world
 
 
 def test_a_mass_that_hangs_on_the_hand_pulls_down_with_its_weight(exact_model: RobotModel, empty_world) -> None:
-    with PyBulletRobot(exact_model, weight_between_fingers(exact_model, empty_world), parameters=AT_HOME) as robot:
+    with DefaultRobot(exact_model, weight_between_fingers(exact_model, empty_world), parameters=AT_HOME) as robot:
         truth, sensor = GroundTruth(robot), robot.part(SENSOR, ForceTorque)
         robot.clock.sleep(0.3)
         robot.parts["gripper"].close(40.0)
@@ -74,7 +74,7 @@ def test_noise_and_offset_are_as_described_and_the_seed_decides_them(
 ) -> None:
     def readings(model: RobotModel, seed: int) -> np.ndarray:
         """(60, 6), newtons and newton metres."""
-        with PyBulletRobot(model, empty_world, seed=seed) as robot:
+        with DefaultRobot(model, empty_world, seed=seed) as robot:
             sensor = robot.part(SENSOR, ForceTorque)
             values = []
             for _ in range(60):
@@ -97,7 +97,7 @@ def test_noise_and_offset_are_as_described_and_the_seed_decides_them(
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_beyond_its_range_it_tells_its_range_whichever_way_it_is_pushed(
-    standing_robot: PyBulletRobot, monkeypatch: pytest.MonkeyPatch, sign: float
+    standing_robot: SimulatedRobot, monkeypatch: pytest.MonkeyPatch, sign: float
 ) -> None:
     sensor, model = standing_robot.part(SENSOR, ForceTorque), standing_robot.model.of(MountedForceTorque)[SENSOR].part
     monkeypatch.setattr(sensor, "_load", lambda *_: np.full(6, sign * 1e6))
@@ -107,7 +107,7 @@ def test_beyond_its_range_it_tells_its_range_whichever_way_it_is_pushed(
     assert wrench.torque.tolist() == [sign * model.max_torque] * 3
 
 
-def test_two_readings_within_a_period_are_the_same_one(standing_robot: PyBulletRobot) -> None:
+def test_two_readings_within_a_period_are_the_same_one(standing_robot: SimulatedRobot) -> None:
     sensor = standing_robot.part(SENSOR, ForceTorque)
     assert sensor.wrench() is sensor.wrench()
     before = sensor.wrench()
@@ -117,7 +117,7 @@ def test_two_readings_within_a_period_are_the_same_one(standing_robot: PyBulletR
 
 def test_reading_it_changes_nothing_of_the_motion(robot_model: RobotModel, empty_world) -> None:
     def swing(read: bool) -> np.ndarray:
-        with PyBulletRobot(robot_model, empty_world, seed=1) as robot:
+        with DefaultRobot(robot_model, empty_world, seed=1) as robot:
             arm, sensor = robot.parts["arm"], robot.part(SENSOR, ForceTorque)
             arm.move_to([0, -0.785, 0, -2.356, 0, 1.571, 0.785])
             for _ in range(60):
@@ -131,4 +131,4 @@ def test_reading_it_changes_nothing_of_the_motion(robot_model: RobotModel, empty
 
 def test_without_a_connection_it_says_so(robot_model: RobotModel, empty_world) -> None:
     with pytest.raises(NotConnectedError, match=SENSOR):
-        PyBulletRobot(robot_model, empty_world).part(SENSOR, ForceTorque).wrench()
+        DefaultRobot(robot_model, empty_world).part(SENSOR, ForceTorque).wrench()

@@ -15,10 +15,11 @@ from bestman_bt.robot_model.compose import combine
 from bestman_bt.robot_model.model import GripperModel
 from bestman_bt.robot_model.part_config import SuctionPart
 from hal.api import Arm, Gripper, JointGroup
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.parameters import SimulationParameters
+from hal.simulation.robot import SimulatedRobot
 from hal.simulation.suction import BUILD_UP, SuctionPump
+from tests.default_engine import DefaultRobot
 
 ALLOWED = [("fingers", "box"), ("fingers", "can"), ("box", "table"), ("can", "table")]
 TOP = 0.85
@@ -30,7 +31,7 @@ MORE = ("pr2_gripper", "wsg50")
 @pytest.mark.parametrize("name", ["xarm_gripper", *(pytest.param(name, marks=pytest.mark.slow) for name in MORE)])
 def test_a_can_stays_in_the_hand_while_the_arm_turns(name: str, table_worlds, operator) -> None:
     model = combine("differential_base", "panda_arm", name)
-    with PyBulletRobot(model, table_worlds["can"], seed=3) as robot:
+    with DefaultRobot(model, table_worlds["can"], seed=3) as robot:
         hand = operator(robot)
         hand.grasp("can")
         assert hand.gripper.state().object_held
@@ -50,7 +51,7 @@ def test_a_can_stays_in_the_hand_while_the_arm_turns(name: str, table_worlds, op
 
 @pytest.mark.parametrize("name", ["xarm_gripper", "pr2_gripper"])
 def test_fingers_on_linkages_close_on_nothing_and_open_again(name: str, empty_world) -> None:
-    with PyBulletRobot(combine("differential_base", "panda_arm", name), empty_world) as robot:
+    with DefaultRobot(combine("differential_base", "panda_arm", name), empty_world) as robot:
         gripper = robot.part("gripper", Gripper)
         _finish(robot, gripper.close())
         assert gripper.width() < 0.001
@@ -60,7 +61,7 @@ def test_fingers_on_linkages_close_on_nothing_and_open_again(name: str, empty_wo
 
 
 def test_a_hand_of_sixteen_joints_makes_a_fist_and_opens(empty_world) -> None:
-    with PyBulletRobot(combine("differential_base", "panda_arm", "allegro_hand"), empty_world) as robot:
+    with DefaultRobot(combine("differential_base", "panda_arm", "allegro_hand"), empty_world) as robot:
         truth, fingers = GroundTruth(robot), robot.part("gripper", JointGroup)
         start = truth.base_pose()
         for state in ("fist", "open"):
@@ -106,18 +107,18 @@ def test_a_suction_cup_holds_with_as_much_of_its_force_as_its_vacuum_has_been_bu
     assert pushed[-1][2][2] == pytest.approx(-40.0 / steps, rel=0.05)
 
 
-def _follower_error(robot: PyBulletRobot) -> float:
+def _follower_error(robot: SimulatedRobot) -> float:
     simulation = robot.simulation
     joints = simulation.built.joints
 
     def position(name: str) -> float:
-        return simulation.engine.client.getJointState(simulation.built.robot, joints[name])[0]
+        return simulation.engine.joint_states(simulation.built.robot, [joints[name]])[0][0]
 
     followers = robot.model.of(GripperModel)["gripper"].followers
     return max((abs(position(f.joint) - f.multiplier * position(f.leader) - f.offset) for f in followers), default=0.0)
 
 
-def _finish(robot: PyBulletRobot, motion) -> None:
+def _finish(robot: SimulatedRobot, motion) -> None:
     while not motion.done:
         robot.clock.sleep(0.05)
     assert motion.failure is None
@@ -126,7 +127,7 @@ def _finish(robot: PyBulletRobot, motion) -> None:
 class Picker:
     """Lowers a suction cup on the box of the table's world and lifts it."""
 
-    def __init__(self, robot: PyBulletRobot) -> None:
+    def __init__(self, robot: SimulatedRobot) -> None:
         self.robot, self.truth = robot, GroundTruth(robot)
         self.arm, self.cup = robot.part("arm", Arm), robot.part("gripper", Gripper)
         self.kinematics = DampedLeastSquares(robot.model)
@@ -159,7 +160,7 @@ def test_a_cup_lifts_what_its_rated_force_bears_and_no_more(mass: float, lifted:
     world = table_worlds["box"]
     heavy = dataclasses.replace(world.objects[0].model, mass=mass)
     world = dataclasses.replace(world, objects=(dataclasses.replace(world.objects[0], model=heavy),))
-    with PyBulletRobot(combine("differential_base", "panda_arm", "suction"), world, seed=1) as robot:
+    with DefaultRobot(combine("differential_base", "panda_arm", "suction"), world, seed=1) as robot:
         picker = Picker(robot)
         height = picker.pick()
         assert (height > 0.06) is lifted

@@ -11,10 +11,11 @@ import pytest
 from bestman_bt.messages import CameraIntrinsics
 from bestman_bt.robot_model.sensor_parts import CameraPart
 from hal.api import Camera, NoDataError
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.bodies import SimulationError
 from hal.simulation.camera import Lens, SimulatedCamera
+from hal.simulation.robot import SimulatedRobot
 from hal.simulation.sensor_pipeline import SensorFault
+from tests.default_engine import DefaultRobot
 from tests.robot_models import seen_through
 
 DISTORTION = (-0.25, 0.08, 0.001, -0.0008, 0.01)
@@ -23,11 +24,11 @@ SMALL = CameraIntrinsics(320, 240, 216.0, 216.0, 159.5, 119.5)
 
 @pytest.fixture(scope="module")
 def robot(robot_model, table_worlds):
-    with PyBulletRobot(robot_model, table_worlds["box"], seed=2) as robot:
+    with DefaultRobot(robot_model, table_worlds["box"], seed=2) as robot:
         yield robot
 
 
-def camera(robot: PyBulletRobot, intrinsics: CameraIntrinsics = SMALL, **changes) -> SimulatedCamera:
+def camera(robot: SimulatedRobot, intrinsics: CameraIntrinsics = SMALL, **changes) -> SimulatedCamera:
     """The head camera with another model, without noise, in the same world."""
     noiseless = {"noise_base": 0.0, "noise_quadratic": 0.0, "dropout": 0.0, "edge_dropout": 0.0, "depth_step": 0.0}
     model = seen_through(replace(robot.model.of(CameraPart)["head_camera"], **(noiseless | changes)), intrinsics)
@@ -88,7 +89,7 @@ def test_a_camera_fails_as_told_and_works_again(robot) -> None:
 
 
 def test_stamps_go_on_after_a_new_connection(robot_model, empty_world) -> None:
-    robot = PyBulletRobot(robot_model, empty_world)
+    robot = DefaultRobot(robot_model, empty_world)
     with robot:
         robot.clock.sleep(0.5)
     with robot:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.robot_model.model import ArmModel
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.guards import ReadPurpose
 from hal.simulation.motion_watcher import LIMIT_TOLERANCE, MotionWatcher
 from hal.simulation.observation import SimulationState
+from hal.simulation.robot import SimulatedRobot
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_joint_beyond_its_limits_is_told_once_whichever_limit_that_is(
-    standing_robot: PyBulletRobot, side: float
+    standing_robot: SimulatedRobot, side: float
 ) -> None:
     simulation, (arm,) = standing_robot.simulation, standing_robot.model.of(ArmModel).values()
     watcher = MotionWatcher(simulation, simulation.reader(ReadPurpose.MONITOR))

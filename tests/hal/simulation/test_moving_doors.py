@@ -14,8 +14,8 @@ from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from hal.api import MobileBase
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
+from tests.default_engine import DefaultRobot
 
 DOOR = "new_door/door"
 
@@ -24,7 +24,7 @@ DOOR = "new_door/door"
 def run() -> Iterator[tuple[list[tuple[float, float]], Audit]]:
     """The robot drives from 1.5 m before the doorway to 70 cm before it: its distance and the door, as they went."""
     world = replace(draw_world(load_scene("kitchen_closing_door"), 0), robot_start=Pose2D(-1.5, 0.0, 0.0), objects=())
-    with PyBulletRobot(load_robot_model("diff_panda"), world) as robot:
+    with DefaultRobot(load_robot_model("diff_panda"), world) as robot:
         truth, base = GroundTruth(robot), robot.part("base", MobileBase)
         seen = []
         for step in range(110):

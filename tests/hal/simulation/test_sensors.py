@@ -11,16 +11,16 @@ from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.robot_model.model import BaseModel
 from bestman_bt.robot_model.sensor_parts import CameraPart, LidarPart
 from hal.api import Camera, JointGroup, Lidar
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.guards import ReadPurpose
+from tests.default_engine import DefaultRobot
 
 TABLE_TOP = 0.75
 
 
 @pytest.fixture(scope="module")
 def robot(robot_model, table_worlds):
-    with PyBulletRobot(robot_model, table_worlds["box"], seed=2) as robot:
+    with DefaultRobot(robot_model, table_worlds["box"], seed=2) as robot:
         yield robot
 
 
@@ -98,7 +98,7 @@ def test_the_lidar_measures_the_walls(standing_robot) -> None:
 def test_the_lidar_does_not_see_its_own_robot(robot_model, empty_world) -> None:
     near_sighted = dataclasses.replace(robot_model.of(LidarPart)["lidar"], range_min=0.01, range_max=1.5)
     model = dataclasses.replace(robot_model, parts={**robot_model.parts, "lidar": near_sighted})
-    with PyBulletRobot(model, empty_world, seed=2) as robot:
+    with DefaultRobot(model, empty_world, seed=2) as robot:
         assert not np.isfinite(robot.part("lidar", Lidar).scan().ranges).any()
 
 
@@ -108,7 +108,7 @@ def test_a_lidar_in_a_base_sees_what_is_a_finger_away_from_the_base(robot_model,
     start = Pose2D(2.95 - front - gap, 0.0, 0.0)  # the wall's face is at 2.95 m
     exact = dataclasses.replace(robot_model.of(LidarPart)["lidar"], noise=0.0)
     model = dataclasses.replace(robot_model, parts={**robot_model.parts, "lidar": exact})
-    with PyBulletRobot(model, dataclasses.replace(empty_world, robot_start=start), seed=2) as robot:
+    with DefaultRobot(model, dataclasses.replace(empty_world, robot_start=start), seed=2) as robot:
         scan = robot.part("lidar", Lidar).scan()
         ahead = scan.ranges[np.abs(scan.angles) < 0.1] * np.cos(scan.angles[np.abs(scan.angles) < 0.1])
         assert ahead == pytest.approx(front + gap, abs=0.005)
@@ -129,7 +129,7 @@ def test_a_late_image_of_a_head_that_turns_shows_nothing_of_the_robot_in_a_wrong
 ) -> None:
     late = dataclasses.replace(robot_model.of(CameraPart)["head_camera"], latency=0.2)
     model = dataclasses.replace(robot_model, parts={**robot_model.parts, "head_camera": late})
-    with PyBulletRobot(model, empty_world, seed=2) as robot:
+    with DefaultRobot(model, empty_world, seed=2) as robot:
         head, camera = robot.part("head", JointGroup), robot.part("head_camera", Camera)
 
         def robot_in_view() -> int:

@@ -11,7 +11,8 @@ import pytest
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.scene.scene import World
 from hal.api import Arm, CommandRefusedError, Gripper, MotionErrorCode, MotionStatus
-from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.robot import SimulatedRobot
+from tests.default_engine import DefaultRobot
 from tests.robot_models import with_limits
 
 SLOW = 0.4
@@ -19,14 +20,14 @@ SLOW = 0.4
 
 
 @pytest.fixture(scope="module")
-def robot(robot_model: RobotModel, empty_world: World) -> Iterator[PyBulletRobot]:
+def robot(robot_model: RobotModel, empty_world: World) -> Iterator[SimulatedRobot]:
     arm = with_limits(robot_model.of(ArmModel)["arm"], acceleration=SLOW)
-    with PyBulletRobot(replace(robot_model, parts={**robot_model.parts, "arm": arm}), empty_world, seed=2) as robot:
+    with DefaultRobot(replace(robot_model, parts={**robot_model.parts, "arm": arm}), empty_world, seed=2) as robot:
         yield robot
 
 
 @pytest.mark.parametrize("end", ["robot", "part", "cancel"])
-def test_a_slow_arm_stops_within_half_a_second(robot: PyBulletRobot, end: str) -> None:
+def test_a_slow_arm_stops_within_half_a_second(robot: SimulatedRobot, end: str) -> None:
     arm = robot.part("arm", Arm)
     here = arm.positions()
     motion = arm.move_to(here + np.array([1.2 if here[0] < 0 else -1.2, 0, 0, 0, 0, 0, 0]))
@@ -44,7 +45,7 @@ def test_a_slow_arm_stops_within_half_a_second(robot: PyBulletRobot, end: str) -
     assert arm.positions() == pytest.approx(there, abs=0.002)
 
 
-def test_stopped_fingers_halt_and_go_on_only_when_they_are_told_to(robot: PyBulletRobot) -> None:
+def test_stopped_fingers_halt_and_go_on_only_when_they_are_told_to(robot: SimulatedRobot) -> None:
     gripper = robot.part("gripper", Gripper)
     motion = gripper.move(0.0, speed=0.05)
     robot.clock.sleep(0.6)
@@ -61,7 +62,7 @@ def test_stopped_fingers_halt_and_go_on_only_when_they_are_told_to(robot: PyBull
     assert gripper.width() == pytest.approx(width, abs=0.002)
 
 
-def test_a_stop_ends_efforts_and_the_arm_holds(robot: PyBulletRobot) -> None:
+def test_a_stop_ends_efforts_and_the_arm_holds(robot: SimulatedRobot) -> None:
     arm = robot.part("arm", Arm)
     arm.command(efforts=[5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     robot.clock.sleep(0.1)

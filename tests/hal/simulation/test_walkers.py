@@ -18,12 +18,13 @@ from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.scene import World
 from bestman_bt.scene.walker import Walker
 from hal.api import Lidar, MobileBase
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.bodies import BodyState
 from hal.simulation.contact_watcher import ContactWatcher
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.observation import SimulationState
+from hal.simulation.robot import SimulatedRobot
 from hal.simulation.scene_recorder import SceneRecorder
+from tests.default_engine import DefaultRobot
 
 START = Pose2D(-1.5, 0.0, 0.0)
 THERE = [(x, 0.0) for x in np.arange(0.8, -2.6, -0.1)]
@@ -50,7 +51,7 @@ def world_with(kitchen: World) -> Callable[..., World]:
 
 
 class Truth(GroundTruth):
-    def __init__(self, robot: PyBulletRobot) -> None:
+    def __init__(self, robot: SimulatedRobot) -> None:
         super().__init__(robot)
         self._recorder = SceneRecorder(robot)
 
@@ -60,12 +61,12 @@ class Truth(GroundTruth):
 
 
 @contextmanager
-def running(model: RobotModel, world: World) -> Iterator[tuple[PyBulletRobot, Truth]]:
-    with PyBulletRobot(model, world) as robot:
+def running(model: RobotModel, world: World) -> Iterator[tuple[SimulatedRobot, Truth]]:
+    with DefaultRobot(model, world) as robot:
         yield robot, Truth(robot)
 
 
-def drive(robot: PyBulletRobot, speed: float, seconds: float) -> None:
+def drive(robot: SimulatedRobot, speed: float, seconds: float) -> None:
     base = robot.part("base", MobileBase)
     for _ in range(round(20 * seconds)):
         if speed:

@@ -14,7 +14,7 @@ from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.scene.scene import World
 from hal.api import Arm, Camera, JointGroup
-from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.robot import SimulatedRobot
 from hal.twins.world import LONGEST_DELAY, TwinWorld
 
 pytestmark = pytest.mark.real_time
@@ -94,7 +94,7 @@ def test_a_picture_is_that_of_the_simulated_camera_and_physics_goes_on(
     assert known.mean() > 0.5
     assert np.median(np.abs(image.depth - direct.depth)[known]) < 0.002
     assert np.mean(np.abs(image.rgb.astype(int) - direct.rgb.astype(int))) < 3.0
-    assert isinstance(world.robot, PyBulletRobot)
+    assert isinstance(world.robot, SimulatedRobot)
 
 
 def test_an_unknown_camera_is_told(world: TwinWorld) -> None:
