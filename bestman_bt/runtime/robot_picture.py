@@ -11,16 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.messages import Pose2D
+from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model.finger_linkage import link_poses
 from bestman_bt.robot_model.footprint import origin_pose, outline
 from bestman_bt.robot_model.model import BaseModel, GripperModel, RobotModel
 from bestman_bt.robot_model.urdf_elements import child_of, fixed_joint, link
 from bestman_bt.scene.scene import World
-from hal.pybullet.parameters import PhysicsParameters
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.bodies import Viewpoint
 from hal.simulation.camera import ScenePhotographer
+from hal.simulation.robot import SimulatedRobot
 
 Picture = NDArray[np.uint8]
 FROM = (1.0, -1.15, 0.45)
@@ -38,8 +39,9 @@ def robot_picture(model: RobotModel, width: int = 480, height: int = 560, postur
     if not model.of(BaseModel):  # a part alone, perhaps below its root: held above the floor
         held = np.array([0.0, 0.0, 0.02 - lower[2]])
         lower, upper, model = lower + held, upper + held, _lifted(model, held)
-    parameters = PhysicsParameters(initial_postures=(posture,))
-    robot = PyBulletRobot(model, World("floor", 0, (), (), (), Pose2D(), {}), parameters=parameters)
+    simulated: type[SimulatedRobot] = DRIVERS.resolve(DEFAULT_SIMULATOR)
+    parameters = simulated.parameters_class(initial_postures=(posture,))
+    robot = simulated(model, World("floor", 0, (), (), (), Pose2D(), {}), parameters=parameters)
     robot.connect()
     try:
         camera = ScenePhotographer(robot)

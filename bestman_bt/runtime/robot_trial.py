@@ -11,16 +11,18 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.manipulation.collision.base import CollisionWorld
 from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
 from bestman_bt.manipulation.collision.planning_scene import PlanningScene
 from bestman_bt.messages import Pose2D
+from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
 from bestman_bt.robot_model.payload import payload
 from bestman_bt.scene.scene import Wall, World
 from hal.api import Arm, MotionStatus
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
+from hal.simulation.robot import SimulatedRobot
 
 Array = NDArray[np.float64]
 
@@ -53,7 +55,8 @@ class TrialProcedure:
             compose()
             seconds.append(time.process_time() - began)
         composed = min(seconds)
-        robot = PyBulletRobot(model, _floor(), seed=seed)
+        simulated: type[SimulatedRobot] = DRIVERS.resolve(DEFAULT_SIMULATOR)
+        robot = simulated(model, _floor(), seed=seed)
         began = time.process_time()
         robot.connect()
         loaded = time.process_time() - began

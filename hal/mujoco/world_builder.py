@@ -128,13 +128,20 @@ class WorldBuilder:
         def number(name: str) -> int:
             return int(model.body(name).id)
 
-        data = mujoco.MjData(model)
-        for joint, position in self.starts.items():
-            data.qpos[model.joint(joint).qposadr[0]] = position
-        mujoco.mj_forward(model, data)
         root = number(ROBOT_NAME + links.root)
         numbers = {name: number(ROBOT_NAME + name) for name in links.parents}
         joints = {name: numbers[link] for name, link in links.children.items()}
+        loads: dict[int, float] = {}
+        for base in self.robot.of(WheeledBaseModel).values():
+            share = float(model.body_subtreemass[root]) * base.part.wheel_radius**2 / len(base.part.wheel_joints)
+            loads |= {joints[joint]: share for joint in base.part.wheel_joints}
+        for wheel, load in loads.items():
+            model.dof_armature[model.body_dofadr[wheel]] = self.parameters.wheel_armature * load
+        data = mujoco.MjData(model)
+        mujoco.mj_setConst(model, data)
+        for joint, position in self.starts.items():
+            data.qpos[model.joint(joint).qposadr[0]] = position
+        mujoco.mj_forward(model, data)
         root_or = {**numbers, links.root: -1}
         objects = {placed.name: number(placed.name) for placed in self.scene.objects}
         articulations = {
@@ -162,10 +169,6 @@ class WorldBuilder:
             articulations=articulations,
             walkers=walkers,
         )
-        loads: dict[int, float] = {}
-        for base in self.robot.of(WheeledBaseModel).values():
-            share = float(model.body_subtreemass[root]) * base.part.wheel_radius**2 / len(base.part.wheel_joints)
-            loads |= {joints[joint]: share for joint in base.part.wheel_joints}
         return Built(model, data, built, loads)
 
     # Shapes

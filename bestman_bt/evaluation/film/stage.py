@@ -12,21 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
+from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.messages import Pose, wrap_angle
+from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model.model import GripperModel
 from bestman_bt.scene.scene import Articulation, PlacedFurniture
 from bestman_bt.visualization.snapshot import RobotSnapshot
-from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.bodies import Viewpoint
 from hal.simulation.camera import smooth
 from hal.simulation.guards import ReadPurpose
+from hal.simulation.robot import SimulatedRobot
 
 
 class Stage:
     """A context manager that holds its own connection."""
 
     def __init__(self, run: FilmedRun) -> None:
-        self._robot = PyBulletRobot(run.robot_model, run.world, seed=run.config.seed)
+        simulated: type[SimulatedRobot] = DRIVERS.resolve(DEFAULT_SIMULATOR)
+        self._robot = simulated(run.robot_model, run.world, seed=run.config.seed)
         gripper = next(iter(run.robot_model.of(GripperModel).values()), None)
         self._hand = run.robot_model.base_frame if gripper is None else gripper.hand_link
         self._shown = (self._hand,) if gripper is None else (*gripper.part.finger_links, gripper.hand_link)

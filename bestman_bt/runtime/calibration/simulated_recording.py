@@ -20,6 +20,7 @@ import yaml
 from numpy.typing import NDArray
 
 from bestman_bt.control.joint_state import JointStateSensor
+from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
 from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene, SceneObstacle
 from bestman_bt.manipulation.collision.scene_from_world_model import hand_links
@@ -32,14 +33,14 @@ from bestman_bt.manipulation.trajectory.base import SpeedScale
 from bestman_bt.manipulation.trajectory.toppra import Toppra
 from bestman_bt.messages import Box, Mesh, PlacedShape, Pose, Pose2D, RGBDImage
 from bestman_bt.perception.calibration.boards import CalibrationError, CharucoBoard
+from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
 from bestman_bt.runtime.calibration.dataset import FILE, Progress
 from bestman_bt.runtime.calibration.robot_chain import RobotChain, written
 from bestman_bt.scene.scene import World
 from hal.api import Arm, Camera, JointGroup, Motion, MotionStatus
 from hal.pybullet.body_urdf import Color, body_urdf
-from hal.pybullet.parameters import PhysicsParameters
-from hal.pybullet.robot import PyBulletRobot
+from hal.simulation.robot import SimulatedRobot
 
 # A ChArUco board as solid shapes, for a simulation to render: a white plate with thin black tiles on it.
 
@@ -170,9 +171,10 @@ def record(
     with TemporaryDirectory() as name:
         world = World("calibration", 0, (), (), (), Pose2D(), {})
         drawn = _with_board(built_robot, views.placement, Path(name))
+        simulated: type[SimulatedRobot] = DRIVERS.resolve(DEFAULT_SIMULATOR)
         # Not folded, as it drives: a board in the hand would touch the arm.
-        upright = PhysicsParameters(initial_postures=("home", "carry"))
-        robot = PyBulletRobot(drawn, world, seed=views.seed, parameters=upright)
+        upright = simulated.parameters_class(initial_postures=("home", "carry"))
+        robot = simulated(drawn, world, seed=views.seed, parameters=upright)
         entries: list[dict[str, Any]] = []
         with robot:
             recorder = _Recorder(robot, file_robot, camera, views.placement, views.span, rng)
@@ -201,7 +203,7 @@ class _Recorder:
 
     def __init__(
         self,
-        robot: PyBulletRobot,
+        robot: SimulatedRobot,
         model: RobotModel,
         camera: str,
         placement: BoardPlacement,
