@@ -9,6 +9,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.errors import InputError
 from bestman_bt.messages import Pose
 from bestman_bt.scene.scene import World
 from hal.api import RobotError
@@ -24,6 +25,10 @@ JointStates = tuple[Sequence[float], Sequence[float], Sequence[float]]
 
 class SimulationError(RobotError):
     """The physics engine refused something, or a body was asked for that is not there."""
+
+
+class RefusedPartError(SimulationError, InputError):
+    """A robot has a part that an engine does not simulate."""
 
 
 @dataclass(frozen=True)

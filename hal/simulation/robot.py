@@ -39,7 +39,7 @@ from hal.parts.stop_latch import StopLatch
 from hal.parts.streamed_arm import StreamedArm
 from hal.parts.streamed_joints import StreamedJointGroup, Tracking
 from hal.simulation.audit_record import AuditRecord, DisturbanceLog
-from hal.simulation.bodies import SimulationError, check_names
+from hal.simulation.bodies import RefusedPartError, check_names
 from hal.simulation.engine import Engine
 from hal.simulation.finger_motors import FingerMotors
 from hal.simulation.imu import SimulatedImu
@@ -166,7 +166,7 @@ class SimulatedRobot(Robot):
             return
         check_names(self._world)
         for part, why in self.refused_parts(self.model).items():
-            raise SimulationError(f"part {part!r} of {self.model.name} {why}")
+            raise RefusedPartError(f"{self.model.name}: parts.{part} {why}")
         engine = self.build(self.model, self._world, self._gui)
         try:
             simulation = Simulation(engine, self.model, self._world, self._parameters)

@@ -78,7 +78,7 @@ def test_a_simulation_that_explodes_ends_with_its_code(robot, value: float) -> N
 
 
 def test_a_part_that_it_cannot_simulate_is_named() -> None:
-    with pytest.raises(SimulationError, match=r"part 'base' of a1 is a base on legs, which MuJoCo does not simulate"):
+    with pytest.raises(SimulationError, match=r"a1: parts\.base is a base on legs, which MuJoCo does not simulate"):
         MujocoRobot(load_robot_model("a1"), empty_room()).connect()
 
 
