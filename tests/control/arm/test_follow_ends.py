@@ -19,7 +19,7 @@ def test_a_drawer_that_jams_half_way_is_told_within_the_force_limit_and_how_far_
     scene = stand_before(*DRAWER, flip=True)
     scene.grasp()
     handle = scene.arm.follow_constraint(
-        scene.handle.opening_direction, FollowGoal(distance=0.25, max_pull=40.0), grip=scene.gripper.watch_slip()
+        scene.handle.opening_direction, FollowGoal(distance=0.25, max_pull=30.0), grip=scene.gripper.watch_slip()
     )
     while scene.opened < 0.10:
         scene.robot.clock.sleep(0.05)
