@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from bestman_bt.extras import PACKAGE_OF_EXTRA
+from bestman_bt.extras import PACKAGE_OF_EXTRA, PYBULLET_HAS_WHEELS
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 EXTRAS = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
@@ -40,14 +40,16 @@ WORKS = (
     ["robots"],
     ["domain"],
 )
+SIMULATOR = ("pybullet", "sim") if PYBULLET_HAS_WHEELS else ("mujoco", "mujoco")
+"""Package and extra of the simulator that runs by default."""
 REFUSED = {
-    ("run", "fetch_cup"): ("pybullet", "sim"),
+    ("run", "fetch_cup"): SIMULATOR,
     ("run", "fetch_cup", "--driver", "mujoco"): ("mujoco", "mujoco"),
     ("run", "fetch_cup", "--record"): ("rerun", "rerun"),
-    ("run", "fetch_cup", "--live"): ("pybullet", "sim"),
+    ("run", "fetch_cup", "--live"): SIMULATOR,
     ("look", "--clouds"): ("open3d", "open3d"),
-    ("demo",): ("pybullet", "sim"),
-    ("robot", "check", "diff_panda"): ("pybullet", "sim"),
+    ("demo",): SIMULATOR,
+    ("robot", "check", "diff_panda"): SIMULATOR,
 }
 PROGRAM = """
 import contextlib, io, json, sys
