@@ -68,6 +68,8 @@ def evaluate(  # noqa: PLR0913 - the options of bestman-bt eval, each by its nam
     from bestman_bt.configuration.errors import Problem, ProblemCollector, told_to_programs
     from bestman_bt.configuration.run import RunRequest
     from bestman_bt.evaluation.evaluation import Evaluation
+    from bestman_bt.evaluation.launchers.launcher import LaunchOptions
+    from bestman_bt.evaluation.launchers.local import LocalProcesses
     from bestman_bt.evaluation.suite import make_suite
 
     low = [("episodes", episodes, 1), ("seed", seed, 0), ("jobs", jobs, 1)]
@@ -86,7 +88,7 @@ def evaluate(  # noqa: PLR0913 - the options of bestman-bt eval, each by its nam
         suite = make_suite(named, episodes, seed, asked)
     wrong.raise_if_any()
     with Evaluation(suite, None if folder is None else Path(folder)) as evaluation:
-        return evaluation.run(jobs)
+        return evaluation.run(LocalProcesses(LaunchOptions(jobs)))
 
 
 class Session(AbstractContextManager["Session"]):

@@ -342,6 +342,15 @@ BUILDERS = Registry(
 )
 """Tree builders, which turn plans into trees: subclasses of ``TreeBuilder``."""
 
+LAUNCHERS = Registry(
+    "bestman_bt.launchers",
+    "launcher",
+    {
+        "local": "bestman_bt.evaluation.launchers.local:LocalProcesses",
+    },
+)
+"""What runs the episodes of an evaluation: subclasses of ``Launcher``."""
+
 
 def algorithm(name: str) -> Callable[[T], T]:
     """Register the decorated class as an algorithm that configurations may choose: ``@algorithm("slot/name")``.

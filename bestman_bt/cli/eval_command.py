@@ -26,6 +26,7 @@ from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunRequest
 from bestman_bt.evaluation.comparison import within
 from bestman_bt.evaluation.evaluation import Evaluation
+from bestman_bt.evaluation.launchers.launcher import Launcher, LaunchOptions
 from bestman_bt.evaluation.markdown import accuracy_words, markdown, own_targets, verdict
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.evaluation.shards import KnownDurations, Shard
@@ -33,6 +34,7 @@ from bestman_bt.evaluation.suite import Suite, SuiteEntry, make_suite
 from bestman_bt.evaluation.summary import spread_words
 from bestman_bt.evaluation.sweep import draw_settings
 from bestman_bt.extras import DEFAULT_SIMULATOR
+from bestman_bt.registry import LAUNCHERS
 
 # An evaluation on the terminal: a table that fills while it goes on, a line per episode elsewhere.
 
@@ -159,7 +161,16 @@ class EpisodeOptions:
 class JobOptions:
     """The number of processes, and the machines."""
 
-    jobs: Annotated[int, typer.Option(min=1, help="Processes that run at the same time.")] = 1
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Episodes at the same time; 1, or all that the cluster has room for.", show_default=False
+        ),
+    ] = None
+    launcher: Annotated[str, typer.Option(help="What runs the episodes: local, or another launcher.")] = "local"
+    address: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="Of the launcher's cluster.", show_default=False)
+    ] = None
     shard: Annotated[
         str | None,
         typer.Option(metavar="K/N", help="Run part K of N; slurm: that of this array task.", show_default=False),
@@ -173,9 +184,16 @@ class JobOptions:
         typer.Option(metavar="DIR…", help="Run nothing: one summary of the shards below.", show_default=False),
     ] = None
 
+    def made(self, folder: Path) -> Launcher:
+        """Return the launcher of an evaluation kept in ``folder``. Raises ConfigurationError, UnknownNameError."""
+        launcher: Launcher = LAUNCHERS.resolve(self.launcher)(LaunchOptions(self.jobs, self.address or "", folder))
+        return launcher
+
     def check(self) -> None:
         """Raises ConfigurationError if they do not go together."""
         problems = []
+        if self.address and self.launcher == "local":
+            problems.append(Problem("--address", None, "", "is of a cluster; name its --launcher"))
         if self.merge and self.shard:
             problems.append(Problem("--merge", None, "", "takes all shards together; leave --shard out"))
         if self.balance and not self.shard:
@@ -232,14 +250,16 @@ def evaluate(
             folder = folder / "shards" / f"{shard.number}_of_{shard.of}"
         _refuse_other_suite(folder / "summary.json", suite)
         evaluation = Evaluation(suite, folder, keep_old, shard, balance)
-        document = _evaluate(evaluation, folder, execution.jobs, compare, merged)
+        document = _evaluate(evaluation, folder, execution.made(folder), compare, merged)
         tell(document)
     if not as_json:
         tell_in_words(document)
     sys.exit(130 if document["interrupted"] else 0 if document["met"] else 1)
 
 
-def _evaluate(evaluation: Evaluation, folder: Path, jobs: int, compare: bool, merged: Sequence[Path]) -> dict[str, Any]:
+def _evaluate(
+    evaluation: Evaluation, folder: Path, launcher: Launcher, compare: bool, merged: Sequence[Path]
+) -> dict[str, Any]:
     """Run what is not finished with a table on standard error; write ``summary.json``, ``summary.md``, comparisons.
 
     ``merged``: folders of shards; nothing is run then.
@@ -251,7 +271,7 @@ def _evaluate(evaluation: Evaluation, folder: Path, jobs: int, compare: bool, me
             document = evaluation.merge(merged)
         else:
             with EvaluationView(evaluation, CONSOLE) as view:
-                document = evaluation.run(jobs, view.told)
+                document = evaluation.run(launcher, view.told)
         for note in evaluation.notes[told:]:
             CONSOLE.print(f"note: {note}", highlight=False)
         compared = within(evaluation.finished_entries()) if compare and not document["interrupted"] else []

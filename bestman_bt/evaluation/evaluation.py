@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,8 @@ from bestman_bt.configuration.run import RunConfig
 from bestman_bt.evaluation.code_version import code_fingerprint, commit, config_fingerprint
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry
 from bestman_bt.evaluation.journal import EpisodeKey, Journal, read_episodes
-from bestman_bt.evaluation.parallel import run_episodes
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LauncherLostError
+from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.shards import Contradiction, KnownDurations, Shard, gathered, journals
 from bestman_bt.evaluation.suite import Suite, SuiteEntry
@@ -73,25 +74,40 @@ class Evaluation:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def run(self, jobs: int = 1, on_result: OnResult | None = None) -> dict[str, Any]:
-        """Run the missing episodes and return the document; Ctrl-C or a stopped episode ends it early."""
+    def run(self, launcher: Launcher | None = None, on_result: OnResult | None = None) -> dict[str, Any]:
+        """Run the missing episodes and return the document; Ctrl-C, a stopped episode or the loss of what runs them
+        ends it early.
+
+        ``launcher``: None: this process. Raises ConfigurationError if it refuses the episodes.
+        """
+        launcher = launcher or LocalProcesses()
         planned = list(self._missing())
-        configs = [config for _, config in planned]
-        runs = None if self._folder is None else self._folder / "runs"
         self._interrupted = True
-        with suppress(KeyboardInterrupt), closing(run_episodes(configs, jobs, runs)) as running:
-            for index, result in running:
+        try:
+            launcher.submit(self._requests([config for _, config in planned]))
+            for place, result in launcher.results():
                 if result.outcome is Outcome.CANCELLED:
                     break
-                entry = planned[index][0]
+                entry = planned[place][0]
                 self._finish(entry, result)
                 if on_result is not None:
                     on_result(entry, result)
             else:
                 self._interrupted = False
+        except KeyboardInterrupt:
+            pass
+        except LauncherLostError as error:
+            self.notes.append(str(error))
+        finally:
+            launcher.cancel()
+        self.notes += launcher.notes
         if planned and code_fingerprint() != self._code:
             self.notes.append("the code was changed while the evaluation ran: run it again for figures that count")
         return self.document()
+
+    def _requests(self, configs: Iterable[RunConfig]) -> list[EpisodeRequest]:
+        runs = None if self._folder is None else self._folder.resolve() / "runs"
+        return [EpisodeRequest(config, runs, self._code) for config in configs]
 
     def merge(self, folders: Iterable[Path]) -> dict[str, Any]:
         """Import the episodes of all journals below the folders, and return the document.

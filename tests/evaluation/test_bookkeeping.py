@@ -15,6 +15,7 @@ from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.evaluation import evaluation as evaluation_module
 from bestman_bt.evaluation.episode_measures import DrivenPath, MotionLog
 from bestman_bt.evaluation.evaluation import Evaluation
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher
 from bestman_bt.evaluation.markdown import markdown
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.suite import EntryConfig, Successes, Suite, SuiteEntry
@@ -43,27 +44,38 @@ def cancel(config: RunConfig) -> RunResult:
     return replace(result(config.seed, tree="IDLE", predicate=None), outcome=Outcome.CANCELLED)
 
 
-class Episodes:
-    """Runs nothing: ``of`` makes the results. ``ran``: task and seed of each, in their order; the last comes first."""
+class Episodes(Launcher):
+    """Runs nothing: ``of`` makes the results. ``ran``: task and seed of each, in their order.
 
-    def __init__(self, *of: Episode) -> None:
-        self._of, self.ran = list(of), []
+    ``backwards``: the last comes first.
+    """
 
-    def __call__(
-        self, configs: Sequence[RunConfig], jobs: int = 1, folder: Path | None = None
-    ) -> Iterator[tuple[int, RunResult]]:
-        order = range(len(configs)) if jobs == 1 else reversed(range(len(configs)))
-        for index in order:
+    def __init__(self, *of: Episode, backwards: bool = False) -> None:
+        super().__init__()
+        self._next = -1 if backwards else 0
+        self._of, self.ran, self.waiting = list(of), [], []
+
+    def submit(self, requests: Sequence[EpisodeRequest]) -> None:
+        self.waiting += enumerate(requests, len(self.requests))
+        self.requests += requests
+
+    def results(self) -> Iterator[tuple[int, RunResult]]:
+        while self.waiting:
+            place, request = self.waiting.pop(self._next)
             make = self._of.pop(0) if len(self._of) > 1 else self._of[0]
-            self.ran.append((configs[index].name, configs[index].seed))
-            yield index, make(configs[index])
+            self.ran.append((request.config.name, request.config.seed))
+            yield place, make(request.config)
+
+    def cancel(self) -> None:
+        self.waiting.clear()
+        self.requests.clear()
 
 
 @pytest.fixture
 def episodes(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Episodes]:
-    def scripted(*of: Episode) -> Episodes:
-        made = Episodes(*of)
-        monkeypatch.setattr(evaluation_module, "run_episodes", made)
+    def scripted(*of: Episode, backwards: bool = False) -> Episodes:
+        made = Episodes(*of, backwards=backwards)
+        monkeypatch.setattr(evaluation_module, "LocalProcesses", lambda: made)
         return made
 
     monkeypatch.setattr(evaluation_module, "code_fingerprint", lambda: "code")
@@ -81,9 +93,9 @@ def suite(*successes: Successes | None, settings: tuple[str, ...] = ()) -> Suite
     return Suite("mine", tuple(entries))
 
 
-def evaluated(of: Suite, folder: Path | None = None, jobs: int = 1, **options: Any) -> dict[str, Any]:
+def evaluated(of: Suite, folder: Path | None = None, **options: Any) -> dict[str, Any]:
     with Evaluation(of, folder, **options) as evaluation:
-        return evaluation.run(jobs)
+        return evaluation.run()
 
 
 ALL, NONE = Successes(3, at_least=3), Successes(3, at_most=0)
@@ -102,8 +114,8 @@ def test_every_seed_of_every_entry_is_run_and_told_with_its_entry(episodes: Call
 
 
 def test_results_that_come_in_another_order_are_those_of_their_seeds(episodes: Callable[..., Episodes]) -> None:
-    episodes(pretend, succeed)
-    document = evaluated(suite(ALL), jobs=2)
+    episodes(pretend, succeed, backwards=True)
+    document = evaluated(suite(ALL))
     (entry,) = document["entries"]
     assert [failure["seed"] for failure in entry["failures"]] == [7]
 

@@ -13,6 +13,8 @@ import pytest
 
 from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.evaluation.evaluation import Evaluation
+from bestman_bt.evaluation.launchers.launcher import LaunchOptions
+from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.evaluation.suite import Suite, SuiteEntry
 
@@ -77,7 +79,9 @@ def run_all(
     """The document of an evaluation's only entry; run folders come into ``folder / "runs"``."""
     suite = Suite(config.name, (SuiteEntry(config.name, config, episodes),))
     with Evaluation(suite, folder) as evaluation:
-        document: dict[str, Any] = evaluation.run(jobs, lambda _, result: on_result(result))["entries"][0]
+        document: dict[str, Any] = evaluation.run(
+            LocalProcesses(LaunchOptions(jobs)), lambda _, result: on_result(result)
+        )["entries"][0]
         return document
 
 

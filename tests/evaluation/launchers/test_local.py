@@ -5,12 +5,14 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 from bestman_bt.configuration.run import RunConfig, load_run
-from bestman_bt.evaluation.parallel import run_episodes
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, LaunchOptions
+from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.result import Outcome
 
 pytestmark = pytest.mark.slow
@@ -36,23 +38,62 @@ class Hang(SyncAction):
     def on_tick(self) -> int:
         time.sleep(600)
         return FAILURE
+
+
+class Killed(SyncAction):
+    """Is ended by the kernel each time."""
+
+    def on_tick(self) -> int:
+        os.kill(os.getpid(), 9)
+        return FAILURE
+
+
+class KilledOnce(SyncAction):
+    """Is ended by the kernel the first time."""
+
+    def on_tick(self) -> int:
+        try:
+            open("killed_once", "x").close()
+        except FileExistsError:
+            return FAILURE
+        os.kill(os.getpid(), 9)
+        return FAILURE
 '''
 
 
+def deadly(folder: Path, *leaves: str) -> list[RunConfig]:
+    """A run for each leaf, in a tree of its own."""
+    (folder / "deadly.py").write_text(DEADLY)
+    for leaf in leaves:
+        (folder / f"{leaf}.xml").write_text(TREE.format(leaf=leaf))
+    return [load_run("fetch_cup", tree=folder / f"{leaf}.xml", plugins=[str(folder / "deadly.py")]) for leaf in leaves]
+
+
+def started(configs: Sequence[RunConfig], wall_limit: float = 300.0) -> LocalProcesses:
+    launcher = LocalProcesses(LaunchOptions(2))
+    launcher.submit([EpisodeRequest(config, wall_limit=wall_limit) for config in configs])
+    return launcher
+
+
 def test_an_episode_that_kills_its_process_or_hangs_costs_only_itself(tmp_path: Path) -> None:
-    (tmp_path / "deadly.py").write_text(DEADLY)
-
-    def of(leaf: str) -> RunConfig:
-        path = tmp_path / f"{leaf}.xml"
-        path.write_text(TREE.format(leaf=leaf))
-        return load_run("fetch_cup", tree=path, plugins=[str(tmp_path / "deadly.py")])
-
-    configs = [of("Die"), of("AlwaysFailure"), of("Hang"), of("AlwaysFailure")]
-    results = dict(run_episodes(configs, 2, wall_limit=10.0))
+    configs = deadly(tmp_path, "Die", "AlwaysFailure", "Hang", "AlwaysFailure")
+    results = dict(started(configs, wall_limit=10.0).results())
     assert [results[i].outcome for i in range(4)] == [Outcome.ERROR, Outcome.FAILURE] * 2
     told = [results[i].failure.why for i in (0, 2) if results[i].failure is not None]
     assert told[0] == "the process ended with code 3"
     assert told[1].startswith("given up after 1")
+
+
+def test_an_episode_whose_worker_is_ended_from_outside_is_run_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    launcher = started(deadly(tmp_path, "KilledOnce", "AlwaysFailure", "Killed"))
+    results = dict(launcher.results())
+    assert [results[i].outcome for i in range(3)] == [Outcome.FAILURE, Outcome.FAILURE, Outcome.ERROR]
+    assert results[2].failure is not None
+    assert results[2].failure.why == "its worker was ended by signal 9, 3 times in a row"
+    assert launcher.notes == ["4 times an episode was run again because its worker was lost"]
 
 
 def test_workers_end_with_the_process_that_they_work_for(tmp_path: Path) -> None:
@@ -60,10 +101,13 @@ def test_workers_end_with_the_process_that_they_work_for(tmp_path: Path) -> None
     (tmp_path / "hang.xml").write_text(TREE.format(leaf="Hang"))
     program = f"""
 from bestman_bt.configuration.run import load_run
-from bestman_bt.evaluation.parallel import run_episodes
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, LaunchOptions
+from bestman_bt.evaluation.launchers.local import LocalProcesses
 if __name__ == "__main__":
     config = load_run("fetch_cup", tree={str(tmp_path / "hang.xml")!r}, plugins=[{str(tmp_path / "deadly.py")!r}])
-    list(run_episodes([config], 2, wall_limit=300.0))
+    launcher = LocalProcesses(LaunchOptions(2))
+    launcher.submit([EpisodeRequest(config)])
+    list(launcher.results())
 """
     (tmp_path / "program.py").write_text(program)
     parent = subprocess.Popen([sys.executable, str(tmp_path / "program.py")])
@@ -72,7 +116,7 @@ if __name__ == "__main__":
     deadline = time.monotonic() + 60.0
     while not workers and time.monotonic() < deadline:
         started = children.read_text().split()
-        workers = [pid for pid in started if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+        workers = [pid for pid in started if b"worker_process" in Path(f"/proc/{pid}/cmdline").read_bytes()]
         time.sleep(0.05)
     assert workers
     time.sleep(2.0)  # they are at work, or on the way to it

@@ -1,0 +1,184 @@
+"""The interface between an evaluation and what runs its episodes."""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+import platform
+import time
+import warnings
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from behaviours.failure import NodeFailure
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.run import RunConfig
+from bestman_bt.engine.own_files import in_words
+from bestman_bt.errors import Error
+from bestman_bt.evaluation.code_version import code_fingerprint
+from bestman_bt.evaluation.episode import prepare_episode, run_episode
+from bestman_bt.evaluation.launchers.worker_process import Answer
+from bestman_bt.evaluation.result import Outcome, RunResult
+from bestman_bt.evaluation.run_folder import make_run_folder
+from bestman_bt.evaluation.versions import versions
+
+WALL_LIMIT = 3600.0
+"""Seconds of wall time after which an episode is taken to hang."""
+MOST_LOSSES = 3
+"""How often an episode may lose its worker before that counts as its error."""
+
+
+class LauncherLostError(Error):
+    """What runs the episodes is gone; those that have finished are kept."""
+
+    code = "launcher_lost"
+
+
+@dataclass(frozen=True)
+class EpisodeRequest:
+    """One episode for any process that has the same code; picklable.
+
+    ``folder``: parent of its run folder; None saves nothing. ``code``: the fingerprint of the code that must run it,
+    empty: any. ``wall_limit``: seconds of wall time after which it is taken to hang.
+    """
+
+    config: RunConfig
+    folder: Path | None = None
+    code: str = ""
+    wall_limit: float = WALL_LIMIT
+
+    def pickled(self) -> bytes:
+        """Return it for another process. Raises ConfigurationError if a value of its configuration cannot travel."""
+        try:
+            return pickle.dumps(self)
+        except (pickle.PicklingError, TypeError, AttributeError) as error:
+            why = f"cannot be sent to another process: {error}; name it as FILE.py:Class, or register it in a plug-in"
+            raise ConfigurationError([Problem(f"task {self.config.name}", None, "", why)]) from error
+
+    def why_not_here(self) -> str:
+        """Return why this process may not run it; empty if it may."""
+        if not self.code or self.code == _code_here():
+            return ""
+        told = ", ".join(f"{name} {version}" for name, version in versions().items())
+        return (
+            f"{platform.node()} (process {os.getpid()}) has other code: {_code_here()}, here {self.code}; install the "
+            f"same version of bestman-bt and of the packages that decide a run there ({told})"
+        )
+
+    def run(self) -> RunResult:
+        """Return the result of the run; an exception gives a result with the error."""
+        run_folder = make_run_folder(self.config, self.folder) if self.folder is not None else None
+        start = time.perf_counter()
+        try:
+            with _without_warnings():  # who made the suite has prepared it, and was told them then
+                setup = prepare_episode(self.config)
+            return run_episode(setup, run_folder)
+        except Exception as error:  # noqa: BLE001 - one episode that breaks is a failed episode, not the end of the batch
+            result = self.broken(in_words(error), time.perf_counter() - start)
+        if run_folder is not None:
+            result.write(run_folder / "result.json")
+        return result
+
+    def broken(self, why: str, seconds: float = 0.0) -> RunResult:
+        """Return the result of an episode that could not be run to its end, after ``seconds`` of wall time."""
+        return RunResult(
+            task=self.config.name,
+            seed=self.config.seed,
+            success=False,
+            outcome=Outcome.ERROR,
+            tree_status="IDLE",
+            predicate=None,
+            failure=NodeFailure("", "error", why),
+            audit={},
+            metrics={},
+            sim_time_s=0.0,
+            wall_time_s=round(seconds, 3),
+            versions=versions(),
+        )
+
+
+@dataclass(frozen=True)
+class LaunchOptions:
+    """What a user asks of a launcher.
+
+    ``jobs``: episodes that run at the same time; None: one here, on a cluster what it has room for. ``address``: of a
+    cluster; empty: the usual one. ``folder``: of the evaluation, for the launcher's own files; None: a temporary one.
+    """
+
+    jobs: int | None = None
+    address: str = ""
+    folder: Path | None = None
+
+
+class Launcher(ABC):
+    """Runs episodes; a subclass says where. The figures of an evaluation do not depend on it.
+
+    An episode that ends its own process is an error. One whose worker was ended from outside is run again, at most
+    three times; ``lost`` counts that.
+    """
+
+    def __init__(self, options: LaunchOptions | None = None) -> None:
+        """Take the options, without starting anything. Raises ConfigurationError if they cannot be used."""
+        self.options = options or LaunchOptions()
+        self.requests: list[EpisodeRequest] = []
+        self.lost: Counter[int] = Counter()
+
+    @abstractmethod
+    def submit(self, requests: Sequence[EpisodeRequest]) -> None:
+        """Take further episodes; each is known by its place in ``requests``. Raises ConfigurationError."""
+
+    @abstractmethod
+    def results(self) -> Iterator[tuple[int, RunResult]]:
+        """Yield the place and the result of each submitted episode, once each, in the order in which they finish.
+
+        Raises LauncherLostError if the rest will not come, RuntimeError if workers cannot start.
+        """
+
+    @abstractmethod
+    def cancel(self) -> None:
+        """End what still runs, and the workers; may be called more than once."""
+
+    @property
+    def notes(self) -> list[str]:
+        """What a reader of the figures has to know."""
+        return [f"{self.lost.total()} times an episode was run again because its worker was lost"] * bool(self.lost)
+
+    def take(self, place: int, answer: Answer) -> RunResult | None:
+        """Return the result that an answer stands for; None: its worker was lost, and the episode is to be run again.
+
+        Raises ConfigurationError if the worker has refused it.
+        """
+        if answer.refused:
+            raise ConfigurationError([Problem("--launcher", None, "", answer.refused)])
+        if answer.result:
+            result: RunResult = pickle.loads(answer.result)  # noqa: S301 - from a worker of this evaluation
+            return result
+        if answer.crashed:
+            return self.requests[place].broken(answer.crashed, answer.seconds)
+        self.lost[place] += 1
+        if self.lost[place] < MOST_LOSSES:
+            return None
+        return self.requests[place].broken(f"{answer.lost}, {MOST_LOSSES} times in a row", answer.seconds)
+
+
+@cache
+def _code_here() -> str:
+    return code_fingerprint()
+
+
+@contextmanager
+def _without_warnings() -> Iterator[None]:
+    disabled = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(disabled)

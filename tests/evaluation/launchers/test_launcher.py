@@ -1,0 +1,69 @@
+"""The seam between an evaluation and what runs its episodes: what may travel, and who may run it."""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+from dataclasses import replace
+
+import pytest
+
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import load_run
+from bestman_bt.evaluation.code_version import code_fingerprint
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher
+from bestman_bt.evaluation.launchers.local import LocalProcesses
+from bestman_bt.evaluation.launchers.worker_process import Answer
+from bestman_bt.evaluation.result import Outcome
+from bestman_bt.registry import LAUNCHERS
+from tests.evaluation.test_summary import result
+
+
+@pytest.fixture
+def request_of_one() -> EpisodeRequest:
+    return EpisodeRequest(load_run("fetch_cup", seed=4))
+
+
+@pytest.mark.parametrize("name", LAUNCHERS.names())
+def test_every_launcher_is_one(name: str) -> None:
+    launcher = LAUNCHERS.resolve(name)
+    assert issubclass(launcher, Launcher)
+    assert not inspect.isabstract(launcher)
+
+
+def test_a_request_travels(request_of_one: EpisodeRequest) -> None:
+    assert pickle.loads(request_of_one.pickled()) == request_of_one
+
+
+def test_a_request_with_a_value_that_cannot_travel_is_refused(request_of_one: EpisodeRequest) -> None:
+    config = request_of_one.config.changed(scene_settings={"mine": lambda: 1})
+    with pytest.raises(ConfigurationError, match=r"task fetch_cup: cannot be sent to another process: .*FILE.py:Class"):
+        replace(request_of_one, config=config).pickled()
+
+
+def test_a_process_with_other_code_refuses_an_episode(request_of_one: EpisodeRequest) -> None:
+    assert replace(request_of_one, code=code_fingerprint()).why_not_here() == ""
+    assert request_of_one.why_not_here() == ""
+    other = replace(request_of_one, code="0ther").why_not_here()
+    assert f"has other code: {code_fingerprint()}, here 0ther; install the same version of bestman-bt" in other
+    with pytest.raises(ConfigurationError, match=r"--launcher: node9 has other code"):
+        LocalProcesses().take(0, Answer(refused="node9 has other code"))
+
+
+def test_what_an_answer_stands_for(request_of_one: EpisodeRequest) -> None:
+    launcher = LocalProcesses()
+    launcher.submit([request_of_one])
+    sent = result(4).to_document()
+    got = launcher.take(0, Answer(result=pickle.dumps(result(4))))
+    assert got is not None
+    assert got.to_document() == sent
+    crashed = launcher.take(0, Answer(crashed="the process ended with code 3", seconds=2.0))
+    assert crashed is not None
+    assert (crashed.seed, crashed.outcome, crashed.wall_time_s) == (4, Outcome.ERROR, 2.0)
+    assert launcher.notes == []
+    assert launcher.take(0, Answer(lost="node lost")) is None
+    assert launcher.take(0, Answer(lost="node lost")) is None
+    given_up = launcher.take(0, Answer(lost="node lost"))
+    assert given_up is not None
+    assert given_up.failure is not None
+    assert (given_up.outcome, given_up.failure.why) == (Outcome.ERROR, "node lost, 3 times in a row")
