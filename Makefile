@@ -11,12 +11,13 @@ PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 # Where it is set, each of the many processes that tests start compiles every module that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help install demo test test-all properties mutants eval eval-full gallery lint types contracts format docs lock page page-packages dist release clean
+.PHONY: help install demo test test-all test-cluster properties mutants eval eval-full gallery lint types contracts format docs lock page page-packages dist release clean
 
 help:
 	@echo "make demo      install, then watch the robot fetch a cup"
 	@echo "make test      install, then lint, types, import contracts and the quick tests (about 5 minutes)"
 	@echo "make test-all  every test, as CI runs them (about 28 minutes)"
+	@echo "make test-cluster  bring Ray and submitit, then evaluate on them while nodes, workers and drivers are killed"
 	@echo "make properties  random examples of what holds for each algorithm, for about an hour"
 	@echo "make mutants   seed known faults one by one and see that the tests find them (hours; resumes)"
 	@echo "make eval      20 seeds of every judged task, and the controls (about an hour; goes on where it stopped)"
@@ -48,6 +49,10 @@ test-all: install page-packages
 	$(PYTEST) --durations 30 -m "not real_time"
 	$(PYTEST) --durations 30 -m "real_time and not alone" $(REAL_TIME)
 	$(BIN)/python -m pytest --durations 30 -m alone $(REAL_TIME)
+
+test-cluster: install
+	$(BIN)/uv pip install --quiet --python $(BIN)/python "ray>=2.50,<3" "submitit>=1.5,<2"
+	$(BIN)/python -m pytest tests/evaluation/launchers
 
 properties: install
 	PROPERTY_EXAMPLES=60 $(BIN)/python -m pytest -n $(JOBS) --dist load --timeout 3600 tests/properties

@@ -17,8 +17,10 @@ PACKAGE_OF_EXTRA = {
     "mujoco": "mujoco",
     "objects": "coacd",
     "open3d": "open3d",
+    "ray": "ray",
     "rerun": "rerun",
     "sim": "pybullet",
+    "slurm": "submitit",
 }
 """Extra → the import name of the package that it cannot work without."""
 EXTRA_OF_SIMULATOR = {"mujoco": "mujoco", "pybullet": "sim"}

@@ -347,6 +347,8 @@ LAUNCHERS = Registry(
     "launcher",
     {
         "local": "bestman_bt.evaluation.launchers.local:LocalProcesses",
+        "ray": "bestman_bt.evaluation.launchers.ray_tasks:RayTasks",
+        "slurm": "bestman_bt.evaluation.launchers.slurm_array:SlurmArray",
     },
 )
 """What runs the episodes of an evaluation: subclasses of ``Launcher``."""

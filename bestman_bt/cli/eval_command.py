@@ -8,7 +8,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -28,6 +28,7 @@ from bestman_bt.evaluation.comparison import within
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.launchers.launcher import Launcher, LaunchOptions
 from bestman_bt.evaluation.markdown import accuracy_words, markdown, own_targets, verdict
+from bestman_bt.evaluation.precision import Precision
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.evaluation.shards import KnownDurations, Shard
 from bestman_bt.evaluation.suite import Suite, SuiteEntry, make_suite
@@ -50,7 +51,7 @@ class EvaluationView:
 
     def __enter__(self) -> EvaluationView:
         for note in self._evaluation.notes:
-            self._console.print(f"note: {note}", highlight=False)
+            self._console.print(f"note: {note}", highlight=False, soft_wrap=True)
         for entry in self._evaluation.suite.entries:
             if entry.settings:
                 told = ", ".join(f"{key}={value}" for key, value in entry.settings.items())
@@ -133,6 +134,10 @@ def _standing(document: dict[str, Any]) -> Text:
     )
 
 
+MOST_EPISODES = 1000
+"""With --until: where neither the command nor the entry of a suite bounds the episodes."""
+
+
 @dataclass(frozen=True)
 class EpisodeOptions:
     """The episodes to run; the scene and the robot if they differ from the task's."""
@@ -145,6 +150,14 @@ class EpisodeOptions:
     ] = None
     scene: Scene = None
     robot: Robot = None
+    until: Annotated[
+        str | None,
+        typer.Option(
+            metavar="95%±3",
+            help="Run until the 95 % interval of each success rate is this narrow; at most EPISODES, 1000.",
+            show_default=False,
+        ),
+    ] = None
     engine: Engine = DEFAULT_SIMULATOR
     settings: Settings = None
     plugins: Plugins = None
@@ -154,7 +167,9 @@ class EpisodeOptions:
         asked = RunRequest(
             scene=self.scene, robot=self.robot, settings=self.settings, plugins=self.plugins, driver=self.engine
         )
-        return make_suite(tasks, self.episodes, self.seed, asked)
+        episodes = MOST_EPISODES if self.until and self.episodes is None else self.episodes
+        suite = make_suite(tasks, episodes, self.seed, asked)
+        return suite if self.until is None else replace(suite, precision=Precision.parse(self.until))
 
 
 @dataclass(frozen=True)
@@ -248,6 +263,9 @@ def evaluate(
         balance = None if execution.balance is None else KnownDurations(execution.balance)
         if shard is not None:
             folder = folder / "shards" / f"{shard.number}_of_{shard.of}"
+        if suite.precision is not None and (shard is not None or merged):
+            why = "decides from all episodes how many there are; leave --shard and --merge out, name a --launcher"
+            raise ConfigurationError([Problem("--until", None, "", why)])
         _refuse_other_suite(folder / "summary.json", suite)
         evaluation = Evaluation(suite, folder, keep_old, shard, balance)
         document = _evaluate(evaluation, folder, execution.made(folder), compare, merged)
@@ -273,7 +291,7 @@ def _evaluate(
             with EvaluationView(evaluation, CONSOLE) as view:
                 document = evaluation.run(launcher, view.told)
         for note in evaluation.notes[told:]:
-            CONSOLE.print(f"note: {note}", highlight=False)
+            CONSOLE.print(f"note: {note}", highlight=False, soft_wrap=True)
         compared = within(evaluation.finished_entries()) if compare and not document["interrupted"] else []
         document["comparisons"] = [one.document() for one in compared]
         text = json.dumps(document, indent=2, allow_nan=False) + "\n"

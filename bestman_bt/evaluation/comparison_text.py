@@ -74,7 +74,7 @@ def _needed(pairs: int, needed: int | None) -> str:
     if needed is not None and needed > MOST_PAIRS:
         told += f"; a difference this small takes more than {MOST_PAIRS}"
     elif needed is not None and needed > pairs:
-        told += f"; about {_rounded(needed)} would decide"
+        told += f"; about {_rounded(needed - pairs)} more would decide"
     return told
 
 

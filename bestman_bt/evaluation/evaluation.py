@@ -51,7 +51,7 @@ class Evaluation:
         self._folder, self._keep_old, self._shard = folder, keep_old, shard
         self._code, self._commit = code_fingerprint(), commit()
         self._configs = {entry.name: config_fingerprint(entry.config) for entry in suite.entries}
-        self._planned = [(entry, config) for entry in suite.entries for config in entry.configs()]
+        self._planned = self._round()
         if shard is not None:
             seconds = None
             if balance is not None:
@@ -69,6 +69,8 @@ class Evaluation:
             self._journal = self._stack.enter_context(Journal(self._folder / "episodes.jsonl"))
             self.notes += self._journal.notes
             self._take_finished(self._journal)
+            while not any(self._missing()) and self._plan_further():
+                self._take_finished(self._journal)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -81,19 +83,21 @@ class Evaluation:
         ``launcher``: None: this process. Raises ConfigurationError if it refuses the episodes.
         """
         launcher = launcher or LocalProcesses()
-        planned = list(self._missing())
+        planned: list[tuple[SuiteEntry, RunConfig]] = []
         self._interrupted = True
         try:
-            launcher.submit(self._requests([config for _, config in planned]))
-            for place, result in launcher.results():
-                if result.outcome is Outcome.CANCELLED:
-                    break
-                entry = planned[place][0]
-                self._finish(entry, result)
-                if on_result is not None:
-                    on_result(entry, result)
-            else:
-                self._interrupted = False
+            while missing := list(self._missing()):
+                planned += missing
+                launcher.submit(self._requests(missing))
+                for place, result in launcher.results():
+                    if result.outcome is Outcome.CANCELLED:
+                        raise KeyboardInterrupt
+                    entry = planned[place][0]
+                    self._finish(entry, result)
+                    if on_result is not None:
+                        on_result(entry, result)
+                self._plan_further()
+            self._interrupted = False
         except KeyboardInterrupt:
             pass
         except LauncherLostError as error:
@@ -105,9 +109,28 @@ class Evaluation:
             self.notes.append("the code was changed while the evaluation ran: run it again for figures that count")
         return self.document()
 
-    def _requests(self, configs: Iterable[RunConfig]) -> list[EpisodeRequest]:
+    def _round(self) -> list[tuple[SuiteEntry, RunConfig]]:
+        """Return the episodes up to now: all, or as many as the results so far ask for."""
+        precision, planned = self.suite.precision, []
+        for entry in self.suite.entries:
+            most = entry.episodes
+            if precision is not None and not entry.control:
+                most = precision.episodes([one.success for one in self._results_of(entry)], most)
+            planned += [(entry, config) for config in entry.configs()[:most]]
+        return planned
+
+    def _plan_further(self) -> bool:
+        """Plan the next round of a suite that has a precision to reach; return whether there is one."""
+        if self.suite.precision is None:
+            return False
+        before = len(self._planned)
+        self._planned = self._round()
+        self.asked = Counter(entry.name for entry, _ in self._planned)
+        return len(self._planned) > before
+
+    def _requests(self, planned: Iterable[tuple[SuiteEntry, RunConfig]]) -> list[EpisodeRequest]:
         runs = None if self._folder is None else self._folder.resolve() / "runs"
-        return [EpisodeRequest(config, runs, self._code) for config in configs]
+        return [EpisodeRequest(config, runs, self._code, self._configs[entry.name]) for entry, config in planned]
 
     def merge(self, folders: Iterable[Path]) -> dict[str, Any]:
         """Import the episodes of all journals below the folders, and return the document.
@@ -149,6 +172,7 @@ class Evaluation:
             "evaluation": self.suite.name,
             "description": self.suite.description,
             "file": self.suite.file,
+            "until": None if self.suite.precision is None else str(self.suite.precision),
             "shard": None if self._shard is None else str(self._shard),
             "met": all(entry["met"] for entry in entries) and not self.contradictions,
             "interrupted": self._interrupted,

@@ -20,6 +20,7 @@ from bestman_bt.configuration.run import RunConfig, RunRequest, run_of_options
 from bestman_bt.configuration.secret import may_tell_secret
 from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.episode import prepare_episode
+from bestman_bt.evaluation.precision import Precision
 from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.facts.goals.goal import metric_names, read_goals
 from bestman_bt.registry import suggestion
@@ -117,6 +118,8 @@ class Suite:
     description: str = ""
     file: str = ""
     """The file of a user that it was read from; empty of a shipped suite, and where it was made of tasks."""
+    precision: Precision | None = None
+    """How precise each success rate shall be; entries then have at most their number of episodes. None: exactly it."""
 
 
 def is_suite(name: str) -> bool:

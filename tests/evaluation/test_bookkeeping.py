@@ -17,6 +17,7 @@ from bestman_bt.evaluation.episode_measures import DrivenPath, MotionLog
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher
 from bestman_bt.evaluation.markdown import markdown
+from bestman_bt.evaluation.precision import Precision
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.suite import EntryConfig, Successes, Suite, SuiteEntry
 from bestman_bt.messages import Pose, Pose2D
@@ -158,6 +159,31 @@ def test_targets_are_told_as_met_only_where_some_were_set(
     page = markdown(evaluated(Suite("mine", (entry,))))
     assert f"**{words}**" in page
     assert f"| {cell} |" in page
+
+
+def test_with_a_precision_rounds_end_where_it_is_reached_also_after_an_interruption(
+    episodes: Callable[..., Episodes], tmp_path: Path
+) -> None:
+    def every_eighth_fails(config: RunConfig) -> RunResult:
+        return (succeed if config.seed % 8 else fail)(config)
+
+    entries = [replace(entry, episodes=200) for entry in suite(ALL).entries]
+    asked = Suite("mine", tuple(entries), precision=Precision(0.1))
+    episodes(every_eighth_fails)
+    whole = evaluated(asked, tmp_path / "whole")
+    (entry,) = whole["entries"]
+    low, high = entry["interval"]
+    assert high - low <= 0.2
+    assert 17 < entry["episodes"] == entry["asked_episodes"] < 60
+    assert (whole["until"], entry["missing"]) == ("95%±10", [])
+    episodes(*20 * [every_eighth_fails], cancel)
+    assert evaluated(asked, tmp_path / "twice")["interrupted"]
+    again = episodes(every_eighth_fails)
+    assert evaluated(asked, tmp_path / "twice")["entries"] == whole["entries"]
+    assert len(again.ran) == entry["episodes"] - 20
+    episodes(succeed)
+    capped = Suite("mine", tuple(replace(entry, episodes=9) for entry in entries), precision=Precision(0.1))
+    assert evaluated(capped)["episodes"] == 9
 
 
 def test_one_entry_that_is_not_clean_makes_the_whole_evaluation_unclean(episodes: Callable[..., Episodes]) -> None:

@@ -150,7 +150,7 @@ def test_one_sentence_says_whether_a_difference_is_shown_and_how_many_pairs_woul
     undecided = compare_successes(5 * [(False, True)] + [(True, False)] + 14 * [(True, True)])
     assert success_sentence(undecided, "rrt", "bit") == (
         "success: no difference shown: rrt 15 of 20, bit 19 of 20, difference +20 % (95 % interval -5 to +44 %), "
-        "McNemar's test p = 0.2, 20 pairs; about 60 would decide."
+        "McNemar's test p = 0.2, 20 pairs; about 40 more would decide."
     )
     shown = compare_successes(12 * [(False, True)] + 8 * [(True, True)])
     assert success_sentence(shown, "rrt", "bit").startswith("success: higher with bit than with rrt: rrt 8 of 20")
@@ -164,7 +164,7 @@ def test_a_metric_is_written_with_the_digits_that_its_interval_allows() -> None:
     )
     few = metric_sentence(compare_values("error_mm", range(4), [1, 2, 3, 4], [1.5, 1.5, 3.5, 4.0]), "a", "b")
     assert "no interval from fewer than 6 pairs" in few
-    assert few.endswith("4 pairs; about 130 would decide.")
+    assert few.endswith("4 pairs; about 120 more would decide.")
     assert (
         metric_sentence(compare_values("same", [1, 2], [1, 1], [1, 1]), "a", "b")
         == "same: the same in each of the 2 pairs."

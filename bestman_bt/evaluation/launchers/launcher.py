@@ -21,9 +21,9 @@ from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunConfig
 from bestman_bt.engine.own_files import in_words
 from bestman_bt.errors import Error
-from bestman_bt.evaluation.code_version import code_fingerprint
+from bestman_bt.evaluation.code_version import config_fingerprint
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
-from bestman_bt.evaluation.launchers.worker_process import Answer
+from bestman_bt.evaluation.launchers.worker_process import Answer, code_here
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.evaluation.versions import versions
@@ -45,12 +45,14 @@ class EpisodeRequest:
     """One episode for any process that has the same code; picklable.
 
     ``folder``: parent of its run folder; None saves nothing. ``code``: the fingerprint of the code that must run it,
-    empty: any. ``wall_limit``: seconds of wall time after which it is taken to hang.
+    empty: any. ``files``: the fingerprint of its configuration with the files that it names, checked along with the
+    code. ``wall_limit``: seconds of wall time after which it is taken to hang.
     """
 
     config: RunConfig
     folder: Path | None = None
     code: str = ""
+    files: str = ""
     wall_limit: float = WALL_LIMIT
 
     def pickled(self) -> bytes:
@@ -63,13 +65,21 @@ class EpisodeRequest:
 
     def why_not_here(self) -> str:
         """Return why this process may not run it; empty if it may."""
-        if not self.code or self.code == _code_here():
+        if not self.code:
             return ""
-        told = ", ".join(f"{name} {version}" for name, version in versions().items())
-        return (
-            f"{platform.node()} (process {os.getpid()}) has other code: {_code_here()}, here {self.code}; install the "
-            f"same version of bestman-bt and of the packages that decide a run there ({told})"
-        )
+        code, told = _code_here()
+        where = f"{platform.node()} (process {os.getpid()})"
+        if code != self.code:
+            return (
+                f"{where} has other code: {code}, here {self.code}; install the same version of bestman-bt and of the "
+                f"packages that decide a run there ({told})"
+            )
+        if self.files and not _has_files(self.files, self.config):
+            return (
+                f"{where} has not the files that the run names, or others of these names: keep your trees, plug-ins "
+                "and YAML files where all machines see them under one path"
+            )
+        return ""
 
     def run(self) -> RunResult:
         """Return the result of the run; an exception gives a result with the error."""
@@ -168,8 +178,18 @@ class Launcher(ABC):
 
 
 @cache
-def _code_here() -> str:
-    return code_fingerprint()
+def _code_here() -> tuple[str, str]:
+    return code_here()
+
+
+_sound: set[str] = set()
+
+
+def _has_files(fingerprint: str, config: RunConfig) -> bool:
+    """Return whether this process reads the same configuration and files; it looks once for each configuration."""
+    if fingerprint not in _sound and config_fingerprint(config) == fingerprint:
+        _sound.add(fingerprint)
+    return fingerprint in _sound
 
 
 @contextmanager

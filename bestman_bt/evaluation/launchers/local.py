@@ -59,4 +59,4 @@ class LocalProcesses(Launcher):
         request = self.requests[place]
         self._busy[worker] = place
         # This machine has one code; the evaluation tells if that changes meanwhile.
-        worker.give(replace(request, code="").pickled(), request.wall_limit)
+        worker.give(replace(request, code="", files="").pickled(), request.wall_limit)

@@ -17,6 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -29,8 +30,14 @@ sys.path[:] = sys.argv[2:]
 from bestman_bt.evaluation.launchers.worker_process import serve
 serve(int(sys.argv[1]))
 """
-_KILLED = (-signal.SIGKILL, -signal.SIGTERM)
-"""Exit codes of a process that was ended from outside: by a person, the kernel's memory killer or a scheduler."""
+_ALONE = 113
+"""Exit code of a worker whose parent has gone."""
+_ENDED = {
+    -signal.SIGKILL: "its worker was ended by signal 9",
+    -signal.SIGTERM: "its worker was ended by signal 15",
+    _ALONE: "its worker was left alone",
+}
+"""Exit codes that tell nothing of the episode: a person, the kernel's memory killer or a scheduler ended the worker."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +59,13 @@ class Answer:
 class WorkerProcess:
     """One process, which runs what is given to it. ``alive``: whether it can take another episode."""
 
-    def __init__(self) -> None:
+    def __init__(self, folder: str | None = None) -> None:
+        """Start it, with ``folder`` as its working directory; None: this process's."""
         self.connection, theirs = Pipe()
         # PyBullet and OMPL keep state in the process, so workers are fresh interpreters, with one thread each.
         environment = {"OPENBLAS_NUM_THREADS": "1", **os.environ}
         command = [sys.executable, "-c", _PROGRAM, str(theirs.fileno()), *sys.path]
-        self._process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment)
+        self._process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, cwd=folder)
         theirs.close()
         self.alive = True
         self._ready = False
@@ -82,8 +90,8 @@ class WorkerProcess:
         except (EOFError, ConnectionError) as error:
             code = self._process.wait()
             self.kill()
-            if code in _KILLED:
-                return Answer(lost=f"its worker was ended by signal {-code}")
+            if code in _ENDED:
+                return Answer(lost=_ENDED[code])
             if not self._ready:
                 raise RuntimeError("a worker process cannot start; its error is above") from error
             return Answer(crashed=f"the process ended with code {code}", seconds=self._passed)
@@ -104,6 +112,31 @@ class WorkerProcess:
         self.connection.close()
 
 
+_own: list[WorkerProcess] = []
+"""The worker of this process, kept for the next episode."""
+
+
+def run_in_own_process(request: bytes, wall_limit: float, folder: str) -> Answer:
+    """Run a pickled ``EpisodeRequest`` in a worker of this process, in ``folder`` where there is one; wait for it."""
+    if not _own:
+        _own.append(WorkerProcess(folder if Path(folder).is_dir() else None))
+    worker = _own[0]
+    worker.give(request, wall_limit)
+    while (answer := worker.answer(1.0)) is None:
+        pass
+    if not worker.alive:
+        _own.clear()
+    return answer
+
+
+def code_here() -> tuple[str, str]:
+    """Return the fingerprint of this process's code, and the versions of the packages in it as text."""
+    from bestman_bt.evaluation.code_version import code_fingerprint
+    from bestman_bt.evaluation.versions import versions
+
+    return code_fingerprint(), ", ".join(f"{name} {version}" for name, version in versions().items())
+
+
 def serve(descriptor: int) -> None:
     """Run the episodes that come through the connection, until its other end is closed."""
     connection = Connection(descriptor)
@@ -118,9 +151,19 @@ def serve(descriptor: int) -> None:
 
 
 def _answer(request: bytes) -> Answer:
-    asked: EpisodeRequest = pickle.loads(request)  # noqa: S301 - from the process that has started this one
-    why = asked.why_not_here()
-    return Answer(refused=why) if why else Answer(result=pickle.dumps(asked.run()))
+    from bestman_bt.evaluation.code_version import code_fingerprint
+
+    try:
+        asked: EpisodeRequest = pickle.loads(request)  # noqa: S301 - from the process that has started this one
+        if why := asked.why_not_here():
+            return Answer(refused=why)
+        result = asked.run()
+        # A node that goes takes the code away, file by file, below an episode that still runs.
+        if result.success or not asked.code or code_fingerprint() == asked.code:
+            return Answer(result=pickle.dumps(result))
+        return Answer(lost="the code was changed or taken away below its worker")
+    except Exception as error:  # noqa: BLE001 - ``run`` catches those of the episode: this one is the worker's
+        return Answer(lost=f"its worker failed ({type(error).__name__}: {error})")
 
 
 def _end_with_the_parent(descriptor: int) -> None:
@@ -128,4 +171,4 @@ def _end_with_the_parent(descriptor: int) -> None:
     hung_up = select.poll()
     hung_up.register(descriptor, select.POLLRDHUP)
     hung_up.poll()
-    os._exit(1)
+    os._exit(_ALONE)

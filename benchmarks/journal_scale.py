@@ -1,0 +1,68 @@
+"""What a driver does for each episode, without the episodes: simulated results through the journal, and their shards.
+
+    python benchmarks/journal_scale.py [--episodes 100000] [--shards 64]
+
+Prints processor time per episode, memory, disk, and the time to merge. docs/scale.md has the figures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from bestman_bt.evaluation.journal import EpisodeKey, Journal, read_episodes
+from bestman_bt.evaluation.result import Outcome, RunResult
+from bestman_bt.evaluation.shards import gathered
+from bestman_bt.evaluation.summary import summarize
+from bestman_bt.evaluation.versions import versions
+
+AUDIT = ("teleports", "grasp_constraints", "ground_truth_reads", "collisions", "joint_limit_violations")
+METRICS = {f"metric_{number}_mm": 1.0 + number for number in range(6)}
+DURATIONS = {f"{kind}_s": 10.0 for kind in ("drive", "arm", "perception", "planning")}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--episodes", type=int, default=100_000)
+    parser.add_argument("--shards", type=int, default=64)
+    asked = parser.parse_args()
+    one = RunResult(
+        "fetch_cup", 0, True, Outcome.SUCCESS, "SUCCESS", True, None,
+        dict.fromkeys(AUDIT, 0), METRICS, 40.0, 8.0, versions(), DURATIONS,
+    )  # fmt: skip
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        began = time.process_time()
+        for shard in range(asked.shards):
+            with Journal(folder / f"{shard}" / "episodes.jsonl") as journal:
+                for seed in range(shard, asked.episodes, asked.shards):
+                    journal.add(EpisodeKey("config", seed, "code"), "commit", replace(one, seed=seed))
+        tell("written", began, asked.episodes)
+        files = sorted(folder.rglob("episodes.jsonl"))
+        size = sum(path.stat().st_size for path in files)
+        print(f"disk: {size / 1e6:.0f} MB, {size / asked.episodes:.0f} bytes each")
+        began = time.process_time()
+        results, contradictions = gathered({path: read_episodes(path) for path in files})
+        assert len(results) == asked.episodes
+        assert not contradictions
+        tell("merged", began, asked.episodes)
+        began = time.process_time()
+        summarize("fetch_cup", 0, list(results.values()), 1.0)
+        tell("summarised", began, asked.episodes)
+
+
+def tell(what: str, began: float, episodes: int) -> None:
+    passed = time.process_time() - began
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    print(
+        f"{what}: {passed:.1f} s of processor, {1e3 * passed / episodes:.3f} ms each, {memory:.0f} MB at most",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,185 @@
+"""Episodes as tasks of a Ray cluster: of this machine, or of many."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import zipfile
+from collections import deque
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from bestman_bt.configuration.data import data_root
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LauncherLostError, LaunchOptions
+from bestman_bt.evaluation.launchers.worker_process import Answer, code_here, run_in_own_process
+from bestman_bt.evaluation.result import RunResult
+from bestman_bt.extras import require_extra
+
+HEAD_PATIENCE = 10.0
+"""Seconds without an answer after which the head of the cluster is taken to be lost."""
+SHUTDOWN_PATIENCE = 10.0
+"""Seconds that a cluster has to close the connection."""
+
+
+class RayTasks(Launcher):
+    """Ray only places the episodes: each runs in a process of its own below the task, so that its crash is told from
+    the loss of a worker or a node, which alone runs it again.
+
+    Without an address, a Ray of this machine is started, on loopback. On a cluster, a checkout's code travels along;
+    an installed package is expected there. Every node must have the code of the evaluation.
+    """
+
+    def __init__(self, options: LaunchOptions | None = None) -> None:
+        super().__init__(options)
+        require_extra("--launcher ray", "ray")
+        self._waiting: deque[int] = deque()
+        self._pending: dict[Any, int] = {}
+        self._ray: Any = None
+        self._task: Any = None
+
+    def submit(self, requests: Sequence[EpisodeRequest]) -> None:  # noqa: D102
+        if self._ray is None and requests:
+            self._start(requests[0].code)
+        self._waiting += range(len(self.requests), len(self.requests) + len(requests))
+        self.requests += requests
+
+    def results(self) -> Iterator[tuple[int, RunResult]]:  # noqa: D102
+        heard = time.monotonic()
+        while self._waiting or self._pending:
+            if _reachable(self._head):  # whatever is asked of a head that is lost never returns
+                heard = time.monotonic()
+                room = self.options.jobs or 2 * int(self._ray.cluster_resources().get("CPU", 1))
+                while self._waiting and len(self._pending) < room:
+                    self._give(self._waiting.popleft())
+            elif time.monotonic() - heard > HEAD_PATIENCE:
+                raise LauncherLostError(
+                    f"the head of the Ray cluster at {self._head} does not answer any more; what has finished is kept: "
+                    "start a head again and repeat the command"
+                )
+            finished, _ = self._ray.wait(list(self._pending), timeout=1.0)
+            for reference in finished:
+                place = self._pending.pop(reference)
+                result = self.take(place, self._answer(reference))
+                if result is None:
+                    self._waiting.appendleft(place)
+                else:
+                    yield place, result
+
+    def cancel(self) -> None:  # noqa: D102
+        self._waiting.clear()
+        self._pending.clear()
+        if self._ray is not None:
+            # It waits for a head that may be lost.
+            closing = threading.Thread(target=self._ray.shutdown, daemon=True)
+            closing.start()
+            closing.join(SHUTDOWN_PATIENCE)
+            if closing.is_alive():
+                atexit.unregister(self._ray.shutdown)
+            self._ray = None
+
+    def _start(self, code: str) -> None:
+        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+        address, asked = self.options.address, dict[str, Any]()
+        if address:
+            asked = {"address": address}
+            where = address.removeprefix("ray://")
+            if ":" in where and not _reachable(where):
+                raise _problem(f"{address} does not answer; is its head running ('ray start --head'), the port open?")
+            if shipped := _code_of_checkout():
+                asked["runtime_env"] = {"working_dir": shipped}
+        else:
+            # Whatever the system, what Ray calls so keeps it on loopback.
+            os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
+            asked = {"num_cpus": self.options.jobs or os.cpu_count(), "include_dashboard": False}
+        ray = import_module("ray")
+        try:
+            ray.init(log_to_driver=False, logging_level="error", **asked)
+        except (ConnectionError, RuntimeError, ValueError) as error:  # unreachable, another Python or Ray
+            raise _problem(f"{address or 'a Ray of this machine'} cannot be used: {error}") from error
+        self._ray = ray
+        self._head = str(ray.get_runtime_context().gcs_address)
+        self._task = ray.remote(num_cpus=1, max_retries=0)(run_in_own_process)
+        try:
+            self._refuse_other_code(code)
+        except ConfigurationError:
+            self.cancel()
+            raise
+
+    def _refuse_other_code(self, code: str) -> None:
+        affinity = import_module("ray.util.scheduling_strategies").NodeAffinitySchedulingStrategy
+        asks = self._ray.remote(num_cpus=0, max_retries=0)(code_here)
+        nodes = {node["NodeID"]: node["NodeManagerAddress"] for node in self._ray.nodes() if node["Alive"]}
+        asked = {node: asks.options(scheduling_strategy=affinity(node, soft=False)).remote() for node in nodes}
+        problems = []
+        for node, reference in asked.items():
+            try:
+                there, versions = self._ray.get(reference)
+            except self._ray.exceptions.RayError as error:
+                told = str(error).strip().splitlines()[-1]
+                problems.append(f"node {nodes[node]} cannot run bestman-bt: {told}; install the same version there")
+                continue
+            if there != code:
+                why = f"node {nodes[node]} has other code ({there}, here {code}; there {versions})"
+                problems.append(f"{why}; install the same version of bestman-bt and of these packages")
+        if problems:
+            raise ConfigurationError(Problem("--launcher ray", None, "", why) for why in problems)
+
+    def _give(self, place: int) -> None:
+        request = self.requests[place]
+        reference = self._task.remote(request.pickled(), request.wall_limit, str(Path.cwd()))
+        self._pending[reference] = place
+
+    def _answer(self, reference: Any) -> Answer:
+        errors = self._ray.exceptions
+        losses = (
+            errors.WorkerCrashedError,
+            errors.NodeDiedError,
+            errors.LocalRayletDiedError,
+            errors.ObjectLostError,
+            errors.OutOfMemoryError,
+        )
+        try:
+            answer: Answer = self._ray.get(reference)
+        except losses as error:
+            return Answer(lost=f"its Ray worker or node was lost ({type(error).__name__})")
+        return answer
+
+
+def _reachable(address: str) -> bool:
+    host, _, port = address.rpartition(":")
+    try:
+        with socket.create_connection((host, int(port)), timeout=3.0):
+            return True
+    except (OSError, ValueError):
+        return False
+
+
+def _code_of_checkout() -> str:
+    """Return a folder with the content of a wheel, built now; empty outside a checkout.
+
+    Ray would install a wheel with all that it requires, on each node anew; the folder holds the code alone.
+    """
+    if not (data_root() / "pyproject.toml").is_file():
+        return ""
+    folder = Path(tempfile.mkdtemp(prefix="bestman_bt_wheel_"))
+    build = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder / "wheel")]
+    done = subprocess.run(build, cwd=data_root(), capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise _problem(f"no wheel can be built of {data_root()}: {done.stderr.strip()}")
+    (wheel,) = (folder / "wheel").iterdir()
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder / "code")
+    return str(folder / "code")
+
+
+def _problem(why: str) -> ConfigurationError:
+    return ConfigurationError([Problem("--address", None, "", why)])

@@ -1,0 +1,116 @@
+"""Episodes on several raylets: what is killed loses and doubles nothing, and the figures are those of one process."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import RunRequest, load_run
+from bestman_bt.evaluation.evaluation import Evaluation
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, LaunchOptions
+from bestman_bt.evaluation.launchers.ray_tasks import RayTasks
+from bestman_bt.evaluation.suite import Suite, make_suite
+from bestman_bt.extras import is_installed
+from tests.evaluation.launchers.journal_lines import without_times
+from tests.evaluation.launchers.ray_cluster import OPTIONS, RayCluster
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(600),
+    pytest.mark.skipif(not is_installed("ray"), reason="the extra ray is not installed: make test-cluster"),
+]
+
+SEEDS = 6
+
+
+@pytest.fixture
+def suite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Suite:
+    """A tree that does nothing, as often as there are seeds."""
+    monkeypatch.chdir(tmp_path)
+    for name, value in OPTIONS.items():
+        monkeypatch.setenv(name, value)
+    (tmp_path / "t.xml").write_text(
+        '<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>'
+    )
+    (tmp_path / "t.yaml").write_text("tree: t.xml\nscene: kitchen\nrobot: diff_panda\n")
+    return make_suite(["t.yaml"], SEEDS, 0, RunRequest())
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[RayCluster]:
+    with RayCluster() as running:
+        yield running
+
+
+def command(address: str, folder: Path) -> subprocess.Popen[str]:
+    """The evaluation as a program of its own."""
+    asked = [sys.executable, "-m", "bestman_bt.cli.main", "eval", "t.yaml", "--episodes", str(SEEDS)]
+    return subprocess.Popen(
+        [*asked, "--launcher", "ray", "--address", address, "--out", str(folder)], stderr=subprocess.PIPE, text=True
+    )
+
+
+def wait_for_an_episode(folder: Path, process: subprocess.Popen[str]) -> None:
+    journal = folder / "episodes.jsonl"
+    while not (journal.exists() and journal.read_text()):
+        assert process.poll() is None, process.stderr and process.stderr.read()
+        time.sleep(0.05)
+
+
+def test_killed_nodes_and_drivers_lose_and_double_nothing(suite: Suite, cluster: RayCluster, tmp_path: Path) -> None:
+    with Evaluation(suite, tmp_path / "local") as evaluation:
+        local = evaluation.run()
+    expected = without_times(tmp_path / "local", SEEDS)
+
+    killed: list[int] = []
+
+    def kill_a_node_once(*_: Any) -> None:
+        if not killed:
+            killed.append(1)
+            cluster.kill_node()
+
+    with Evaluation(suite, tmp_path / "node") as evaluation:
+        document = evaluation.run(RayTasks(LaunchOptions(address=cluster.address)), kill_a_node_once)
+    assert without_times(tmp_path / "node", SEEDS) == expected
+    assert (document["met"], document["code"]) == (True, local["code"])
+
+    driver = command(cluster.address, tmp_path / "driver")
+    wait_for_an_episode(tmp_path / "driver", driver)
+    driver.kill()
+    driver.communicate()
+    again = command(cluster.address, tmp_path / "driver")
+    _, told = again.communicate()
+    assert again.returncode == 0, told
+    assert "episodes are finished already" in told
+    assert without_times(tmp_path / "driver", SEEDS) == expected
+
+
+def test_without_a_head_the_driver_tells_so_and_a_new_one_goes_on(suite: Suite, tmp_path: Path) -> None:
+    with RayCluster() as lost:
+        driver = command(lost.address, tmp_path / "out")
+        wait_for_an_episode(tmp_path / "out", driver)
+        lost.kill_head()
+        _, told = driver.communicate()
+    assert driver.returncode == 130, told
+    assert f"the head of the Ray cluster at {lost.address} does not answer any more; what has finished is kept" in told
+    with Evaluation(suite, tmp_path / "out") as evaluation:
+        assert evaluation.run()["met"]
+    assert len(without_times(tmp_path / "out", SEEDS)) == SEEDS
+
+
+def test_nodes_with_other_code_and_addresses_without_a_head_are_refused(suite: Suite, cluster: RayCluster) -> None:
+    request = EpisodeRequest(load_run("fetch_cup"), code="0ther")
+    with pytest.raises(ConfigurationError) as refused:
+        RayTasks(LaunchOptions(address=cluster.address)).submit([request])
+    assert len(refused.value.problems) == 3
+    assert "has other code" in str(refused.value)
+    assert "here 0ther" in str(refused.value)
+    with pytest.raises(ConfigurationError, match=r"--address: 127.0.0.1:9 does not answer; is its head running"):
+        RayTasks(LaunchOptions(address="127.0.0.1:9")).submit([request])
