@@ -4,7 +4,7 @@
 #     bestman-bt eval manipulation --merge /shared/manipulation/shards --out /shared/manipulation
 #SBATCH --job-name=bestman-bt
 #SBATCH --cpus-per-task=1
-#SBATCH --mem=3G
+#SBATCH --mem-per-cpu=3G
 #SBATCH --time=12:00:00
 #SBATCH --requeue
 set -eu

@@ -50,7 +50,7 @@ def test_results_beyond_the_end_do_not_matter_and_the_most_is_kept() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("points", "rate"), product((5, 10), (0.5, 0.8, 0.9, 0.98)))
+@pytest.mark.parametrize(("points", "rate"), list(product((5, 10), (0.5, 0.8, 0.9, 0.98))))
 def test_the_interval_still_holds_the_rate_although_its_width_ended_the_episodes(points: int, rate: float) -> None:
     """All ways that the rounds can go, with their probabilities."""
     assert covered(Precision(points / 100), rate) > 0.92

@@ -31,7 +31,7 @@ SHUTDOWN_PATIENCE = 10.0
 
 
 class RayTasks(Launcher):
-    """Ray only places the episodes: each runs in a process of its own below the task, so that its crash is told from
+    """Ray only places the episodes: each runs in a separate process below the task, which separates its crash from
     the loss of a worker or a node, which alone runs it again.
 
     Without an address, a Ray of this machine is started, on loopback. On a cluster, a checkout's code travels along;

@@ -34,7 +34,7 @@ MOST_FRUITLESS = 3
 
 class SlurmArray(Launcher):
     """Every task of the array runs its share of the episodes, one after the other, and appends what becomes of each to
-    a file of its own. What a task that has ended left undone is submitted again.
+    its file. What a task that has ended left undone is submitted again.
 
     All machines see the folder, the code and the files of the user under one path. ``cluster``: submitit's executor;
     ``local`` runs the tasks as processes of this machine.
@@ -133,7 +133,7 @@ class SlurmArray(Launcher):
 
 @dataclass
 class _Part:
-    """A task of the array: what it writes to, and the episodes of which it has not told yet, in their order."""
+    """A task of the array: its file, and the episodes without an answer so far, in their order."""
 
     job: Any
     file: Path
@@ -141,7 +141,7 @@ class _Part:
     offset: int = field(default=0, init=False)
 
     def read(self) -> list[tuple[int, Answer]]:
-        """Return what was told since the last call."""
+        """Return the answers since the last call."""
         with self.file.open("rb") as file:
             file.seek(self.offset)
             whole, newline, _ = file.read().rpartition(b"\n")
@@ -153,7 +153,7 @@ class _Part:
 
 
 def run_share(episodes: Sequence[tuple[int, tuple[bytes, float]]], file: str, folder: str) -> None:
-    """Run the episodes of a task, but those that it has told of before Slurm started it anew."""
+    """Run the episodes of a task, but those that it had finished before Slurm started it anew."""
     told = {_parsed(line)[0] for line in Path(file).read_bytes().split(b"\n")[:-1]}
     for place, (request, wall_limit) in episodes:
         if place not in told:

@@ -15,6 +15,7 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib import import_module
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -122,8 +123,11 @@ def run_in_own_process(request: bytes, wall_limit: float, folder: str) -> Answer
         _own.append(WorkerProcess(folder if Path(folder).is_dir() else None))
     worker = _own[0]
     worker.give(request, wall_limit)
-    while (answer := worker.answer(1.0)) is None:
-        pass
+    try:
+        while (answer := worker.answer(1.0)) is None:
+            pass
+    except RuntimeError as error:
+        answer = Answer(lost=str(error))
     if not worker.alive:
         _own.clear()
     return answer
@@ -141,6 +145,7 @@ def serve(descriptor: int) -> None:
     """Run the episodes that come through the connection, until its other end is closed."""
     connection = Connection(descriptor)
     threading.Thread(target=_end_with_the_parent, args=(descriptor,), daemon=True).start()
+    import_module("bestman_bt.evaluation.launchers.launcher")  # takes seconds, which are not the first episode's
     connection.send("ready")
     while True:
         try:
