@@ -19,10 +19,6 @@ from importlib import import_module
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from bestman_bt.evaluation.launchers.launcher import EpisodeRequest
 
 _PROGRAM = """
 import signal, sys
@@ -159,7 +155,7 @@ def _answer(request: bytes) -> Answer:
     from bestman_bt.evaluation.code_version import code_fingerprint
 
     try:
-        asked: EpisodeRequest = pickle.loads(request)  # noqa: S301 - from the process that has started this one
+        asked = pickle.loads(request)  # noqa: S301 - from the process that has started this one
         if why := asked.why_not_here():
             return Answer(refused=why)
         result = asked.run()
