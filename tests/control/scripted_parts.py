@@ -147,11 +147,13 @@ class ScriptedArm(Arm):
 
     model = arm_model()
 
-    def __init__(self, positions: ArrayLike, velocity: float = 2.0, name: str = "arm") -> None:
+    def __init__(
+        self, positions: ArrayLike, velocity: float = 2.0, name: str = "arm", acceleration: float = 100.0
+    ) -> None:
         super().__init__(name)
         self.at: NDArray[np.float64] = np.array(positions, dtype=float)
         names = [f"joint_{number}" for number in range(1, len(self.at) + 1)]
-        self.model = arm_model(names, lower=-3.0, upper=3.0, velocity=velocity, acceleration=100.0, effort=50.0)
+        self.model = arm_model(names, lower=-3.0, upper=3.0, velocity=velocity, acceleration=acceleration, effort=50.0)
         self.motions: list[ScriptedMotion] = []
         self.sent: list[NDArray[np.float64]] = []
         self.stops = 0

@@ -94,15 +94,20 @@ _CODES = {
 }
 
 
+_GAINED_TURN = (*(0.5**halved for halved in range(7)), 0.0)
+"""Shares of the wanted change of the hand's turning speed that are tried in a period."""
+
+
 @dataclass(frozen=True)
 class Following:
     """Parameters of the compliant following. SI units.
 
     ``compliance``: m/s across the motion per newton, up to ``side_speed``. ``acceleration``: along it.
     ``force_filter``: seconds. ``stall_time``: without ``stall_distance`` of progress counts as stuck. ``moved``:
-    distance beyond which a stuck joint is jammed, not locked. ``turn_speed``: rad/s of the hand. ``relax_time``: of
-    yielding to residual forces at the end. ``time_factor``: on the time at full speed. ``stop_speed``: m/s where an end
-    stop is expected.
+    distance beyond which a stuck joint is jammed, not locked. ``turn_speed``: rad/s of the hand. ``turn_lag``: radians
+    by which the hand's turn may lag behind its guide at full speed; at twice as much the hand stops and turns.
+    ``relax_time``: of yielding to residual forces at the end. ``time_factor``: on the time at full speed.
+    ``stop_speed``: m/s where an end stop is expected.
     """
 
     compliance: float = 2.5e-4
@@ -113,6 +118,7 @@ class Following:
     stall_distance: float = 0.002
     moved: float = 0.015
     turn_speed: float = 0.6
+    turn_lag: float = 0.1
     relax_time: float = 0.3
     time_factor: float = 4.0
     stop_speed: float = 0.02
@@ -174,7 +180,7 @@ class ConstraintFollowing:
         self._start = self._held(stream.measured())
         self._estimator = JointAxisEstimator(direction, self._start, hint, self._following.axis, goal.axis, goal.learns)
         self._force: Array = np.zeros(3)
-        self._speed = self._turned = self._time = 0.0
+        self._speed = self._turn = self._turned = self._time = 0.0
         self._peak = np.zeros(2)
         self._progress, self._progress_at = 0.0, 0.0
         self._ending: tuple[FollowEnd, str, float] | None = None
@@ -250,12 +256,14 @@ class ConstraintFollowing:
         touching = math.sqrt(p.stop_speed**2 + 2.0 * p.acceleration * max(0.0, before_stop))
         # The closer to the force limit, the slower, so that nothing locked is pulled at harder.
         yielding = goal.speed * min(1.0, max(0.0, 2.0 * (1.0 - pull / goal.max_pull)))
-        self._speed = min(self._speed + p.acceleration * time, goal.speed, braking, touching, yielding)
+        speed = min(goal.speed, braking, touching, yielding) * self._kept_up(held)
+        self._speed = min(self._speed + p.acceleration * time, speed)
         for slower in (1.0, 0.5, 0.2):
             velocity = slower * self._speed * tangent + self._giving_way(side)
             for turn in self._turns(held, slower):
                 step = self._stream.send(self._next_pose(velocity, turn), self._posture(held))
                 if step is StreamStep.SENT:
+                    self._turn = turn
                     self._turned += turn
                     return None
         return FollowEnd.ARM_LIMIT, "the arm can go no further: a joint limit or a singularity is ahead"
@@ -264,16 +272,34 @@ class ConstraintFollowing:
         velocity = self._following.compliance * force
         return velocity * min(1.0, self._following.side_speed / max(float(np.linalg.norm(velocity)), 1e-9))
 
+    def _wanted_turn(self, held: Array) -> float:
+        """Return the rotation of the hand since the grasp that belongs to this place of the way, radians."""
+        axis, guide = self._estimator.axis, self._goal.guide
+        if guide is not None:
+            return guide.turn(axis.travelled(self._start, held))
+        return self._goal.turn * axis.angle(self._start, held)
+
+    def _kept_up(self, held: Array) -> float:
+        """Return the share of the speed along a guide that the hand may keep, 0 to 1, by how far its turn lags behind.
+
+        The guide's postures were checked for collisions with the turns that belong to them.
+        """
+        if self._goal.guide is None or self._estimator.axis.kind != "revolute":
+            return 1.0
+        lag = abs(self._wanted_turn(held) - self._turned)
+        return float(np.clip(2.0 - lag / self._following.turn_lag, 0.0, 1.0))
+
     def _turns(self, held: Array, slower: float) -> tuple[float, ...]:
-        """By what angle to turn the hand in this period: with the door, or, where the arm cannot, not at all."""
-        axis = self._estimator.axis
+        """Return the rotations of the hand to try in this period, radians.
+
+        First the wanted one, then those between it and the last one, because the joints accelerate; at last none.
+        """
+        if self._estimator.axis.kind != "revolute":
+            return (0.0,)
         most = slower * self._following.turn_speed * self._stream.step_time
-        if self._goal.guide is not None:
-            wanted = self._goal.guide.turn(axis.travelled(self._start, held))
-        else:
-            wanted = self._goal.turn * axis.angle(self._start, held)
-        with_door = float(np.clip(wanted - self._turned, -most, most)) if axis.kind == "revolute" else 0.0
-        return (with_door, 0.0) if with_door else (0.0,)
+        wanted = float(np.clip(self._wanted_turn(held) - self._turned, -most, most))
+        towards = [self._turn + share * (wanted - self._turn) for share in _GAINED_TURN]
+        return tuple(dict.fromkeys((*towards, 0.0)))
 
     def _posture(self, held: Array) -> Array | None:
         guide, axis = self._goal.guide, self._estimator.axis

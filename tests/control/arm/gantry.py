@@ -75,9 +75,14 @@ class AtWork:
     """An arm controller on a gantry: ``force`` is what the tool feels."""
 
     def __init__(
-        self, force: Callable[[Pose], Array] = lambda pose: np.zeros(3), velocity: float = 2.0, **kwargs
+        self,
+        force: Callable[[Pose], Array] = lambda pose: np.zeros(3),
+        velocity: float = 2.0,
+        acceleration: float = 100.0,
+        **kwargs,
     ) -> None:
-        self.arm, self.kinematics, self.wrist = ScriptedArm(START, velocity), Gantry(), Felt(force)
+        self.arm = ScriptedArm(START, velocity, acceleration=acceleration)
+        self.kinematics, self.wrist = Gantry(), Felt(force)
         self.clock: SimulatedClock = stepped_clock(time_step=1.0 / 60.0)
         self.controller = ArmController(self.arm, self.clock, kinematics=self.kinematics, wrist=self.wrist, **kwargs)
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from bestman_bt.control.arm.arm_controller import ArmMoving
-from bestman_bt.control.arm.constraint_following import FollowEnd, FollowGoal, FollowGuide, Following
+from bestman_bt.control.arm.constraint_following import FollowedMotion, FollowEnd, FollowGoal, FollowGuide, Following
 from bestman_bt.control.arm.joint_axis import JointAxis
 from bestman_bt.messages import MotionErrorCode, Pose
-from hal.api import MotionStatus
+from hal.api import Motion, MotionStatus
 from tests.control.arm.gantry import START, AtWork
 
 OUT = np.array([-0.6, 0.8, 0.0])
@@ -299,3 +299,31 @@ def test_what_the_hand_holds_stays_on_its_circle_while_the_hand_turns_about_it()
     assert handle.result.turned == pytest.approx(0.7, abs=0.02)
     places = np.array([it.kinematics.tool_pose(sent).apply(held_at[None])[0] for sent in it.arm.sent])
     assert np.linalg.norm(places - hinge, axis=1) == pytest.approx(axis.radius, abs=1.5e-3)
+
+
+def turned_along_a_kinked_guide(steep: float) -> tuple[np.ndarray, np.ndarray, Motion[FollowedMotion]]:
+    """Ways (N,) and turns (N,) of a hand whose guide begins to turn at once by ``steep`` radians per metre."""
+    hinge = START[:3] + np.array([0.3, 0.1, 0.0])
+    axis = JointAxis("revolute", hinge, UP, math.hypot(0.3, 0.1), 0.0)
+    ways = np.array([0.0, 0.1, 0.2, 0.3])
+    guide = FollowGuide(ways, steep * np.array([0.0, 0.0, 0.1, 0.1]), np.vstack([START] * 4))
+    it = AtWork(acceleration=6.0, moving=ArmMoving(following=Following(turn_speed=4.0)))
+    goal = FollowGoal(distance=0.3, guide=guide, axis=axis, learns=False)
+    handle = it.wait(it.controller.follow_constraint(np.cross(UP, START[:3] - hinge), goal), 60.0)
+    sent = np.array(it.arm.sent)
+    arms = sent[:, :2] - hinge[:2]
+    angles = np.unwrap(np.arctan2(arms[:, 1], arms[:, 0]))
+    return axis.radius * (angles - angles[0]), sent[:, 5] - START[5], handle
+
+
+def test_a_hand_whose_guide_begins_to_turn_at_once_gathers_turn_as_its_joints_allow():
+    ways, turns, handle = turned_along_a_kinked_guide(12.0)  # 0.012 rad a period, where 0.0017 may be gained
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
+    assert handle.result.turned == pytest.approx(1.2, abs=0.02)
+    assert np.abs(turns - np.interp(ways, [0.1, 0.2], [0.0, 1.2])).max() < 0.2
+
+
+def test_a_hand_that_cannot_turn_as_fast_as_its_guide_goes_slower_and_keeps_to_it():
+    ways, turns, handle = turned_along_a_kinked_guide(25.0)  # 1.5 rad/s at full speed, above what the joint may do
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
+    assert np.abs(turns - np.interp(ways, [0.1, 0.2], [0.0, 2.5])).max() < 0.25
