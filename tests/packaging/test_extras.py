@@ -124,7 +124,7 @@ def test_the_page_on_installation_tells_what_every_extra_adds() -> None:
 def test_the_extra_all_is_made_of_the_others() -> None:
     (everything,) = map(Requirement, EXTRAS["all"])
     assert everything.name == "bestman-bt"
-    assert set(EXTRAS) - everything.extras == {"all", "gallery", "planning", "ray", "slurm"}
+    assert set(EXTRAS) - everything.extras == {"all", "gallery", "planning", "pyrobosim", "ray", "slurm"}
 
 
 @pytest.mark.parametrize(
