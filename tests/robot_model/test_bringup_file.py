@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from bestman_bt.configuration.data import pybullet_data
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.robot_model.bringup_file import BringUpFile, Signature, SignedStep, as_brought_up, bringup_path
 from bestman_bt.robot_model.compose import load_robot_model
@@ -115,6 +116,10 @@ def test_a_damaged_file_is_told_with_its_line(robot_file: Path, text: str, words
 
 
 def test_the_bring_up_of_a_shipped_robot_is_the_users(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    models = pybullet_data()
+    assert models is not None
+    (tmp_path / "bestman-bt").mkdir()
+    (tmp_path / "bestman-bt" / "pybullet_data").symlink_to(models)
     monkeypatch.setitem(os.environ, "XDG_DATA_HOME", str(tmp_path))
     model = load_robot_model("diff_xarm6")
     assert model.bringup == tmp_path / "bestman-bt" / "robots" / "diff_xarm6.bringup"
