@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from difflib import get_close_matches
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -28,6 +29,7 @@ _FOLDERS = {
 _OF_USERS = ("object", "part", "robot")
 
 
+@cache
 def data_root() -> Path:
     """Return the folder that holds ``assets``, ``configs`` and ``trees``: the checkout's, else the installed
     package's.

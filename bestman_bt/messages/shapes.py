@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import typing
 from dataclasses import dataclass
+from functools import cache
 from itertools import product
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -46,14 +47,20 @@ class OrderError(Error, ValueError):
 
 def check_bounds(parameters: object) -> None:
     """Raise OrderError if a field of a dataclass is smaller than the field that its ``NotBelow`` names."""
-    for name, hint in typing.get_type_hints(type(parameters), include_extras=True).items():
-        for mark in getattr(hint, "__metadata__", ()):
-            if not isinstance(mark, NotBelow):
-                continue
-            least, value = getattr(parameters, mark.field), getattr(parameters, name)
-            if least > value:
-                message = f"{mark.field} ({least:g}) should not be larger than {name} ({value:g})"
-                raise OrderError(message, (mark.field, name))
+    kind: Any = type(parameters)  # mypy takes the types of dataclasses for unhashable
+    for field, name in _ordered_fields(kind):
+        least, value = getattr(parameters, field), getattr(parameters, name)
+        if least > value:
+            message = f"{field} ({least:g}) should not be larger than {name} ({value:g})"
+            raise OrderError(message, (field, name))
+
+
+@cache
+def _ordered_fields(dataclass_type: Any) -> tuple[tuple[str, str], ...]:
+    """Pairs of fields of which the second must not be smaller; evaluating annotations takes most of a millisecond."""
+    hints = typing.get_type_hints(dataclass_type, include_extras=True)
+    marks = ((mark, name) for name, hint in hints.items() for mark in getattr(hint, "__metadata__", ()))
+    return tuple((mark.field, name) for mark, name in marks if isinstance(mark, NotBelow))
 
 
 @dataclass(frozen=True)

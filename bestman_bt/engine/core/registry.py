@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Iterable, Iterator
 from copy import copy
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 from bestman_bt.engine.conversion import UNTYPED, ConverterRegistry
@@ -155,6 +156,7 @@ class NodeRegistry:
         return sorted(self._infos.values(), key=lambda info: info.name)
 
 
+@lru_cache(maxsize=1024)
 def make_info(name: str, cls: type[Node], *, builtin: bool) -> NodeInfo:
     """Describe a node class."""
     ports = declared_ports(cls)
