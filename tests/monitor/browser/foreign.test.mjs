@@ -55,6 +55,7 @@ test("a process of BehaviorTree.CPP is drawn, held, let go, and followed when it
 
   first.child.kill("SIGKILL");
   await first.ended;
+  await page.locator(".run-facts [data-run-state=ended]").waitFor();
   ticking();
   await page.locator(".run-facts [data-run-state=running]").waitFor();
   await eventually(async () => (await page.getByTestId("clock").innerText()) !== "0.00 s", true);
