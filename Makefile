@@ -16,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 help:
 	@echo "make demo      install, then watch the robot fetch a cup"
 	@echo "make test      install, then lint, types, import contracts and the quick tests (about 5 minutes)"
-	@echo "make test-all  every test, as CI runs them (about 28 minutes)"
+	@echo "make test-all  every test (about 35 minutes); REST=1: those that make test leaves out"
 	@echo "make test-cluster  bring Ray and submitit, then evaluate on them while nodes, workers and drivers are killed"
 	@echo "make properties  random examples of what holds for each algorithm, for about an hour"
 	@echo "make mutants   seed known faults one by one and see that the tests find them (hours; resumes)"
@@ -45,10 +45,11 @@ test: lint page-packages
 	$(PYTEST) -m "not slow and real_time and not alone" $(REAL_TIME)
 	$(BIN)/python -m pytest -m "not slow and alone" $(REAL_TIME)
 
+# REST=1 leaves out what `make test` has run.
 test-all: install page-packages
-	$(PYTEST) --durations 30 -m "not real_time"
-	$(PYTEST) --durations 30 -m "real_time and not alone" $(REAL_TIME)
-	$(BIN)/python -m pytest --durations 30 -m alone $(REAL_TIME)
+	$(PYTEST) --durations 30 -m "$(if $(REST),slow and )not real_time"
+	$(PYTEST) --durations 30 -m "$(if $(REST),slow and )real_time and not alone" $(REAL_TIME)
+	$(BIN)/python -m pytest --durations 30 -m "$(if $(REST),slow and )alone" $(REAL_TIME)
 
 test-cluster: install
 	$(BIN)/uv pip install --quiet --python $(BIN)/python "ray>=2.50,<3" "submitit>=1.5,<2"

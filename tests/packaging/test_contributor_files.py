@@ -24,7 +24,9 @@ def parsed(name: str) -> Any:
 
 
 def called_targets(commands: str) -> list[str]:
-    return [target for line in re.findall(r"^make (.+)$", commands, re.MULTILINE) for target in line.split()]
+    """The targets of make, without its variables."""
+    lines = re.findall(r"^make (.+)$", commands, re.MULTILINE)
+    return [word for line in lines for word in line.split() if "=" not in word]
 
 
 def workflow_commands() -> str:
