@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from pyrobosim.planning.actions import TaskAction
 
+from behaviours.skill import Declaration
 from bestman_bt.engine import FAILURE, SUCCESS, Condition, In, NodeRegistry, Out, SyncAction, ThreadedAction
-from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_literals
-from bestman_bt.task_planning.symbolic.problem import Literal, Operator
+from bestman_bt.task_planning.abilities import operator_of
+from bestman_bt.task_planning.symbolic.facts import parse_literals
+from bestman_bt.task_planning.symbolic.problem import Operator
 from workshop_world import WorkshopWorld
 
 ENOUGH = 30.0
@@ -21,10 +23,6 @@ class RobotAction(ThreadedAction):
 
     KIND = ""
     context: WorkshopWorld
-
-    def prepare(self) -> TaskAction:
-        """Return the action, of the node's ports; called on the tick thread."""
-        raise NotImplementedError
 
     def on_work(self, inputs: TaskAction) -> int:
         """Execute it; a failure's message is the simulator's."""
@@ -147,17 +145,7 @@ def registry() -> NodeRegistry:
 
 
 def _operator(name: str, parameters: dict[str, str], pre: str, effects: str, cost: float = 1.0) -> Operator:
-    changed = parse_conditions(effects)
-    literals = [one for one in changed if isinstance(one, Literal)]
-    return Operator(
-        name,
-        parameters,
-        parse_conditions(pre),
-        add=tuple(one.fact for one in literals if not one.negated),
-        delete=tuple(one.fact for one in literals if one.negated),
-        each=tuple(one for one in changed if not isinstance(one, Literal)),
-        cost=cost,
-    )
+    return operator_of(name, Declaration(pre=(pre,), effects=(effects,), parameters=parameters, cost=cost))
 
 
 def operators(world: WorkshopWorld) -> tuple[Operator, ...]:

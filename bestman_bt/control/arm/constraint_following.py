@@ -258,10 +258,11 @@ class ConstraintFollowing:
         yielding = goal.speed * min(1.0, max(0.0, 2.0 * (1.0 - pull / goal.max_pull)))
         speed = min(goal.speed, braking, touching, yielding) * self._kept_up(held)
         self._speed = min(self._speed + p.acceleration * time, speed)
+        posture = self._posture(held)
         for slower in (1.0, 0.5, 0.2):
             velocity = slower * self._speed * tangent + self._giving_way(side)
             for turn in self._turns(held, slower):
-                step = self._stream.send(self._next_pose(velocity, turn), self._posture(held))
+                step = self._stream.send(self._next_pose(velocity, turn), posture)
                 if step is StreamStep.SENT:
                     self._turn = turn
                     self._turned += turn

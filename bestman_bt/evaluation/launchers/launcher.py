@@ -67,12 +67,12 @@ class EpisodeRequest:
         """Return why this process may not run it; empty if it may."""
         if not self.code:
             return ""
-        code, told = _code_here()
+        code, packages = _code_here()
         where = f"{platform.node()} (process {os.getpid()})"
         if code != self.code:
             return (
                 f"{where} has other code: {code}, here {self.code}; install the same version of bestman-bt and of the "
-                f"packages that decide a run there ({told})"
+                f"packages that decide a run there ({packages})"
             )
         if self.files and not _has_files(self.files, self.config):
             return (
@@ -86,7 +86,7 @@ class EpisodeRequest:
         run_folder = make_run_folder(self.config, self.folder) if self.folder is not None else None
         start = time.perf_counter()
         try:
-            with _without_warnings():  # who made the suite has prepared it, and was told them then
+            with _without_warnings():  # shown when the suite was made
                 setup = prepare_episode(self.config)
             return run_episode(setup, run_folder)
         except Exception as error:  # noqa: BLE001 - one episode that breaks is a failed episode, not the end of the batch
@@ -158,6 +158,12 @@ class Launcher(ABC):
     def notes(self) -> list[str]:
         """What a reader of the figures has to know."""
         return [f"{self.lost.total()} times an episode was run again because its worker was lost"] * bool(self.lost)
+
+    def record(self, requests: Sequence[EpisodeRequest]) -> range:
+        """Add further requests; return their places."""
+        before = len(self.requests)
+        self.requests += requests
+        return range(before, len(self.requests))
 
     def take(self, place: int, answer: Answer) -> RunResult | None:
         """Return the result that an answer stands for; None: its worker was lost, and the episode is to be run again.

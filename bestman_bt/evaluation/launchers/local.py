@@ -20,11 +20,12 @@ class LocalProcesses(Launcher):
         self._waiting: deque[int] = deque()
         self._busy: dict[WorkerProcess, int] = {}
 
-    def submit(self, requests: Sequence[EpisodeRequest]) -> None:  # noqa: D102
-        self._waiting += range(len(self.requests), len(self.requests) + len(requests))
-        self.requests += requests
+    def submit(self, requests: Sequence[EpisodeRequest]) -> None:
+        """Queue further episodes; a worker starts with ``results``."""
+        self._waiting += self.record(requests)
 
-    def results(self) -> Iterator[tuple[int, RunResult]]:  # noqa: D102
+    def results(self) -> Iterator[tuple[int, RunResult]]:
+        """Yield each place with its result; workers end once nothing waits for them."""
         jobs = self.options.jobs or 1
         while jobs == 1 and self._waiting:
             place = self._waiting.popleft()
@@ -48,7 +49,8 @@ class LocalProcesses(Launcher):
                 if result is not None:
                     yield place, result
 
-    def cancel(self) -> None:  # noqa: D102
+    def cancel(self) -> None:
+        """Kill the workers, and forget what waits."""
         self._waiting.clear()
         for worker in self._busy:
             worker.kill()
@@ -58,5 +60,5 @@ class LocalProcesses(Launcher):
         place = self._waiting.popleft()
         request = self.requests[place]
         self._busy[worker] = place
-        # This machine has one code; the evaluation tells if that changes meanwhile.
+        # One machine has one code; the evaluation itself notes if that changes meanwhile.
         worker.give(replace(request, code="", files="").pickled(), request.wall_limit)

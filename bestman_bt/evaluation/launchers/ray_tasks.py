@@ -46,13 +46,14 @@ class RayTasks(Launcher):
         self._ray: Any = None
         self._task: Any = None
 
-    def submit(self, requests: Sequence[EpisodeRequest]) -> None:  # noqa: D102
+    def submit(self, requests: Sequence[EpisodeRequest]) -> None:
+        """Queue further episodes; the first ones connect to the cluster."""
         if self._ray is None and requests:
             self._start(requests[0].code)
-        self._waiting += range(len(self.requests), len(self.requests) + len(requests))
-        self.requests += requests
+        self._waiting += self.record(requests)
 
-    def results(self) -> Iterator[tuple[int, RunResult]]:  # noqa: D102
+    def results(self) -> Iterator[tuple[int, RunResult]]:
+        """Yield each place with its result. Raises LauncherLostError if the head does not answer any more."""
         heard = time.monotonic()
         while self._waiting or self._pending:
             if _reachable(self._head):  # whatever is asked of a head that is lost never returns
@@ -74,7 +75,8 @@ class RayTasks(Launcher):
                 else:
                     yield place, result
 
-    def cancel(self) -> None:  # noqa: D102
+    def cancel(self) -> None:
+        """Disconnect, which ends the tasks that still run."""
         self._waiting.clear()
         self._pending.clear()
         if self._ray is not None:
@@ -124,8 +126,8 @@ class RayTasks(Launcher):
             try:
                 there, versions = self._ray.get(reference)
             except self._ray.exceptions.RayError as error:
-                told = str(error).strip().splitlines()[-1]
-                problems.append(f"node {nodes[node]} cannot run bestman-bt: {told}; install the same version there")
+                reason = str(error).strip().splitlines()[-1]
+                problems.append(f"node {nodes[node]} cannot run bestman-bt: {reason}; install the same version there")
                 continue
             if there != code:
                 why = f"node {nodes[node]} has other code ({there}, here {code}; there {versions})"

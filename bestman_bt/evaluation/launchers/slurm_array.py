@@ -52,14 +52,15 @@ class SlurmArray(Launcher):
         self._executor: Any = None
         self._fruitless = 0
 
-    def submit(self, requests: Sequence[EpisodeRequest]) -> None:  # noqa: D102
-        places = list(range(len(self.requests), len(self.requests) + len(requests)))
-        self.requests += requests
+    def submit(self, requests: Sequence[EpisodeRequest]) -> None:
+        """Submit an array job that runs further episodes."""
+        places = list(self.record(requests))
         tasks = min(self.options.jobs or TASKS, len(places))
         self._submit([places[number::tasks] for number in range(tasks)])
 
-    def results(self) -> Iterator[tuple[int, RunResult]]:  # noqa: D102
-        told: set[int] = set()
+    def results(self) -> Iterator[tuple[int, RunResult]]:
+        """Yield each place with its result. Raises LauncherLostError if tasks end without any."""
+        yielded: set[int] = set()
         while self._parts:
             running = self._running()
             again: list[list[int]] = []
@@ -76,8 +77,8 @@ class SlurmArray(Launcher):
                     result = self.take(place, answer)
                     if result is None:
                         again.append([place])
-                    elif place not in told:
-                        told.add(place)
+                    elif place not in yielded:
+                        yielded.add(place)
                         yield place, result
             if self._fruitless >= MOST_FRUITLESS:
                 raise LauncherLostError(
@@ -88,7 +89,8 @@ class SlurmArray(Launcher):
             if self._parts:
                 time.sleep(POLL)
 
-    def cancel(self) -> None:  # noqa: D102
+    def cancel(self) -> None:
+        """Cancel the tasks that wait or run."""
         for part in self._parts:
             part.job.cancel(check=False)
         self._parts.clear()
@@ -147,16 +149,16 @@ class _Part:
             whole, newline, _ = file.read().rpartition(b"\n")
         self.offset += len(whole + newline)
         answers = [_parsed(line) for line in whole.split(b"\n")] if whole else []
-        told = {place for place, _ in answers}
-        self.left = [place for place in self.left if place not in told]
+        answered = {place for place, _ in answers}
+        self.left = [place for place in self.left if place not in answered]
         return answers
 
 
 def run_share(episodes: Sequence[tuple[int, tuple[bytes, float]]], file: str, folder: str) -> None:
     """Run the episodes of a task, but those that it had finished before Slurm started it anew."""
-    told = {_parsed(line)[0] for line in Path(file).read_bytes().split(b"\n")[:-1]}
+    finished = {_parsed(line)[0] for line in Path(file).read_bytes().split(b"\n")[:-1]}
     for place, (request, wall_limit) in episodes:
-        if place not in told:
+        if place not in finished:
             answer = run_in_own_process(request, wall_limit, folder)
             with Path(file).open("ab") as results:  # closed, so that other machines see it
                 results.write(f"{place} ".encode() + base64.b64encode(pickle.dumps(answer)) + b"\n")

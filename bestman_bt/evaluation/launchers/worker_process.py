@@ -72,7 +72,7 @@ class WorkerProcess:
     def give(self, request: bytes, wall_limit: float) -> None:
         """Let it run a pickled ``EpisodeRequest``; after ``wall_limit`` seconds the episode is taken to hang."""
         self._began, self._limit = time.perf_counter(), wall_limit
-        with suppress(ConnectionError):  # its end is told by ``answer``
+        with suppress(ConnectionError):  # ``answer`` reports its end
             self.connection.send_bytes(request)
 
     def answer(self, timeout: float = 0.0) -> Answer | None:
@@ -114,7 +114,7 @@ _own: list[WorkerProcess] = []
 
 
 def run_in_own_process(request: bytes, wall_limit: float, folder: str) -> Answer:
-    """Run a pickled ``EpisodeRequest`` in a worker of this process, in ``folder`` where there is one; wait for it."""
+    """Run a pickled ``EpisodeRequest`` in a worker of this process, in ``folder`` if that exists; wait for it."""
     if not _own:
         _own.append(WorkerProcess(folder if Path(folder).is_dir() else None))
     worker = _own[0]
@@ -168,7 +168,7 @@ def _answer(request: bytes) -> Answer:
 
 
 def _end_with_the_parent(descriptor: int) -> None:
-    """An episode whose result is no longer needed is not run to its end."""
+    """End this process when its parent closes the connection: nothing needs the result any more."""
     hung_up = select.poll()
     hung_up.register(descriptor, select.POLLRDHUP)
     hung_up.poll()
