@@ -58,25 +58,23 @@ reading for as long as that, over more, and over twice as many where the motion 
 
 
 def joints_arrive_within_their_limits(robot: Robot) -> None:
-    """Every group reaches its target, at full and at quarter speed, and is never faster by more than 5 %."""
+    """Every group reaches its target, at full and at quarter speed, and is never faster by more than 5 %.
+
+    Where time passes by itself, in at least one of three tries, as a busy machine reads late.
+    """
     for group in _groups(robot):
-        limits = group.model.velocity
         for scale, longer in ((1.0, 1), (0.25, 2)):
-            apart = READINGS_APART if waits_for_sleeps(robot.clock) else longer * READINGS_APART_IN_REAL_TIME
-            target = nearby(robot, group, 0.6)
-            motion = group.move_to(target, scale)
-            require(motion.status is MotionStatus.RUNNING and motion.failure is None, "a new motion should be RUNNING")
-            places = []
-            while not motion.done:
-                robot.clock.sleep(UNEVEN)
-                places.append((robot.clock.now(), group.positions(), robot.clock.now()))
-            ended = f"{group.name}.move_to() ended {motion.status}: {motion.failure}"
-            require(motion.status is MotionStatus.SUCCEEDED, ended)
-            error = float(np.max(np.abs(group.positions() - target)))
-            require(error < 0.01, f"{group.name} is {error:.4f} off its target")
-            fastest = _fastest(places, apart)
-            words = f"{group.name} moved at {fastest}, {scale} of its limits is {scale * limits}"
-            require(bool(np.all(fastest <= 1.05 * scale * limits)), words)
+            _keep_the_limits(robot, group, partial(_move_nearby, robot, group, scale), scale, longer)
+
+
+def _move_nearby(robot: Robot, group: JointGroup, scale: float) -> Iterator[Motion[None]]:
+    """Yield a motion and, when it is over, require that it has arrived."""
+    target = nearby(robot, group, 0.6)
+    motion = group.move_to(target, scale)
+    require(motion.status is MotionStatus.RUNNING and motion.failure is None, "a new motion should be RUNNING")
+    yield motion
+    error = float(np.max(np.abs(group.positions() - target)))
+    require(error < 0.01, f"{group.name} is {error:.4f} off its target")
 
 
 def commands_do_not_block(robot: Robot) -> None:
@@ -278,20 +276,43 @@ def velocities_of_joints_lapse(robot: Robot, group: JointGroup) -> None:
 def trajectories_keep_the_limits_between_their_samples(robot: Robot, arm: Arm) -> None:
     """Two samples, at rest at both: the mean speed is allowed, the speed half way between would be half as much more.
 
-    It arrives, more slowly, and is never faster than the limits by more than 5 %.
+    It arrives, more slowly, and is never faster than the limits by more than 5 %; where time passes by itself, in at
+    least one of three tries.
     """
-    apart = READINGS_APART if waits_for_sleeps(robot.clock) else READINGS_APART_IN_REAL_TIME
+    _keep_the_limits(robot, arm, partial(_follow_nearby, robot, arm))
+
+
+def _follow_nearby(robot: Robot, arm: Arm) -> Iterator[Motion[None]]:
     ends = np.stack([arm.positions(), nearby(robot, arm, 0.6)])
     least = float(np.max(np.abs(ends[1] - ends[0]) / arm.model.velocity))
-    motion = arm.follow(JointTrajectory(arm.joint_names, np.array([0.0, 1.05 * least]), ends, 0.0 * ends))
-    places = []
-    while not motion.done:
-        robot.clock.sleep(UNEVEN)
-        places.append((robot.clock.now(), arm.positions(), robot.clock.now()))
-    require(motion.status is MotionStatus.SUCCEEDED, f"a quick trajectory ended {motion.status}: {motion.failure}")
-    fastest = _fastest(places, apart)
-    words = f"{arm.name} moved at {fastest}, its limits are {arm.model.velocity}"
-    require(bool(np.all(fastest <= 1.05 * arm.model.velocity)), words)
+    yield arm.follow(JointTrajectory(arm.joint_names, np.array([0.0, 1.05 * least]), ends, 0.0 * ends))
+
+
+def _keep_the_limits(
+    robot: Robot, group: JointGroup, moves: Callable[[], Iterator[Motion[None]]], scale: float = 1.0, longer: int = 1
+) -> None:
+    """Require that a motion of ``moves`` succeeds and is never faster than ``scale`` of the limits by more than 5 %.
+
+    ``longer``: over how many times as many readings a speed is a mean in real time.
+    """
+    simulated = waits_for_sleeps(robot.clock)
+    apart = READINGS_APART if simulated else longer * READINGS_APART_IN_REAL_TIME
+    limits = scale * group.model.velocity
+    tries = []
+    for _ in range(1 if simulated else 3):
+        for motion in moves():
+            places = []
+            while not motion.done:
+                robot.clock.sleep(UNEVEN)
+                places.append((robot.clock.now(), group.positions(), robot.clock.now()))
+            ended = f"a motion of {group.name} ended {motion.status}: {motion.failure}"
+            require(motion.status is MotionStatus.SUCCEEDED, ended)
+            tries.append(_fastest(places, apart))
+        if np.all(tries[-1] <= 1.05 * limits):
+            return
+    raise ConformanceError(
+        f"{group.name} moved at {', then at '.join(map(str, tries))}; {scale} of its limits is {limits}"
+    )
 
 
 @each(Arm)
