@@ -1,9 +1,9 @@
-"""Mutated tree files: none may crash or hang `validate`, `convert`, `show` and `simulate`.
+"""Mutated tree files: none may crash or hang `validate`, `convert`, `show`, `simulate` and `diff`.
 
     python benchmarks/foreign_trees.py --mutants 1000 [FOLDER…]      # by default the shipped trees
 
 Each file is damaged as bytes (cut, doubled, swapped) or as XML (other names, values, elements moved), then checked,
-drawn and simulated for 20 simulated seconds. Told are each that raised anything but an error meant for users, or took
+drawn, simulated for 20 simulated seconds and compared with the undamaged one. Told are each that raised anything but an error meant for users, or took
 longer than 5 s, and files per minute.
 """
 
@@ -21,10 +21,12 @@ from bestman_bt.configuration.data import shipped_trees
 from bestman_bt.engine import EngineError, TreeLoadError, render_svg, render_text
 from bestman_bt.engine.core.registry import NodeRegistry
 from bestman_bt.engine.models.conversion import convert
+from bestman_bt.engine.models.difference import compare, difference_svg, differences
 from bestman_bt.engine.models.foreign import open_tree
 from bestman_bt.engine.models.scenario import Scenario
 from bestman_bt.engine.simulation import simulate
 from bestman_bt.engine.validation import validate_file
+from bestman_bt.engine.xml.documents import read_documents
 from bestman_bt.runtime.plugins import node_registry
 
 SLOW = 5.0
@@ -94,8 +96,8 @@ def _damaged_xml(data: bytes, generator: random.Random) -> bytes:
     ).encode()
 
 
-def fault_of(path: Path, registry: NodeRegistry) -> str:
-    """Check, convert, draw and simulate a file; returns what it raised that users are not meant to see."""
+def fault_of(path: Path, registry: NodeRegistry, original: Path) -> str:
+    """Check, convert, draw, simulate and compare a file; returns what it raised that users are not meant to see."""
     try:
         validate_file(path, registry, search_path=shipped_trees())
         try:
@@ -104,6 +106,9 @@ def fault_of(path: Path, registry: NodeRegistry) -> str:
             render_text(tree)
             render_svg(tree)
             simulate(path, registry, scenario=Scenario(), limit=20.0, search_path=shipped_trees())
+            compared = compare(read_documents(original, shipped_trees()), read_documents(path, shipped_trees()))
+            differences(compared)
+            difference_svg(compared, "damaged")
         except TreeLoadError:
             pass
     except EngineError as error:
@@ -123,7 +128,7 @@ def run(files: list[Path], mutants: int, seed: int, scratch: Path) -> list[str]:
         path = scratch / "mutant.xml"
         path.write_bytes(mutate(originals[file], generator))
         began = time.process_time()
-        fault = fault_of(path, registry)
+        fault = fault_of(path, registry, file)
         if not fault and time.process_time() - began > SLOW:
             fault = f"took {time.process_time() - began:.1f} s of processor time"
         if fault:
