@@ -165,7 +165,7 @@ class DriverOptions:
 
 @dataclass(frozen=True)
 class TreeOptions:
-    """The handling of parts that are missing from the tree."""
+    """The handling of the tree's files, and of parts that are missing from it."""
 
     search: Search = None
     pretend: Annotated[
@@ -175,6 +175,9 @@ class TreeOptions:
         Path | None,
         typer.Option(metavar="FILE.yaml", help="With --pretend: what they do, as of simulate; else at random."),
     ] = None
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Take changes of the tree's files while it runs; running nodes go on.")
+    ] = False
 
     def of(self, config: RunConfig) -> RunConfig:
         """Return the run with them. Raises ConfigurationError if they do not fit it."""
@@ -183,9 +186,14 @@ class TreeOptions:
         if self.pretend and config.driver not in EXTRA_OF_SIMULATOR:
             message = f"is for simulated runs, not for {config.driver}"
             raise ConfigurationError([Problem("--pretend", None, "", message)])
+        tree = str(config.task.tree)
+        if self.watch and (self.pretend or config.pretend):
+            raise ConfigurationError([Problem("--watch", None, "", "does not go with --pretend")])
+        if self.watch and find_data("tree", tree).suffix != ".xml":
+            raise ConfigurationError([Problem("--watch", None, "", f"is for trees in XML, and {tree} is in Python")])
         folders = tuple(str(folder.resolve()) for folder in self.search or ()) or config.search
         file = config.scenario if self.scenario is None else str(self.scenario.resolve())
-        return config.changed(search=folders, pretend=self.pretend or config.pretend, scenario=file)
+        return config.changed(search=folders, pretend=self.pretend or config.pretend, scenario=file, watch=self.watch)
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,8 @@ class RunConfig:
     ``robot_settings``: dotted keys → values for ``load_scene`` and ``load_robot_model``. ``driver``: the implementation
     of the Robotics API. ``recording``: the run folder that the driver ``replay`` plays. ``entry``: the suite entry of
     the run; has no effect on it. ``confirm``: ask a person before each motion. ``search``: folders with SubTrees of the
-    tree. ``pretend``: simulate leaves without code, by the file ``scenario`` or at random. ``written``: the task as
-    written, for messages; not part of the run.
+    tree. ``pretend``: simulate leaves without code, by the file ``scenario`` or at random. ``watch``: take changes of
+    the tree's files while it runs. ``written``: the task as written, for messages; not part of the run.
     """
 
     name: str
@@ -52,6 +52,7 @@ class RunConfig:
     search: tuple[str, ...] = ()
     pretend: bool = False
     scenario: str = ""
+    watch: bool = False
 
     def changed(self, **fields: Any) -> RunConfig:
         """Return a copy with other values of these fields."""

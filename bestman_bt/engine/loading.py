@@ -47,6 +47,8 @@ class LoadOptions(TypedDict, total=False):
     """The clock of Timeout, Delay, Sleep and the tick loop; wall time by default."""
     blackboard: Blackboard | None
     """The root blackboard; a new one by default. Give it a parent to add entries above, for ``@key``."""
+    replaces: Tree | None
+    """A tree whose blackboards this one goes on with: the root's, and those of SubTrees with the same ports."""
 
 
 def load_tree(
@@ -133,12 +135,18 @@ def new_tree(
     context: Any = None,
     clock: EngineClock | None = None,
     blackboard: Blackboard | None = None,
+    replaces: Tree | None = None,
 ) -> Tree:
     """Create a tree without nodes."""
     compiler = compiler or ScriptCompiler(registry.enums)
-    board = blackboard or Blackboard(tree_id, converters=registry.converters)
+    board = (
+        replaces.blackboard
+        if replaces is not None
+        else blackboard or Blackboard(tree_id, converters=registry.converters)
+    )
     tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=tree_id, context=context, clock=clock)
     tree.file = file
+    tree.replaces = replaces
     return tree
 
 
@@ -360,6 +368,7 @@ class Builder:
         assert root is not None
         self.tree.compiler.forget()
         self.tree.complete(root, self.depth, shared)
+        self.tree.replaces = None
 
     def build(self, element: Element, place: NodePlace, depth: int = 1) -> Node:
         """Build the node of an element and its descendants."""
@@ -515,13 +524,25 @@ class Builder:
                 self._report(node, f"'{key}' is not a key", port)
             else:
                 remapping[port] = key
-        board = place.board.child(path, remapping, autoremap=autoremap)
-        for port, value in literals.items():
-            board.local_slot(port).assign(value)
+        earlier = self._earlier_board(node, path)
+        if earlier is not None and earlier.parent is place.board:
+            board = earlier
+        else:
+            board = place.board.child(path, remapping, autoremap=autoremap)
+            for port, value in literals.items():
+                board.local_slot(port).assign(value)
         self.tree.blackboards[path] = board
         self.tree.subtree_ids[path] = node.tree_id
         node.subtree_path = path
         return NodePlace(self.tree, board, path, (*place.ancestors, node.tree_id), file)
+
+    def _earlier_board(self, node: SubTree, path: str) -> Blackboard | None:
+        """Return the blackboard of the same SubTree, with the same ports, in the tree that this one replaces."""
+        replaces = self.tree.replaces
+        if replaces is None or path not in replaces.blackboards:
+            return None
+        found = next(one for one in replaces.nodes if isinstance(one, SubTree) and one.subtree_path == path)
+        return replaces.blackboards[path] if found.attributes == node.attributes else None
 
 
 _FIELDS = {"_onSuccess": "on_success", "_onFailure": "on_failure", "_onHalted": "on_halted", "_post": "post"}

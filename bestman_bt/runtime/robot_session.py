@@ -26,6 +26,7 @@ from bestman_bt.configuration.task import task_of_tree
 from bestman_bt.control.operator_speed import OperatorSpeed
 from bestman_bt.control.robot_stop import RobotStop
 from bestman_bt.engine import Problem, Tree, TreeLoadError
+from bestman_bt.engine.reloading import watched
 from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.records.events import RunEvent
 from bestman_bt.records.keeping import Keeping
@@ -122,22 +123,33 @@ class Session:
         """
         if self.ended:
             raise NotConnectedError("the session has ended, its robot is disconnected: run trees inside the with block")
+        setup = self.setup_for(tree)
+        entries = self.entries_of(setup)
+        loaded = self._checked(tree, entries)
+        if setup is not self.setup:
+            self.skills.world.told.update(setup.told)
+        filled = self._filled(loaded, entries if loaded is not tree else _missing(entries, loaded))
+        if not self.setup.config.watch:
+            return filled
+        return watched(filled, lambda replaces: self._checked(tree, entries, replaces), self.intervened)
+
+    def _checked(
+        self, tree: str | Path | Behaviour | Tree | None, entries: Mapping[str, Any], replaces: Tree | None = None
+    ) -> Tree:
+        """Load a tree, check it, and create what its nodes need; ``replaces`` is of ``LoadOptions``."""
         wrong: list[Problem] = []
         with told_to_programs():
             if isinstance(tree, Tree):
                 loaded = tree
                 loaded.bind(self.skills, self.robot.clock)
             else:
-                loaded = load_for(self.setup, tree, context=self.skills, clock=self.robot.clock, faults=wrong)
-        setup = self.setup_for(tree)
-        entries = self.entries_of(setup)
+                clock = self.robot.clock
+                loaded = load_for(self.setup, tree, context=self.skills, clock=clock, faults=wrong, replaces=replaces)
         self.check(loaded, entries, wrong)
         needed = {kind for node in loaded.nodes if isinstance(node, OnRobot) for kind in (*node.REQUIRES, *node.USES)}
         for arm in self.skills.robot.arm_names or ("",):
             self.skills.for_arm(arm).make(needed)
-        if setup is not self.setup:
-            self.skills.world.told.update(setup.told)
-        return self._filled(loaded, entries if loaded is not tree else _missing(entries, loaded))
+        return loaded
 
     def executor(self, tree: Tree, after_tick: Callable[[], None] | None = None) -> Executor:
         """Return an executor with the configured tick rate and time limit."""

@@ -22,6 +22,7 @@ from bestman_bt.evaluation.audit import audit
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.monitor.control_client import request
+from bestman_bt.records.reader import read
 from bestman_bt.runtime.robot_session import Session
 from hal.api import MobileBase
 from hal.simulation.audit_record import AuditRecord
@@ -121,6 +122,60 @@ def test_a_node_that_raises_is_an_error_in_the_result(bestman_bt: Command, folde
     assert answer.document["outcome"] == "error"
     assert "the gear is stripped" in answer.document["failure"]["why"]
     assert "Traceback" not in answer.err
+
+
+SAVE = '''
+from pathlib import Path
+
+from bestman_bt.engine import RUNNING, SUCCESS, StatefulAction
+
+
+class Save(StatefulAction):
+    """Changes the file of its tree, as an editor does, and runs for another tick."""
+
+    def on_start(self):
+        tree = Path("t.xml")
+        tree.write_text(tree.read_text().replace("AlwaysFailure", "AlwaysSuccess"))
+        return RUNNING
+
+    def on_running(self):
+        return SUCCESS
+
+    def on_halted(self):
+        pass
+'''
+SAVED = '<root BTCPP_format="4"><BehaviorTree ID="T"><Sequence><Save/><AlwaysFailure/></Sequence></BehaviorTree></root>'
+
+
+@pytest.mark.slow
+def test_a_tree_that_is_saved_while_it_runs_is_taken_and_noted(bestman_bt: Command, folder: Path) -> None:
+    (folder / "save.py").write_text(SAVE)
+    for options, status in (((), "FAILURE"), (("--watch",), "SUCCESS")):
+        (folder / "t.xml").write_text(SAVED)
+        answer = bestman_bt("run", "t.xml", "--plugin", "save.py", "--json", *options)
+        assert answer.document["tree_status"] == status, answer.err
+    (mark,) = answer.document["interventions"]
+    assert "t.xml was read again: 2 of its 3 nodes were running and go on" in mark
+    newest = sorted((folder / "runs").iterdir())[-1]
+    history = read(newest)
+    names = ["Sequence", "Save", "AlwaysFailure", "Sequence", "Save", "AlwaysSuccess"]
+    assert [node.name for node in history.nodes] == ["T", *names]
+    assert any("was read again" in line["message"] for line in history.lines_since(0, 100))
+    assert bestman_bt("report", newest, "-o", "r.html").code == 0
+
+
+@pytest.mark.parametrize(
+    ("tree", "options", "why"),
+    [("t.py", (), "is for trees in XML"), ("t.xml", ("--pretend",), "does not go with --pretend")],
+)
+def test_what_cannot_be_watched_is_refused_before_anything_starts(
+    bestman_bt: Command, folder: Path, tree: str, options: tuple[str, ...], why: str
+) -> None:
+    (folder / tree).write_text(LOOK)
+    answer = bestman_bt("run", tree, "--watch", *options)
+    assert answer.code == 2
+    assert f"--watch: {why}" in answer.err
+    assert not (folder / "runs").exists()
 
 
 @pytest.mark.slow

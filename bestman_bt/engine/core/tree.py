@@ -70,6 +70,7 @@ class Tree:
     ``shared``: synchronises its top blackboard with py_trees', or None if the tree has no native behaviour. ``origin``:
     the file or text that it was loaded from, and the search path of its includes; None for a tree made in Python.
     ``left_out``: entries and other names that appear in the faults of a tree that was loaded in spite of them.
+    ``replaces``: while it is built, the tree whose blackboards it goes on with.
     """
 
     def __init__(
@@ -95,6 +96,7 @@ class Tree:
         self.source = ""
         self.origin: tuple[str | Path, tuple[Path, ...]] | None = None
         self.left_out: set[str] = set()
+        self.replaces: Tree | None = None
         self.shared: SharedEntries | None = None
         self.stopping = Stopping()
         self._status: int = IDLE
@@ -317,6 +319,10 @@ class Tree:
         if not self._wake.is_set():
             self._wake.set()
 
+    def wake_with(self, outer: Tree) -> None:
+        """Wake up the loop of a tree that ticks this one in place of an own loop."""
+        self._wake = outer._wake
+
     def _woken(self) -> bool:
         if self._wake.is_set():
             self._wake.clear()
@@ -467,6 +473,13 @@ class Tree:
         """Notify the listeners of an inner tree of ``leaf``, before its first tick."""
         for listener in tuple(self._inner_listeners):
             listener(inner, leaf)
+
+    def publish_idle(self) -> None:
+        """Tell the listeners that no node is running any more: another tree takes the place of this one."""
+        if self._log is not None:
+            self._log += [node.uid * 8 for node in self.nodes if node.state != IDLE]
+            self.publish()
+        self._status = IDLE
 
     def publish(self) -> None:
         """Send the state changes so far to the listeners; called after each tick and halt, and optionally during long
