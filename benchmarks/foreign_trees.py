@@ -3,8 +3,8 @@
     python benchmarks/foreign_trees.py --mutants 1000 [FOLDER…]      # by default the shipped trees
 
 Each file is damaged as bytes (cut, doubled, swapped) or as XML (other names, values, elements moved), then checked,
-drawn, simulated for 20 simulated seconds and compared with the undamaged one. Told are each that raised anything but an error meant for users, or took
-longer than 5 s, and files per minute.
+drawn, simulated for 20 simulated seconds and compared with the undamaged one. Told are each that raised anything but an
+error meant for users, or took longer than 5 s, and files per minute.
 """
 
 from __future__ import annotations
