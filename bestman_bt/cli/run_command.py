@@ -176,7 +176,7 @@ class TreeOptions:
         typer.Option(metavar="FILE.yaml", help="With --pretend: what they do, as of simulate; else at random."),
     ] = None
     watch: Annotated[
-        bool, typer.Option("--watch", help="Take changes of the tree's files while it runs; running nodes go on.")
+        bool, typer.Option("--watch", help="Take changes of the tree's files while it runs; running nodes continue.")
     ] = False
 
     def of(self, config: RunConfig) -> RunConfig:

@@ -48,7 +48,7 @@ class LoadOptions(TypedDict, total=False):
     blackboard: Blackboard | None
     """The root blackboard; a new one by default. Give it a parent to add entries above, for ``@key``."""
     replaces: Tree | None
-    """A tree whose blackboards this one goes on with: the root's, and those of SubTrees with the same ports."""
+    """A tree whose blackboards this one continues to use: the root's, and those of SubTrees with the same ports."""
 
 
 def load_tree(

@@ -1,4 +1,4 @@
-"""Reloading: a tree whose files are read again while it runs; running nodes go on in the new tree."""
+"""Reloading: a tree whose files are read again while it runs; running nodes continue in the new tree."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ Load = Callable[[Tree | None], Tree]
 class WatchedTree(StatefulAction):
     """Ticks a tree from XML, and takes changes of its files between two ticks.
 
-    A new tree is taken where all running nodes keep path, type, ports, and their place among their siblings. They go
-    on; all other nodes begin anew; entries of blackboards stay. Else the old tree continues, and the new one is tried
-    again before each tick. ``taken``: called with what was taken, in words.
+    A new tree is taken where all running nodes keep path, type, ports, and their place among their siblings. They
+    continue; all other nodes start from the beginning; entries of blackboards stay. Otherwise the old tree continues,
+    and the new one is tried again before each tick. ``taken``: called with what was taken, in words.
     """
 
     def __init__(self, tree: Tree, load: Load, taken: Callable[[str], None]) -> None:
@@ -88,7 +88,7 @@ class WatchedTree(StatefulAction):
         self.owner.blackboards = dict(new.blackboards)
         self._seen = _stamps(new)
         self._announce()
-        self._taken(f"{new.file} was read again: {kept} of its {len(new.nodes)} nodes were running and go on")
+        self._taken(f"{new.file} was read again: {kept} of its {len(new.nodes)} nodes were running and continue")
 
     def _announce(self) -> None:
         self.current.wake_with(self.owner)
@@ -142,7 +142,7 @@ def _place_of(node: Node) -> tuple[str, int] | None:
 
 
 def take_over(old: Tree, new: Tree) -> int:
-    """Move the running nodes of ``old`` into ``new``, and the states of the others; returns how many nodes go on.
+    """Move the running nodes of ``old`` into ``new``, and the states of the others; returns how many nodes continue.
 
     ``new`` was loaded with ``replaces=old``, and nothing is in its way (``obstacle``). Its nodes take the places of
     those in ``old``.

@@ -155,7 +155,7 @@ def test_a_tree_that_is_saved_while_it_runs_is_taken_and_noted(bestman_bt: Comma
         answer = bestman_bt("run", "t.xml", "--plugin", "save.py", "--json", *options)
         assert answer.document["tree_status"] == status, answer.err
     (mark,) = answer.document["interventions"]
-    assert "t.xml was read again: 2 of its 3 nodes were running and go on" in mark
+    assert "t.xml was read again: 2 of its 3 nodes were running and continue" in mark
     newest = sorted((folder / "runs").iterdir())[-1]
     history = read(newest)
     names = ["Sequence", "Save", "AlwaysFailure", "Sequence", "Save", "AlwaysSuccess"]

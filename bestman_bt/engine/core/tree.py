@@ -70,7 +70,7 @@ class Tree:
     ``shared``: synchronises its top blackboard with py_trees', or None if the tree has no native behaviour. ``origin``:
     the file or text that it was loaded from, and the search path of its includes; None for a tree made in Python.
     ``left_out``: entries and other names that appear in the faults of a tree that was loaded in spite of them.
-    ``replaces``: while it is built, the tree whose blackboards it goes on with.
+    ``replaces``: while it is built, the tree whose blackboards it continues to use.
     """
 
     def __init__(
