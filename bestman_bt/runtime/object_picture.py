@@ -7,10 +7,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.messages import Box, Cylinder, ObjectGrasp, ObjectModel, PlacedShape, Pose
+from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model.model import GripperModel
-from hal.pybullet.pictures import render_object
 from hal.simulation.bodies import Viewpoint
+from hal.simulation.robot import SimulatedRobot
 
 Part = tuple[PlacedShape, tuple[float, float, float]]
 AXES = (
@@ -29,12 +31,13 @@ def object_picture(model: ObjectModel, gripper: GripperModel | None = None, side
 
     Returns (side, side or 2·side, 3) uint8.
     """
+    simulated: type[SimulatedRobot] = DRIVERS.resolve(DEFAULT_SIMULATOR)
     size = float(np.linalg.norm(model.size))
     looks = list(model.appearance)
-    panels = [render_object([*looks, *_axes(size)], _viewpoint(size), side, side)]
+    panels = [simulated.render_object([*looks, *_axes(size)], _viewpoint(size), side, side)]
     if gripper is not None:
         forks = [part for grasp in model.grasps[SHOWN] for part in _fork(grasp, gripper)]
-        panels.append(render_object([*looks, *forks], _viewpoint(1.35 * size), side, side))
+        panels.append(simulated.render_object([*looks, *forks], _viewpoint(1.35 * size), side, side))
     return np.concatenate(panels, axis=1)
 
 

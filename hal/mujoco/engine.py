@@ -38,7 +38,7 @@ class MujocoEngine(Engine):
     """
 
     def __init__(self, model: RobotModel, world: World, parameters: MujocoParameters) -> None:
-        built = WorldBuilder(model, world, parameters).build()
+        built = WorldBuilder(parameters, robot=model, scene=world).build()
         self.ledger = Ledger()
         self.built, self.model, self.data = built.world, built.model, built.data
         self._renderer = Renderer(self.model, self.data)

@@ -21,6 +21,9 @@ NO_RENDERER = (
     "sudo apt-get install -y libegl1 libgl1-mesa-dri; or, without EGL, libosmesa6 and MUJOCO_GL=osmesa"
 )
 
+FAR = 30.0
+"""Metres: how far pictures for people show things."""
+
 
 def _graphics(width: int, height: int) -> Any:
     """Those that MUJOCO_GL names, else EGL on Linux: MuJoCo's own choice is a window system, which needs a display."""
@@ -75,7 +78,7 @@ class Renderer:
         return image, depth
 
     def view(self, viewpoint: Viewpoint, width: int, height: int, segments: bool = False) -> NDArray[np.uint8]:
-        """Return a picture for people with shadows, (H, W, 3), or what ``segments`` says."""
+        """Return a picture for people with shadows, white where nothing is, (H, W, 3), or what ``segments`` says."""
         eye, target = np.array(viewpoint.eye), np.array(viewpoint.target)
         forward = (target - eye) / np.linalg.norm(target - eye)
         side = np.cross(forward, (0.0, 0.0, 1.0))
@@ -85,7 +88,9 @@ class Renderer:
         top = viewpoint.near * math.tan(math.radians(viewpoint.field_of_view) / 2.0)
         right = top * width / height
         frustum = (-right, right, -top, top)
-        return self._draw(eye, forward, up, frustum, (viewpoint.near, 30.0), (width, height), segments, shadows=True)[0]
+        planes = viewpoint.near, FAR
+        image, depth = self._draw(eye, forward, up, frustum, planes, (width, height), segments, shadows=True)
+        return image if segments else np.where(depth[..., None] < 0.999 * FAR, image, np.uint8(255))
 
     def geoms(self, colors: NDArray[np.uint8]) -> NDArray[np.intp]:
         """Which geom each pixel of an image of segments shows, -1 for none."""

@@ -74,14 +74,88 @@ class _Contact:
 
 
 @dataclass
-class WorldBuilder:
+class Shapes:
+    """A specification of MuJoCo's that bodies with shapes are added to."""
+
+    parameters: MujocoParameters
+    spec: Any = field(default_factory=lambda: mujoco.MjSpec())
+    meshes: dict[tuple[Any, ...], str] = field(default_factory=dict)
+
+    def light(self) -> None:
+        """For pictures: a lamp at the camera, and one from the left behind that casts shadows."""
+        self.spec.visual.quality.offsamples = 0
+        headlight = self.spec.visual.headlight
+        headlight.ambient, headlight.diffuse, headlight.specular = [0.5] * 3, [0.35] * 3, [0.0] * 3
+        self.spec.worldbody.add_light(
+            pos=[-2.0, -3.0, 6.0], dir=[2.0, 3.0, -6.0], diffuse=[0.35] * 3, specular=[0.0] * 3
+        )
+
+    def body(self, parent: Any, name: str, pose: Pose) -> Any:
+        """Return a body that is added to ``parent``."""
+        return parent.add_body(name=name, pos=pose.position, quat=_wxyz(pose))
+
+    def geoms(
+        self,
+        body: Any,
+        parts: Sequence[PlacedShape],
+        colors: Sequence[Color] | None,
+        contact: _Contact | None,
+        bit: int = SCENE,
+    ) -> list[str]:
+        """Shapes on a body, and their names. Without ``contact``, they are only seen; without colours only touched."""
+        names = []
+        for part, color in zip(parts, colors or [LINK_COLOR] * len(parts), strict=True):
+            name = f"{body.name}#{len(list(body.geoms))}"
+            kind, size, mesh = self._shape(part)
+            if contact is not None and contact.rolls and isinstance(part.shape, Cylinder):
+                kind, size = mujoco.mjtGeom.mjGEOM_ELLIPSOID, [part.shape.radius] * 2 + [part.shape.length / 2]
+            values: dict[str, Any] = {"name": name, "type": kind, "pos": part.pose.position, "quat": _wxyz(part.pose)}
+            values |= {"rgba": color, "density": 0.0, "contype": 0, "conaffinity": 0, "group": SEEN}
+            values |= {"meshname": mesh} if mesh else {"size": size}
+            if contact is not None:
+                values |= {
+                    "contype": bit,
+                    "conaffinity": ROBOT | SCENE if bit == SCENE else 0,
+                    "group": SOLID if colors is None else SOLID_AND_SEEN,
+                    "friction": [contact.friction, contact.spinning, 1e-4],
+                    "priority": contact.priority,
+                    "condim": contact.condim,
+                    "solref": [self.parameters.contact_time, 1.0],
+                }
+            body.add_geom(**values)
+            names.append(name)
+        return names
+
+    def _shape(self, part: PlacedShape) -> tuple[Any, list[float], str]:
+        geom = mujoco.mjtGeom
+        match part.shape:
+            case Box(size=(x, y, z)):
+                return geom.mjGEOM_BOX, [x / 2, y / 2, z / 2], ""
+            case Cylinder(radius=radius, length=length):
+                return geom.mjGEOM_CYLINDER, [radius, length / 2, 0.0], ""
+            case Sphere(radius=radius):
+                return geom.mjGEOM_SPHERE, [radius, 0.0, 0.0], ""
+            case Mesh(vertices=vertices, faces=faces):
+                return geom.mjGEOM_MESH, [], self._mesh((vertices.tobytes(), faces.tobytes()), vertices, faces)
+
+    def _mesh(self, key: tuple[Any, ...], vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> str:
+        if key not in self.meshes:
+            self.meshes[key] = f"mesh_{len(self.meshes)}"
+            self.spec.add_mesh(
+                name=self.meshes[key],
+                uservert=np.asarray(vertices, dtype=float).ravel(),
+                userface=np.asarray(faces, dtype=np.int32).ravel(),
+                inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
+            )
+        return self.meshes[key]
+
+
+@dataclass(kw_only=True)
+class WorldBuilder(Shapes):
     """Fills a specification of MuJoCo's, and compiles it. Raises SimulationError naming what MuJoCo cannot simulate."""
 
     robot: RobotModel
     scene: World
-    parameters: MujocoParameters
-    spec: Any = field(default_factory=lambda: mujoco.MjSpec())
-    meshes: dict[tuple[Any, ...], str] = field(default_factory=dict)
     starts: dict[str, float] = field(default_factory=dict)
     """Joint → where it is at the start."""
     fingers: dict[str, float] = field(default_factory=dict)
@@ -101,15 +175,12 @@ class WorldBuilder:
         option.impratio = parameters.friction_stiffness
         # A simulation that explodes shall be seen, not begun anew.
         option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        spec.visual.quality.offsamples = 0
-        spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.5] * 3, [0.35] * 3
-        spec.visual.headlight.specular = [0.0] * 3
-        spec.worldbody.add_light(pos=[-2.0, -3.0, 6.0], dir=[2.0, 3.0, -6.0], diffuse=[0.35] * 3, specular=[0.0] * 3)
+        self.light()
         self._floor()
         for i, wall in enumerate(self.scene.walls):
             box, pose = wall_box(wall)
-            body = self._body(spec.worldbody, f"walls/{i}", pose)
-            self._geoms(body, [PlacedShape(box, Pose())], [WALL_COLOR], _Contact(0.5))
+            body = self.body(spec.worldbody, f"walls/{i}", pose)
+            self.geoms(body, [PlacedShape(box, Pose())], [WALL_COLOR], _Contact(0.5))
         for piece in self.scene.furniture:
             self._furniture(piece)
         for placed in self.scene.objects:
@@ -171,66 +242,6 @@ class WorldBuilder:
         )
         return Built(model, data, built, loads)
 
-    # Shapes
-
-    def _body(self, parent: Any, name: str, pose: Pose) -> Any:
-        return parent.add_body(name=name, pos=pose.position, quat=_wxyz(pose))
-
-    def _geoms(
-        self,
-        body: Any,
-        parts: Sequence[PlacedShape],
-        colors: Sequence[Color] | None,
-        contact: _Contact | None,
-        bit: int = SCENE,
-    ) -> list[str]:
-        """Shapes on a body, and their names. Without ``contact``, they are only seen; without colours only touched."""
-        names = []
-        for part, color in zip(parts, colors or [LINK_COLOR] * len(parts), strict=True):
-            name = f"{body.name}#{len(list(body.geoms))}"
-            kind, size, mesh = self._shape(part)
-            if contact is not None and contact.rolls and isinstance(part.shape, Cylinder):
-                kind, size = mujoco.mjtGeom.mjGEOM_ELLIPSOID, [part.shape.radius] * 2 + [part.shape.length / 2]
-            values: dict[str, Any] = {"name": name, "type": kind, "pos": part.pose.position, "quat": _wxyz(part.pose)}
-            values |= {"rgba": color, "density": 0.0, "contype": 0, "conaffinity": 0, "group": SEEN}
-            values |= {"meshname": mesh} if mesh else {"size": size}
-            if contact is not None:
-                values |= {
-                    "contype": bit,
-                    "conaffinity": ROBOT | SCENE if bit == SCENE else 0,
-                    "group": SOLID if colors is None else SOLID_AND_SEEN,
-                    "friction": [contact.friction, contact.spinning, 1e-4],
-                    "priority": contact.priority,
-                    "condim": contact.condim,
-                    "solref": [self.parameters.contact_time, 1.0],
-                }
-            body.add_geom(**values)
-            names.append(name)
-        return names
-
-    def _shape(self, part: PlacedShape) -> tuple[Any, list[float], str]:
-        geom = mujoco.mjtGeom
-        match part.shape:
-            case Box(size=(x, y, z)):
-                return geom.mjGEOM_BOX, [x / 2, y / 2, z / 2], ""
-            case Cylinder(radius=radius, length=length):
-                return geom.mjGEOM_CYLINDER, [radius, length / 2, 0.0], ""
-            case Sphere(radius=radius):
-                return geom.mjGEOM_SPHERE, [radius, 0.0, 0.0], ""
-            case Mesh(vertices=vertices, faces=faces):
-                return geom.mjGEOM_MESH, [], self._mesh((vertices.tobytes(), faces.tobytes()), vertices, faces)
-
-    def _mesh(self, key: tuple[Any, ...], vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> str:
-        if key not in self.meshes:
-            self.meshes[key] = f"mesh_{len(self.meshes)}"
-            self.spec.add_mesh(
-                name=self.meshes[key],
-                uservert=np.asarray(vertices, dtype=float).ravel(),
-                userface=np.asarray(faces, dtype=np.int32).ravel(),
-                inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
-            )
-        return self.meshes[key]
-
     # The scene
 
     def _floor(self) -> None:
@@ -249,15 +260,15 @@ class WorldBuilder:
         """A piece that stands fixed, its leaves open as the scene says: only friction of their joints holds them."""
         model = piece.model
         contact = _Contact(model.friction)
-        body = self._body(self.spec.worldbody, piece.name, piece.pose)
-        self._geoms(body, model.parts, model.colors, contact)
+        body = self.body(self.spec.worldbody, piece.name, piece.pose)
+        self.geoms(body, model.parts, model.colors, contact)
         leaves = []
         for leaf in model.articulations:
             name = f"{piece.name}/{leaf.name}"
             origin = Pose(np.array(leaf.origin))
-            child = self._body(body, name, origin)
+            child = self.body(body, name, origin)
             parts = [PlacedShape(part.shape, origin.inverse() @ part.pose) for part in leaf.parts]
-            self._geoms(child, parts, leaf.colors, contact)
+            self.geoms(child, parts, leaf.colors, contact)
             centre, inertia = mass_distribution(parts, leaf.mass)
             _set_inertia(child, leaf.mass, centre, inertia)
             self._joint(child, name, leaf.kind, leaf.axis, (0.0, leaf.upper))
@@ -271,31 +282,31 @@ class WorldBuilder:
 
     def _object(self, placed: PlacedObject) -> None:
         model, parameters = placed.model, self.parameters
-        body = self._body(self.spec.worldbody, placed.name, placed.pose)
+        body = self.body(self.spec.worldbody, placed.name, placed.pose)
         body.add_freejoint(name=placed.name)
         # Of the two frictions of a contact MuJoCo takes one, Bullet multiplies them.
         friction = model.friction * parameters.support_friction
         contact = _Contact(friction, parameters.object_spinning_friction, priority=1, condim=4)
-        for name in self._geoms(body, model.collision, None, contact):
+        for name in self.geoms(body, model.collision, None, contact):
             self.object_geoms[name] = model.friction
         seen = [(part, (*color, 1.0)) for part, color in model.appearance]
-        self._geoms(body, [part for part, _ in seen], [color for _, color in seen], None)
+        self.geoms(body, [part for part, _ in seen], [color for _, color in seen], None)
         # The centre of mass is the frame's origin, as in the other engine.
         _set_inertia(body, model.mass, np.zeros(3), mass_distribution(model.collision, model.mass)[1])
 
     def _walker(self, walker: Walker) -> None:
         """An upright cylinder on two slides, along x and y, that motors move; they are at 0 where its round begins."""
         x, y = walker.route[0]
-        track = self._body(self.spec.worldbody, f"{walker.name}/track", Pose(np.array([x, y, 0.0])))
-        carrier = self._body(track, f"{walker.name}/carrier", Pose())
-        body = self._body(carrier, walker.name, Pose())
+        track = self.body(self.spec.worldbody, f"{walker.name}/track", Pose(np.array([x, y, 0.0])))
+        carrier = self.body(track, f"{walker.name}/carrier", Pose())
+        body = self.body(carrier, walker.name, Pose())
         for child, axis, mass in ((carrier, (1.0, 0.0, 0.0), 1.0), (body, (0.0, 1.0, 0.0), walker.mass)):
             self._joint(child, child.name, "prismatic", axis, (-REACH, REACH))
             _set_inertia(child, mass, np.zeros(3), mass * np.eye(3))
         shape = PlacedShape(
             Cylinder(walker.radius, walker.height - 0.01), Pose(np.array([0.0, 0.0, walker.height / 2 + 0.005]))
         )
-        self._geoms(body, [shape], [WALKER_COLOR], _Contact(0.5))
+        self.geoms(body, [shape], [WALKER_COLOR], _Contact(0.5))
 
     def _joint(
         self, body: Any, name: str, kind: str, axis: Sequence[float], limits: tuple[float, float] | None
@@ -340,12 +351,12 @@ class WorldBuilder:
             name = pending.pop(0)
             pending += [child for child, joint in joints.items() if parent_of(joint) == name]
             if name == root:
-                body = self._body(self.spec.worldbody, ROBOT_NAME + name, self.scene.robot_start.to_pose())
+                body = self.body(self.spec.worldbody, ROBOT_NAME + name, self.scene.robot_start.to_pose())
                 if self.robot.of(BaseModel):
                     body.add_freejoint(name="robot")
             else:
                 joint = joints[name]
-                body = self._body(self.spec.body(ROBOT_NAME + parent_of(joint)), ROBOT_NAME + name, origin_pose(joint))
+                body = self.body(self.spec.body(ROBOT_NAME + parent_of(joint)), ROBOT_NAME + name, origin_pose(joint))
                 self._robot_joint(body, joint)
                 links.take(joint)
             self._link(body, elements[name], contacts.get(name, _Contact(self.parameters.link_friction)))
@@ -392,9 +403,9 @@ class WorldBuilder:
         solid = [self._placed(element) for element in link.findall("collision")]
         seen = link.findall("visual")
         drawn = not any(_file(element).endswith(".dae") for element in seen)
-        self._geoms(body, solid, None if drawn else [LINK_COLOR] * len(solid), contact, ROBOT)
+        self.geoms(body, solid, None if drawn else [LINK_COLOR] * len(solid), contact, ROBOT)
         for element in seen if drawn else ():
-            self._geoms(body, [self._placed(element)], [self._color(element)], None)
+            self.geoms(body, [self._placed(element)], [self._color(element)], None)
 
     def _color(self, visual: ET.Element) -> Color:
         material = visual.find("material")

@@ -9,6 +9,7 @@ from bestman_bt.scene.scene import World
 from hal.pybullet.client import PhysicsClient
 from hal.pybullet.engine import PyBulletEngine
 from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.pictures import render_object
 from hal.simulation.robot import SimulatedRobot
 
 
@@ -17,6 +18,7 @@ class PyBulletRobot(SimulatedRobot):
 
     engine_name: ClassVar[str] = "PyBullet"
     parameters_class = PhysicsParameters
+    render_object = staticmethod(render_object)
     _parameters: PhysicsParameters
     client: PhysicsClient
 

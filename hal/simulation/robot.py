@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 from zlib import crc32
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bestman_bt.registry import SIMULATED_SENSORS
 from bestman_bt.robot_model.model import (
@@ -71,6 +72,8 @@ class SimulatedRobot(Robot):
     """For people."""
     parameters_class: ClassVar[type[SimulationParameters]] = SimulationParameters
     """Of the constructor's ``parameters``."""
+    render_object: ClassVar[Callable[..., NDArray[np.uint8]]]
+    """Draws shapes before white, without a robot: ``hal.mujoco.pictures``, ``hal.pybullet.pictures``."""
     clock: SimulatedClock
 
     def __init__(

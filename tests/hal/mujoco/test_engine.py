@@ -14,7 +14,7 @@ from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.scene.scene import PlacedObject
 from hal.api import MobileBase
 from hal.conformance.room import empty_room
-from hal.simulation.bodies import SimulationError
+from hal.simulation.bodies import SimulationError, Viewpoint
 
 pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 
@@ -139,3 +139,11 @@ def test_equal_seeds_give_equal_runs() -> None:
             return bytes(engine_of(made).data.qpos.tobytes())
 
     assert course() == course()
+
+
+def test_an_object_is_drawn_before_white() -> None:
+    front = Viewpoint((0.1, -0.5, 0.1), (0.0, 0.0, 0.0), 30.0)
+    picture = MujocoRobot.render_object([(CAN.collision[0], CAN.color)], front, 60, 40).astype(int)
+    assert picture.shape == (40, 60, 3)
+    assert picture[20, 30, 0] > picture[20, 30, 1:].max() + 100
+    assert (picture[[0, -1]] == 255).all()
