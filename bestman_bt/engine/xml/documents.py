@@ -9,6 +9,7 @@ from pathlib import Path
 from bestman_bt.engine.errors import Problem, TreeLoadError
 from bestman_bt.engine.xml.elements import MAX_BYTES, Element, parse_xml
 from bestman_bt.engine.xml.old_version import old_version
+from bestman_bt.engine.xml.py_trees_xml import read_as_here, sign_of_py_trees
 
 MAX_INCLUDES = 200
 _RESERVED = frozenset((
@@ -150,6 +151,7 @@ class _Reader:
         self.allowed = [*([folder] if folder is not None else []), *(Path(p).resolve() for p in search_path)]
         self.open_files: list[Path] = []
         self.done: set[Path] = set()
+        self.of_py_trees = False
 
     def read(self, root: Element, file: str, path: Path | None, documents: Documents, *, main: bool) -> None:
         documents.files.append(file)
@@ -157,12 +159,7 @@ class _Reader:
         if root.tag != "root":
             report(Problem(file, root.line, root.tag, "", "the outermost element must be <root>"))
             return
-        old = old_version(root, file)
-        version = root.attributes.get("BTCPP_format", "4")
-        if old is not None:
-            documents.old.append(old)
-        elif version != "4":
-            report(Problem(file, root.line, "root", "BTCPP_format", f"'{version}' is not supported; it must be 4"))
+        self._read_format(root, file, documents)
         if main:
             documents.main_tree = root.attributes.get("main_tree_to_execute")
         for element in root.children:
@@ -175,10 +172,28 @@ class _Reader:
             _read_models(model, file, documents)
         trees = [element for element in root.children if element.tag == "BehaviorTree"]
         for element in trees:
-            _read_tree(element, file, documents, alone=len(trees) == 1)
+            _read_tree(element, file, documents, alone=len(trees) == 1, of_py_trees=self.of_py_trees)
         what = "it is ignored: only <BehaviorTree>, <TreeNodesModel> and <include> may appear under <root>"
         others = [e for e in root.children if e.tag not in ("include", "TreeNodesModel", "BehaviorTree")]
         documents.problems += [Problem(file, e.line, e.tag, "", what, severity="warning") for e in others]
+
+    def _read_format(self, root: Element, file: str, documents: Documents) -> None:
+        """Report files of other formats than version 4; change those of py_trees and what they include."""
+        report = documents.problems.append
+        old = old_version(root, file)
+        version = root.attributes.get("BTCPP_format", "4")
+        if old is not None:
+            documents.old.append(old)
+            return
+        if version != "4":
+            report(Problem(file, root.line, "root", "BTCPP_format", f"'{version}' is not supported; it must be 4"))
+        sign = sign_of_py_trees(root)
+        if sign is not None:
+            self.of_py_trees = True
+            what = "the file is in the format of py_trees: its nodes are read as those here that mean the same"
+            report(Problem(file, sign.line, sign.tag, "", what, severity="warning"))
+        if self.of_py_trees:
+            read_as_here(root)
 
     def _include(self, element: Element, file: str, path: Path | None, documents: Documents) -> None:
         def report(message: str, field_name: str = "path", *, missing: bool = False) -> None:
@@ -233,7 +248,7 @@ def bad_character(name: str) -> str:
     return next((c for c in name if c in _FORBIDDEN or ord(c) < 32 or ord(c) == 127), "")
 
 
-def _read_tree(element: Element, file: str, documents: Documents, *, alone: bool) -> None:
+def _read_tree(element: Element, file: str, documents: Documents, *, alone: bool, of_py_trees: bool) -> None:
     report = documents.problems.append
     tree_id = element.attributes.get("ID", "")
     if not tree_id:
@@ -259,6 +274,9 @@ def _read_tree(element: Element, file: str, documents: Documents, *, alone: bool
         what = f"tree '{tree_id}' must have exactly one root node but has {len(element.children)}"
         report(Problem(file, element.line, "BehaviorTree", "", what))
     documents.trees[tree_id] = TreeDefinition(tree_id, element, file)
+    defaults = {key: value for key, value in element.attributes.items() if key != "ID" and key[0] != "_"}
+    for port, value in defaults.items() if of_py_trees else ():
+        documents.models.setdefault(tree_id, {})[port] = ModelPort(port, "inout", value, element.line)
 
 
 def _read_models(model: Element, file: str, documents: Documents) -> None:
