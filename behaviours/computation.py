@@ -76,9 +76,10 @@ class _Computed(Motion[Result]):
 
 
 class Until(Motion[None]):
-    """Ends at the first check at which ``condition`` is true; with ``motion``, also when that has ended.
+    """Wait until ``condition`` is true; with ``motion``, also end when that has ended.
 
-    If the condition is true first, the motion continues; cancelling the wait cancels it.
+    The condition is checked at each tick. If it is true first, the motion continues; cancelling the wait cancels the
+    motion.
     """
 
     def __init__(self, condition: Callable[[], bool], motion: Motion[Any] | None = None) -> None:

@@ -26,11 +26,11 @@ MOST_FORCE = 600.0
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """An intended contact of a skill.
+    """A contact that a skill intends.
 
-    ``kind``: ``grasp`` and ``push``: the fingers on the object ``thing``; ``support``: the object ``thing`` on the
-    furniture ``on``, or on the ``floor``; ``handle``: the fingers on the door or drawer ``thing``, ``furniture/leaf``,
-    or its handle. ``max_force``: newtons. ``skill``: path of the node, set by ``Skill.touching``.
+    ``kind``: ``grasp`` and ``push``: the fingers touch the object ``thing``; ``support``: the object ``thing`` touches
+    the furniture ``on``, or the ``floor``; ``handle``: the fingers touch the door or drawer ``thing``,
+    ``furniture/leaf``, or its handle. ``max_force``: newtons. ``skill``: path of the node, set by ``Skill.touching``.
     """
 
     kind: Literal["grasp", "push", "support", "handle"]

@@ -202,7 +202,7 @@ class SkillContext:
 
     @property
     def cameras(self) -> tuple[RGBDSensor, ...]:
-        """``camera`` and those on the hands, if any."""
+        """The default ``camera`` and the cameras on the hands, if any."""
         named = {self.camera.name: self.camera} if self.has("camera") else {}
         for arm in self.robot.arm_names:
             on_hand = self.for_arm(arm).wrist_camera
@@ -226,7 +226,7 @@ class SkillContext:
 
     @property
     def map_from_base(self) -> Pose:
-        """The believed pose of the base."""
+        """The believed pose of the base in the map frame."""
         return self.world.base.pose.to_pose()
 
     def arm_positions(self) -> NDArray[np.float64]:
@@ -241,7 +241,7 @@ class SkillContext:
         return ReachingArm(self.kinematics, self.arm_model, self.arm_positions(), self.rng, reachability)
 
     def base_from_tool(self) -> Pose:
-        """Return the pose of the tool, by encoders."""
+        """Return the pose of the tool in the base frame, from encoders."""
         return self.kinematics.tool_pose(self.arm_positions())
 
     def planning_scene(
@@ -257,7 +257,7 @@ class SkillContext:
         ).allowing(*allowed_pairs)
 
     def met(self, failure: Failure) -> MotionObstacle | None:
-        """Return the obstacle of a failed motion; for an arm or hand without one, the nearest bodies."""
+        """Return the obstacle of a failed motion; if an arm or a hand reports none, the nearest bodies."""
         arm = next((a for a in self.robot.arm_names if failure.part in (a, self.robot.gripper_of(a))), None)
         known = failure.obstacle
         if arm is None or failure.code not in STRUCK or (known is not None and known.pairs):

@@ -55,8 +55,8 @@ _ONE = re.compile(r"\band\b|;")
 
 
 class SkillFailure(Error):
-    """Ends a skill with FAILURE; ``code``: for programs, ``failure``: of the part of the robot that caused it, if
-    any.
+    """Ends a skill with FAILURE. ``code``: error code for programs. ``failure``: failure of the robot's part that
+    caused it, if any.
     """
 
     def __init__(self, code: str, text: str, failure: Failure | None = None) -> None:
@@ -66,7 +66,7 @@ class SkillFailure(Error):
 
     @classmethod
     def of(cls, failure: Failure | None) -> SkillFailure:
-        """Return the failure of a skill whose motion has failed; None: without a reason."""
+        """Return the failure of a skill whose motion failed; without ``failure``, the reason is unknown."""
         told = failure or Failure("fault", "the controller failed without a reason")
         return cls(str(told.code), str(told), told)
 
@@ -130,7 +130,7 @@ class OnRobot(Node):
 
 
 class OnArm(OnRobot):
-    """A node that works with one arm, its hand and the held object: ``skills`` are those of its ``arm``."""
+    """A node that works with one arm, its hand and the held object; ``skills`` is the context of that ``arm``."""
 
     arm = In[str](
         ArmName, "which arm, by its name in the robot's file; by default the only one, or its default_arm", default=""
@@ -213,7 +213,9 @@ class Explained(OnRobot):
 
 
 class Skill(Explained, StatefulAction):
-    """A leaf whose ``execute`` yields the motions to wait for; a halt cancels them and runs the ``finally`` clauses."""
+    """A skill that takes several ticks: ``execute`` yields the motions to wait for; a halt cancels them and runs the
+    ``finally`` clauses.
+    """
 
     FAILS: ClassVar = {
         **MOTION_FAILS,
@@ -293,7 +295,7 @@ class Skill(Explained, StatefulAction):
             self._steps = None
 
     def cancel(self) -> None:
-        """Cancel the awaited motion of this skill, on behalf of another node; the skill then ends accordingly."""
+        """Cancel the awaited motion on behalf of another node; the skill then ends with the failure of that motion."""
         if self._pending is not None:
             self._pending.cancel()
 
@@ -363,7 +365,7 @@ class SkillCondition(Explained, Condition):
 
 
 class InstantSkill(Explained, SyncAction, ABC):
-    """A leaf that finishes within its tick and moves nothing: ``act`` raises SkillFailure to fail."""
+    """A leaf that finishes within one tick and moves nothing: implement ``act``, which raises SkillFailure to fail."""
 
     FAILS: ClassVar = READING_FAILS
 

@@ -162,7 +162,7 @@ class Session(AbstractContextManager["Session"]):
         return self._tree
 
     def tick(self) -> NodeStatus:
-        """Tick the loaded tree once, advance the clock by one tick period and return the status of the root."""
+        """Tick the loaded tree once, advance the clock by one tick period and return the root's status."""
         opened = self._open.session
         tree = self.load() if self._tree is None or opened.ended else self._tree
         tree.tick_once()

@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 class UnknownNameError(InputError, LookupError):
-    """The registry has no entry of this name."""
+    """Raised if the registry has no entry of this name."""
 
 
 class Registry:

@@ -20,7 +20,7 @@ from bestman_bt.runtime.plugins import node_registry
 
 
 class TreeTester:
-    """Run one tree repeatedly with scripted leaves and accumulate the coverage of its nodes."""
+    """Runs one tree repeatedly with scripted leaves and accumulates the coverage of its nodes."""
 
     def __init__(
         self,

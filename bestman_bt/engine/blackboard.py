@@ -38,7 +38,7 @@ def key_fault(key: str) -> str:
 
 @dataclass(frozen=True)
 class Entry:
-    """A snapshot of one entry: value, number of writes, clock time of the last write in seconds, type."""
+    """A snapshot of one blackboard entry: value, number of writes, clock time of the last write in seconds, type."""
 
     key: str
     value: Any
@@ -253,10 +253,10 @@ class Slot:
 
 
 class Blackboard:
-    """The entries of one SubTree.
+    """The blackboard of one SubTree.
 
-    Keys that the SubTree remaps lead to the parent's slot; with ``autoremap`` all keys that do not start with ``_`` do.
-    ``@key`` leads to the topmost blackboard.
+    Keys that the SubTree remaps refer to the parent's entry; with ``autoremap`` this applies to all keys that do not
+    start with ``_``. ``@key`` refers to the topmost blackboard.
     """
 
     __slots__ = ("_resolved", "_slots", "autoremap", "parent", "path", "remapping", "store")
@@ -277,7 +277,7 @@ class Blackboard:
         self._resolved: dict[str, Slot] = {}
 
     def child(self, path: str, remapping: dict[str, str], *, autoremap: bool = False) -> Blackboard:
-        """Return the blackboard of a SubTree at ``path`` whose keys lead here by ``remapping``."""
+        """Return a new blackboard for the SubTree at ``path``; ``remapping``: its keys → keys of this blackboard."""
         board = object.__new__(Blackboard)
         board.parent = self
         board.store = self.store
@@ -297,7 +297,7 @@ class Blackboard:
         return board
 
     def slot(self, key: str) -> Slot:
-        """Return the slot of ``key`` in this scope; an unknown key gets a new slot that does not exist yet."""
+        """Return the slot that ``key`` refers to from here; for an unknown key, create a slot without a value."""
         slot = self._resolved.get(key) or self._slots.get(key)
         if slot is None:
             slot = self._resolve(key)

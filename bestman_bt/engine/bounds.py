@@ -15,7 +15,7 @@ from bestman_bt.engine.spelling import closest
 
 @dataclass(frozen=True)
 class OneOf:
-    """One of the names that ``names`` returns when a value is checked; the list may grow at run time."""
+    """A bound: one of the strings that ``names`` returns when a value is checked; the list may grow at run time."""
 
     names: Callable[[], Collection[str]]
 
@@ -33,14 +33,15 @@ class Named:
 
 @dataclass(frozen=True)
 class NotZero:
-    """Any number but 0."""
+    """A bound: any number except 0."""
 
 
 @dataclass(frozen=True)
 class BoundedPort(PortInformation):
-    """A port that declares its bounds, such as ``BoundedPort(Annotated[float, Gt(0)])``: other literals do not load.
+    """A port that declares its bounds, such as ``BoundedPort(Annotated[float, Gt(0)])``; a literal out of bounds is a
+    load error.
 
-    Its numbers must be finite, and a literal must be a number alone: ``50cm`` is not read as 50.
+    Numbers must be finite, and a literal must be a plain number: ``50cm`` is not read as 50.
     """
 
     bounds: tuple[Any, ...] = field(default=(), init=False)

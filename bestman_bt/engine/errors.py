@@ -31,15 +31,15 @@ class NodeError(EngineError):
 
 
 class BlackboardError(EngineError):
-    """An entry is missing, or a value does not fit the type that the entry is locked to."""
+    """Raised if an entry is missing, or a value does not fit the locked type of its entry."""
 
 
 class ScriptError(EngineError):
-    """A script does not parse, or one of its operations is not permitted."""
+    """Raised if a script has a syntax error, or uses an operation that is not permitted."""
 
 
 class ConversionError(EngineError, ValueError):
-    """A text or value cannot become the type that a port declares."""
+    """Raised if a text or value cannot be converted to the type of a port."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Problem:
 
     ``field``: the port or attribute concerned. ``severity``: ``"error"``, ``"latent"`` (the tree loads, as in
     BehaviorTree.CPP, but fails once the node is ticked or its tree is used) or ``"warning"``. ``line``: 0 if unknown
-    (trees built in Python). ``missing``: a node, port or tree is unknown here, but may exist in another
+    (trees built in Python). ``missing``: whether a node, port or tree is unknown here but may exist in another
     BehaviorTree.CPP process.
     """
 
@@ -80,7 +80,7 @@ _NO_PORTS = frozenset(("name", "path", "ros_pkg", "main_tree_to_execute"))
 
 
 class TreeLoadError(EngineError, InputError):
-    """A tree does not load; ``problems`` lists every fault, in document order."""
+    """Raised if a tree cannot be loaded; ``problems`` lists every fault, in document order."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = list(problems)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class SubstitutionError(EngineError):
-    """A set of rules is invalid, or names a node that is not registered."""
+    """Raised if substitution rules are invalid, or name a node that is not registered."""
 
 
 @dataclass

@@ -31,7 +31,7 @@ def counter_words(cheat: str) -> str:
 
 @dataclass(frozen=True)
 class Collision:
-    """A forbidden or too strong contact of the robot, or of an object in its hand.
+    """A contact of the robot, or of the held object, that was not allowed or was too strong.
 
     Times in simulated seconds, ``peak_force`` in newtons. ``why``: the reason, if skills declare contacts.
     """
@@ -51,9 +51,10 @@ class Audit:
     ``teleports``: resets of poses, joints or states, called or detected. ``grasp_constraints``: constraints made after
     the scene was built. ``ground_truth_reads``: reads of poses that a robot cannot know. ``tampering``: external
     forces, changed masses or frictions, motors driven past the Robotics API. ``object_follows_open_hand``: objects that
-    moved with fingers without pressure. ``collisions``: caused by the robot. ``contacts_by_walkers``: people who walked
-    into a robot that did not move towards them; not a fault. ``disturbances``: events of the scene's script, in words.
-    ``declared_contacts``: contacts that skills declared and made.
+    moved with the hand although the fingers did not press on them. ``collisions``: caused by the robot.
+    ``contacts_by_walkers``: people who walked into a robot that did not move towards them; not a fault.
+    ``disturbances``: descriptions of the scripted events of the scene. ``declared_contacts``: contacts that skills
+    declared and made.
     """
 
     teleports: int

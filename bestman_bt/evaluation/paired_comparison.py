@@ -28,7 +28,7 @@ _EXACT_UP_TO = 100
 
 @dataclass(frozen=True)
 class SuccessComparison:
-    """How often both, one or neither of a pair succeeded.
+    """Paired comparison of success: how often both, one or neither succeeded.
 
     ``difference``: success rate of the second minus that of the first, with its ``interval`` (95 %, Tango's score
     interval). ``p_value``: McNemar's exact test. ``pairs_needed``: number of pairs that shows a difference of this size
@@ -46,17 +46,17 @@ class SuccessComparison:
 
     @property
     def pairs(self) -> int:
-        """Seeds that both have run."""
+        """Number of seeds that both sides have run."""
         return self.both + self.only_first + self.only_second + self.neither
 
 
 @dataclass(frozen=True)
 class MetricComparison:
-    """A metric over the pairs in which both runs succeeded and measured it; values in the order of ``seeds``.
+    """Paired comparison of one metric over the seeds for which both runs succeeded and measured it.
 
-    ``shift``: second minus first, Hodges-Lehmann estimate; ``interval``: its 95 % interval, None with fewer than six
-    pairs. ``p_value``: signed-rank test; ``adjusted_p``: Holm's correction for the number of metrics. ``pairs_needed``:
-    as for ``SuccessComparison``.
+    ``first``, ``second``: values in the order of ``seeds``. ``shift``: second minus first, Hodges-Lehmann estimate;
+    ``interval``: its 95 % interval, None with fewer than six pairs. ``p_value``: signed-rank test; ``adjusted_p``:
+    Holm's correction for the number of metrics. ``pairs_needed``: as for ``SuccessComparison``.
     """
 
     name: str
@@ -77,7 +77,7 @@ class MetricComparison:
 
 @dataclass(frozen=True)
 class PairedComparison:
-    """``unpaired``: seeds of one side only, which do not count."""
+    """Comparison of two sets of runs; ``unpaired``: seeds of one side only, which are left out."""
 
     success: SuccessComparison
     metrics: tuple[MetricComparison, ...]
@@ -156,7 +156,10 @@ def _pairs_for_mcnemar(only_first: float, only_second: float) -> int | None:
 def compare_values(
     name: str, seeds: Sequence[int], first: Sequence[float], second: Sequence[float]
 ) -> MetricComparison:
-    """Wilcoxon's signed-rank test with the estimate and interval of Hodges and Lehmann; ValueError without pairs."""
+    """Compare paired values of one metric: Wilcoxon's signed-rank test, Hodges-Lehmann estimate and interval.
+
+    Raises ValueError without pairs.
+    """
     if not seeds or not len(seeds) == len(first) == len(second):
         raise ValueError(f"seeds and values of {name} should be as many, and at least one")
     differences = np.asarray(second, dtype=np.float64) - np.asarray(first, dtype=np.float64)

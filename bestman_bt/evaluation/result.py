@@ -68,7 +68,7 @@ class RunResult:
 
     @property
     def unearned(self) -> str:
-        """Why the success is not due to the robot; empty if it is, or without success."""
+        """Why the success is not due to the robot; empty if it is, or if the run did not succeed."""
         if not self.success:
             return ""
         if self.interventions:
@@ -107,7 +107,7 @@ class RunResult:
             raise ValueError(f"{where}: {first['msg']}") from error
 
     def write(self, path: Path) -> None:
-        """Write ``result.json``, whole or not at all."""
+        """Write ``result.json`` atomically."""
         part = path.with_name(path.name + ".part")
         try:
             part.write_text(json.dumps(self.to_document(), indent=2, allow_nan=False) + "\n", encoding="utf-8")

@@ -111,15 +111,15 @@ class SuiteEntry:
 
 @dataclass(frozen=True)
 class Suite:
-    """Entries in their order."""
+    """The entries of an evaluation, in their order."""
 
     name: str
     entries: tuple[SuiteEntry, ...]
     description: str = ""
     file: str = ""
-    """The file of a user that it was read from; empty of a shipped suite, and where it was made of tasks."""
+    """The user's file that it was read from; empty for shipped suites and for suites made of tasks."""
     precision: Precision | None = None
-    """How precise each success rate shall be; entries then have at most their number of episodes. None: exactly it."""
+    """Required half width of each success rate's interval; entries stop once it is reached. None: all episodes run."""
 
 
 def is_suite(name: str) -> bool:

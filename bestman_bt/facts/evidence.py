@@ -46,7 +46,7 @@ class Truth(Protocol):
 
 @dataclass(frozen=True)
 class DrawnTask:
-    """A task in a drawn world. ``world_model``: the robot's initial knowledge.
+    """A task in a generated world. ``world_model``: the robot's initial knowledge.
 
     ``absent``: objects that the scene leaves out. ``registry``: of the nodes, or None if they could not be loaded or
     are not needed.
@@ -62,10 +62,10 @@ class DrawnTask:
 
 @dataclass(frozen=True)
 class Evidence:
-    """The evidence for facts, after the rest time.
+    """The evidence from which facts are judged, after the rest time.
 
-    ``before``: name → position at the beginning of the rest, of each existing object of the task. ``driven``: metres
-    driven by the base. ``tool_frame``: of the arm.
+    ``before``: name → position (3,) in the map frame at the beginning of the rest time, of each existing object of the
+    task. ``driven``: distance driven by the base, metres. ``tool_frame``: of the arm.
     """
 
     task: DrawnTask
@@ -77,7 +77,9 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Verdict:
-    """``holds``: whether it is true. ``why``: the reason if not. ``metrics``: measured values."""
+    """The judgement of a predicate. ``holds``: whether it is true. ``why``: the reason if not. ``metrics``: measured
+    values.
+    """
 
     holds: bool
     why: str = ""
@@ -85,7 +87,9 @@ class Verdict:
 
     @staticmethod
     def on(thing: str, faults: Iterable[str], metrics: dict[str, float] | None = None) -> Verdict:
-        """Return a true verdict without faults; else one with ``the cup is not let go, still moving``."""
+        """Return a verdict that is true without faults, else false with a reason such as ``the cup is not released,
+        still moving``.
+        """
         why = ", ".join(faults)
         return Verdict(not why, f"the {thing} is {why}" if why else "", metrics or {})
 

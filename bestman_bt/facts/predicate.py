@@ -16,7 +16,7 @@ from bestman_bt.world_model.world_model import WorldModel
 
 @dataclass(frozen=True)
 class Beliefs:
-    """The input of predicates. ``tucked``: whether the arm is in its driving posture, by encoders."""
+    """The input of predicates. ``tucked``: whether the arm is in its driving posture, from encoders."""
 
     world: WorldModel
     tucked: bool = True

@@ -46,9 +46,9 @@ class MotionStage(StrEnum):
 class MotionObstacle:
     """The cause of a failed motion: collision, joint limit or reach.
 
-    ``pairs``: names of colliding bodies, the most important first. ``joint``: the joint at its limit, or off its
+    ``pairs``: names of colliding bodies, the most important first. ``joint``: the joint at its limit, or away from its
     set-point. ``beyond``: the excess of that joint, or the distance by which the target is out of reach; radians or
-    metres. ``positions``: joint name → radians or metres, the pose that was tried last.
+    metres. ``positions``: joint name → radians or metres, the last configuration tried.
     """
 
     stage: MotionStage

@@ -18,8 +18,8 @@ VOXEL_UNKNOWN, VOXEL_FREE, VOXEL_OCCUPIED = 0, 1, 2
 
 @dataclass(frozen=True, eq=False)
 class VoxelGrid:
-    """``states``: (X, Y, Z) uint8 of VOXEL_UNKNOWN, VOXEL_FREE, VOXEL_OCCUPIED; ``resolution``: edge of a voxel,
-    metres.
+    """A voxel grid. ``states``: (X, Y, Z) uint8 of VOXEL_UNKNOWN, VOXEL_FREE, VOXEL_OCCUPIED; ``resolution``: edge of a
+    voxel, metres.
 
     ``frame_from_grid``: the outer corner of voxel (0, 0, 0); the axes run along the grid. ``stamp``: of the latest
     view, seconds.
@@ -60,7 +60,8 @@ FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
-    """``data``: (rows, columns) int8, 0 free, 100 occupied, -1 unknown; row 0 is at the smallest y.
+    """A 2D occupancy grid. ``data``: (rows, columns) int8, 0 free, 100 occupied, -1 unknown; row 0 is at the smallest
+    y.
 
     ``resolution``: metres per cell. ``origin``: (2,) metres in the map frame, the outer corner of cell (0, 0).
     """

@@ -17,7 +17,7 @@ from bestman_bt.messages.pose import Pose, Pose2D
 
 @dataclass(frozen=True, eq=False)
 class Path2D:
-    """``points``: (N, 2) metres in the map frame, in driving order; ``goal``: the final pose.
+    """A path of the base. ``points``: (N, 2) metres in the map frame, in driving order; ``goal``: the final pose.
 
     ``reverse``: (N - 1,) bool, the segments driven backwards; empty means none.
     """

@@ -16,7 +16,8 @@ from bestman_bt.messages.shapes import PlacedShape, bounding_corners
 
 @dataclass(frozen=True)
 class YawSet:
-    """``arcs``: (middle, half width) pairs in radians about z of the frame, disjoint, the most probable first.
+    """A set of yaw angles. ``arcs``: (middle, half width) pairs in radians about z of the frame, disjoint, the most
+    probable first.
 
     The set is empty for a body of revolution, which has no yaw.
     """
@@ -41,8 +42,8 @@ class YawSet:
 class ObjectGrasp:
     """A precomputed grasp.
 
-    ``object_from_tool``: z leaves the hand, y closes. ``width``: metres between the fingers at contact. ``quality``: 0
-    to 1.
+    ``object_from_tool``: z points out of the hand, y is the closing direction. ``width``: metres between the fingers at
+    contact. ``quality``: 0 to 1.
     """
 
     object_from_tool: Pose

@@ -15,7 +15,9 @@ from bestman_bt.messages.pose import Pose
 
 @dataclass(frozen=True, eq=False)
 class Wrench:
-    """``force``: (3,) newtons, ``torque``: (3,) newton metres, in the sensor frame, at ``stamp`` seconds."""
+    """A force-torque reading: ``force`` (3,) newtons, ``torque`` (3,) newton metres, in the sensor frame, at ``stamp``
+    seconds.
+    """
 
     force: NDArray[np.float64]
     torque: NDArray[np.float64]
@@ -31,7 +33,9 @@ class Wrench:
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """``points``: (N, 3) float64, metres. ``colors``: (N, 3) uint8, or None. The variable's name tells the frame."""
+    """A point cloud: ``points`` (N, 3) float64, metres; ``colors`` (N, 3) uint8, or None. The name of the variable
+    gives the frame.
+    """
 
     points: NDArray[np.float64]
     colors: NDArray[np.uint8] | None = None
@@ -98,8 +102,8 @@ class LaserScan:
 class CameraIntrinsics:
     """Pinhole model: image size, focal lengths and principal point in pixels (pixel centres at whole numbers).
 
-    ``distortion``: of the lens, OpenCV's (k1, k2, p1, p2, k3); empty for an ideal or rectified image, the only kind
-    that algorithms accept. The sensor rectifies.
+    ``distortion``: of the lens, as in OpenCV (k1, k2, p1, p2, k3); empty for an ideal or rectified image. Algorithms
+    accept only those; the sensor rectifies.
     """
 
     width: int

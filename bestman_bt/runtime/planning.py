@@ -245,7 +245,9 @@ def refusals(faults: Iterable[Fault]) -> list[str]:
 
 @dataclass(frozen=True, repr=False)
 class PlannedTree:
-    """``xml``: the verified tree of the plan, with replanning if the plan rests on an assumption."""
+    """The result of ``plan``. ``xml``: the verified tree of the plan, with replanning if the plan rests on an
+    assumption.
+    """
 
     setup: Setup
     problem: Problem

@@ -36,12 +36,13 @@ _FORM = "steps=20; cost=40; only=PickUp, PutAt; without=knife, fridge/door"
 
 
 class LimitsExceededError(PlanningError):
-    """The plan exceeds the limits of the user."""
+    """Raised if the plan exceeds the user's limits."""
 
 
 @dataclass(frozen=True)
 class PlanLimits:
-    """``max_actions``, ``max_cost``: of a whole plan. ``abilities``: the only allowed ones (None: all).
+    """Limits of plans. ``max_actions``, ``max_cost``: of a whole plan. ``abilities``: the only allowed ones (None:
+    all).
 
     ``forbidden``: objects, places and containers that no action may use.
     """
@@ -100,7 +101,7 @@ class PlanLimits:
         return "; ".join(parts)
 
     def resolved(self, problem: Problem) -> PlanLimits:
-        """Return the limits with full names of things: ``fridge`` means all of the fridge, ``drawer`` all numbered
+        """Return the limits with full names: ``fridge`` stands for all parts of the fridge, ``drawer`` for all numbered
         drawers.
 
         Raises GoalError, with the closest name, for an unknown name.
@@ -113,7 +114,7 @@ class PlanLimits:
         )
 
     def renamed(self, names: Mapping[str, str]) -> PlanLimits:
-        """Return the limits for a world with other ``names`` of things."""
+        """Return the limits for a world in which objects and places have other ``names``: old → new."""
         return replace(self, forbidden=frozenset(names[name] for name in self.forbidden))
 
     def operators(self, problem: Problem) -> tuple[Operator, ...]:
@@ -122,7 +123,7 @@ class PlanLimits:
         return tuple(operator for operator in problem.operators if allowed is None or operator.name in allowed)
 
     def things(self, problem: Problem, kind: str) -> list[str]:
-        """Return the allowed things of a type."""
+        """Return the allowed objects, places or containers of type ``kind``."""
         return [name for name in problem.of_type(kind) if name not in self.forbidden]
 
     def applied_to(self, problem: Problem) -> Problem:

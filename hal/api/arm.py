@@ -82,7 +82,8 @@ class Arm(JointGroup):
         """
 
     def trajectory_time(self) -> float | None:
-        """Return the trajectory time commanded at the latest joint reading, seconds, or None if the clock tells it.
+        """Return the trajectory time commanded at the latest joint reading, seconds, or None if it equals the clock's
+        time.
 
         A real arm may run a trajectory more slowly: to keep its tool below a speed, or because its controller is late.
         """

@@ -23,11 +23,12 @@ class MotionStatus(Enum):
 
 
 class Motion(Generic[Result]):
-    """A process that runs while the clock advances; a final status never changes again.
+    """An asynchronous command or computation; a final status never changes again.
 
     ``status``, ``done``, ``result``, ``failure`` and ``cancel`` are for the caller; ``succeed``, ``fail``, ``abort``
     and ``end`` for the implementation, from any thread. ``part``: the moving part, named in failures. ``on_cancel``:
-    brings it to rest within its deceleration limit; called at most once, when the motion already counts as cancelled.
+    brings the part to rest within its deceleration limit; called at most once, when the motion already counts as
+    cancelled.
     """
 
     def __init__(self, part: str = "", on_cancel: Callable[[], None] | None = None) -> None:
@@ -60,7 +61,7 @@ class Motion(Generic[Result]):
         return self._failure if self.done else None
 
     def cancel(self) -> None:
-        """Bring the part to rest; has no effect after the end."""
+        """Cancel the motion and bring the part to rest; has no effect after the end."""
         failure = Failure(MotionErrorCode.CANCELED, "cancelled by its caller")
         if not self.done and self.end(MotionStatus.CANCELED, failure) and self._on_cancel is not None:
             self._on_cancel()

@@ -9,9 +9,9 @@ from typing import ClassVar
 class Part(ABC):
     """A part of a robot. The constructor does no work; the robot's ``connect()`` does.
 
-    ``name``: in its robot, for example ``arm``. Attributes can be read before connecting. ``speed_share``: scale of its
-    speed, 0 to 1, as set by ``Robot.set_speed``. Joints, bases and grippers apply it to their motions and velocities; a
-    caller that streams set-points by ``Arm.servo`` has to apply it itself.
+    ``name``: name in its robot, for example ``arm``. Attributes can be read before connecting. ``speed_share``: scale
+    of its speed, 0 to 1, as set by ``Robot.set_speed``. Joints, bases and grippers apply it to their motions and
+    velocities; a caller that streams set-points by ``Arm.servo`` has to apply it itself.
     """
 
     kind: ClassVar[str]

@@ -49,7 +49,7 @@ PartType = TypeVar("PartType", bound=Part)
 
 
 class Robot(ABC):
-    """A robot of any make: connect it, read its parts, command them.
+    """A simulated or real robot: connect it, read its parts, command them.
 
     The constructor does no work; the description (``parts``, ``model``) can be read before ``connect()``.
     """
@@ -120,7 +120,7 @@ class Robot(ABC):
 
     @abstractmethod
     def diagnostics(self) -> dict[str, str]:
-        """Return short texts by subject, for people."""
+        """Return diagnostic texts by subject, for people."""
 
     def part(self, name: str, part_type: Callable[..., PartType]) -> PartType:
         """Return the part called ``name``. Raises UnknownPartError listing the available parts.

@@ -53,7 +53,7 @@ class ForceTorque(Sensor):
 
 @dataclass(frozen=True, eq=False)
 class ImuReading:
-    """``angular_velocity`` (3,) rad/s and ``linear_acceleration`` (3,) m/s², in the sensor's frame.
+    """An IMU reading: ``angular_velocity`` (3,) rad/s and ``linear_acceleration`` (3,) m/s², in the sensor's frame.
 
     The acceleration is the specific force: at rest it is 9.81 upwards.
     """
@@ -77,11 +77,11 @@ class Imu(Sensor):
 
 @dataclass(frozen=True, eq=False)
 class TactileReading:
-    """The reading of a pad; x of its frame runs along a row, y along a column, z out of the pad.
+    """The reading of a tactile pad; x of its frame runs along a row, y along a column, z out of the pad.
 
     ``pressure``: normal force on each taxel, (rows, columns) newtons. ``shear``: force on each taxel along x and y,
     (rows, columns, 2) newtons. ``sliding``: speed of the touching object over the pad, (2,) m/s along x and y, as from
-    the optical flow of a DIGIT sensor; 0 without contact. Forces are those of the world on the pad.
+    the optical flow of a DIGIT sensor; 0 without contact. Forces act from the environment on the pad.
     """
 
     pressure: NDArray[np.float64]
@@ -117,7 +117,7 @@ class BumperZone:
 
 @dataclass(frozen=True)
 class BumperReading:
-    """``pressed``: indices of the pressed zones; ``stamp``: seconds."""
+    """A bumper reading. ``pressed``: indices of the pressed zones; ``stamp``: seconds."""
 
     pressed: tuple[int, ...]
     stamp: float
@@ -137,7 +137,9 @@ class Bumper(Sensor):
 
 @dataclass(frozen=True)
 class BatteryReading:
-    """``charge`` from 0 to 1, ``voltage`` in volts, ``current`` in amperes, positive when discharging."""
+    """A battery reading: ``charge`` from 0 to 1, ``voltage`` in volts, ``current`` in amperes, positive when
+    discharging.
+    """
 
     charge: float
     voltage: float

@@ -20,7 +20,7 @@ class PipelineSequence(Control, composites.Sequence):
     """
 
     def on_load(self) -> None:
-        """Start at the first child."""
+        """Set the first child as the current one."""
         self.furthest = 0
 
     def halt(self) -> None:
@@ -59,7 +59,7 @@ class RoundRobin(Control, composites.Selector):
     }
 
     def on_load(self) -> None:
-        """Start at the first child."""
+        """Set the first child as the current one."""
         self.index = 0
         self.failed = 0
 
@@ -106,7 +106,7 @@ class RecoveryNode(Control, composites.Selector):
     INPUT_PORTS = {"number_of_retries": BoundedPort(Annotated[int, Ge(0)], False, "Number of retries", 1)}
 
     def on_load(self) -> None:
-        """Start at the first child."""
+        """Set the first child as the current one."""
         self._clear()
 
     def _clear(self) -> None:

@@ -50,7 +50,7 @@ class Parallel(_Counting, composites.Parallel):
     policy: Any = NATIVE_POLICY
 
     def on_load(self) -> None:
-        """Start with no finished child."""
+        """Initialise without finished children."""
         super().on_load()
         self._clear()
 
@@ -109,7 +109,7 @@ class ParallelAll(_Counting, composites.Parallel):
     policy: Any = NATIVE_POLICY
 
     def on_load(self) -> None:
-        """Start with no finished child."""
+        """Initialise without finished children."""
         super().on_load()
         self.done: set[int] = set()
         self.failed = 0

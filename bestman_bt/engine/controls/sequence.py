@@ -19,7 +19,7 @@ class IfThenElse(Control, composites.Selector):
     CHECKED_AT_TICK = True
 
     def on_load(self) -> None:
-        """Start at the condition."""
+        """Set the condition as the current child."""
         self.index = 0
 
     def halt(self) -> None:

@@ -28,12 +28,12 @@ class ManualSelector(Control, composites.Selector):
         )
     }
     QUESTIONS: ClassVar[TextIO | None] = None
-    """Where the question is written; standard error where None."""
+    """Stream to which the question is written; None: standard error."""
     ANSWERS: ClassVar[TextIO | None] = None
-    """Where the answer is read, a line each; standard input where None."""
+    """Stream from which answers are read, one per line; None: standard input."""
 
     def on_load(self) -> None:
-        """Start without a choice."""
+        """Initialise without a previous choice."""
         self.chosen = -1
         self.running = -1
 

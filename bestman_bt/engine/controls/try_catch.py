@@ -23,7 +23,7 @@ class TryCatch(Control, composites.Sequence):
     }
 
     def on_load(self) -> None:
-        """Start at the first child."""
+        """Set the first child as the current one."""
         self._clear()
 
     def _clear(self) -> None:

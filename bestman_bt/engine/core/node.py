@@ -187,7 +187,7 @@ class Node(PyTreesFace):
     tick_bare: ClassVar[Callable[..., int] | None] = None
     """The tick without listeners, if a class has a faster one than ``on_tick``."""
     tick_traced: ClassVar[Callable[..., int] | None] = None
-    """The same, logging every state change."""
+    """As ``tick_bare``, and log every state change."""
 
     run: Tick
     log: list[Any] | None
@@ -196,7 +196,7 @@ class Node(PyTreesFace):
     only: tuple[Tick, Node]
     conditions: Conditions | None
     order: Order | None = None
-    """What the node waits for; None for nearly all nodes."""
+    """The request that the node waits for; None for nearly all nodes."""
 
     uid: int
     place: NodePlace | None

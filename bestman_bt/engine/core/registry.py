@@ -21,7 +21,7 @@ BUILTIN_NODES: Final[dict[str, type[Node]]] = {}
 
 
 class RegistryError(EngineError, InputError):
-    """A class cannot be registered, or a name is unknown."""
+    """Raised if a class cannot be registered, or a name is unknown."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -123,9 +123,9 @@ class Tree:
         return self._root
 
     def complete(self, root: Node, depth: int, shared: SharedEntries | None) -> None:
-        """Set the root and, if native behaviours are below it, the shared entries.
+        """Set the root and, if it has native behaviours below it, the shared entries.
 
-        Raises the interpreter's recursion limit if a tree of this depth, with hooks and conditions, needs it.
+        Raises the interpreter's recursion limit if a tree of this depth, with hooks and conditions, needs a higher one.
         """
         self._root = root
         set_order(self)
@@ -167,7 +167,7 @@ class Tree:
         """Return the node with this path.
 
         Raises:
-            KeyError: there is none.
+            KeyError: no node has this path.
         """
         for node in self.nodes:
             if node.path == path:

@@ -17,10 +17,10 @@ from bestman_bt.engine.errors import ConversionError
 
 
 class ForEach(Decorator):
-    """Writes the items of ``items`` to ``item`` one by one and ticks the child; FAILURE as soon as it fails.
+    """Ticks the child for each item of ``items``, written to ``item``; FAILURE as soon as the child fails.
 
-    The list is read when the node starts; SUCCESS when all items are done, or if there are none. Items whose child was
-    SKIPPED count as done.
+    The list is read when the node starts; SUCCESS after the last item, or if the list is empty. Items whose child
+    returned SKIPPED count as done.
     """
 
     INPUT_PORTS = {"items": PortInformation(list[Any], True, "the items")}

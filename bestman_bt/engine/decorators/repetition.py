@@ -27,7 +27,7 @@ class RunOnce(Decorator):
     RESETS_CHILD = True
 
     def on_load(self) -> None:
-        """Start with no result."""
+        """Initialise without a result."""
         self.result: int | None = None
 
     def on_tick(self) -> int:

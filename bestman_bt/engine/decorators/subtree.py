@@ -173,5 +173,5 @@ class SubTree(Decorator):
 
     @property
     def type_id(self) -> str:
-        """The ID of the tree that it runs."""
+        """The ID of the tree that the node runs."""
         return self.tree_id

@@ -44,7 +44,7 @@ class StatefulAction(Leaf):
     """
 
     def on_start(self) -> int:
-        """Start, and return RUNNING, or a result that is known at once."""
+        """Start the action; return RUNNING, or a result if it is already known."""
         raise NotImplementedError(f"{type(self).__name__} does not define on_start()")
 
     def on_running(self) -> int:
@@ -52,10 +52,10 @@ class StatefulAction(Leaf):
         raise NotImplementedError(f"{type(self).__name__} does not define on_running()")
 
     def on_halted(self) -> None:
-        """Stop what was started. Not called if the action ended by itself."""
+        """Stop the action. Not called if the action has finished."""
 
     def on_tick(self) -> int:
-        """Call ``on_start`` or ``on_running``; return a result again until it is reset."""
+        """Call ``on_start`` or ``on_running``; after the end, return the same result until the node is reset."""
         code = self._s
         if code <= IDLE:
             return self.on_start()

@@ -54,7 +54,7 @@ class SetBlackboard(SyncAction):
 
 
 class UnsetBlackboard(SyncAction):
-    """Removes the entry named by ``key`` from the tree's own blackboard."""
+    """Removes the entry named by ``key`` from the SubTree's own blackboard."""
 
     CHECKED_AT_TICK = True
     INPUT_PORTS = {"key": PortInformation(str, True, "Key of the entry to remove")}
@@ -111,7 +111,7 @@ class QueueSize(SyncAction):
     OUTPUT_PORTS = {"size": PortInformation(int, False, "the number of items")}
 
     def on_tick(self) -> int:
-        """Count the items."""
+        """Write the number of items."""
         queue = self.get_input("queue")
         if not queue:
             return FAILURE

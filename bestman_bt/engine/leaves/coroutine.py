@@ -99,7 +99,7 @@ class CoroutineAction(StatefulAction):
     _coroutine: Coroutine[Any, Any, int] | None = None
 
     async def run_async(self) -> int:
-        """Do the work and return a status other than RUNNING."""
+        """Do the work; return SUCCESS, FAILURE or SKIPPED."""
         raise NotImplementedError(f"{type(self).__name__} does not define run_async()")
 
     def next_tick(self) -> Awaitable[None]:

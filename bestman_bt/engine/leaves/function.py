@@ -38,7 +38,7 @@ class Output(Generic[T]):
         self._port = port
 
     def set(self, value: T) -> None:
-        """Write the port."""
+        """Write ``value`` to the port."""
         self._node.set_output(self._port, value)
 
 
@@ -47,7 +47,7 @@ class Context:
 
 
 class FunctionLeafError(EngineError):
-    """A function cannot become a leaf, because its signature does not describe ports."""
+    """Raised if a function cannot become a leaf, because its signature does not describe ports."""
 
 
 @overload

@@ -26,21 +26,21 @@ Asked = TypeVar("Asked")
 
 
 class Goal(ABC, Generic[Asked]):
-    """One entry of a task's ``goals`` in a drawn world.
+    """One entry of a task's ``goals`` in a generated world.
 
     Call ``problems`` first: the other methods assume that there are none.
     """
 
     parameters: ClassVar[type]
-    """The frozen dataclass of its fields in a task's YAML, ``Asked``."""
+    """The frozen dataclass of the goal's fields in a task's YAML, ``Asked``."""
     measures: ClassVar[Mapping[str, tuple[str, ...]]]
-    """The predicates that judge it → what each may measure."""
+    """The predicates that judge the goal → the metrics that each may measure."""
     fills: ClassVar[tuple[str, ...]] = ()
-    """The root entries that it may fill; of two goals that fill the same, a task has one."""
+    """The root entries that the goal may fill; a task has at most one goal per entry."""
     several: ClassVar[bool] = False
-    """Whether a task may ask for more than one of the kind."""
+    """Whether a task may have several goals of this kind."""
     needs_nodes: ClassVar[bool] = False
-    """Whether it cannot be read without the registry of nodes."""
+    """Whether reading the goal requires the registry of nodes."""
 
     def __init__(self, task: DrawnTask, path: FieldPath, asked: Asked) -> None:
         self.task, self.config, self.path = task, task.config, path
@@ -49,7 +49,7 @@ class Goal(ABC, Generic[Asked]):
 
     @property
     def written(self) -> Mapping[str, Any]:
-        """Its fields as they were written, with their units."""
+        """The goal's fields as written in the task, with units."""
         _, index, kind = self.path
         return dict(numbered(self.config.task.goals))[int(index)][str(kind)]
 
@@ -73,27 +73,27 @@ class Goal(ABC, Generic[Asked]):
         return {}
 
     def subjects(self) -> list[str]:
-        """Return the objects, doors and drawers whose state it is about."""
+        """Return the objects, doors and drawers whose state the goal is about."""
         return []
 
     def labels(self) -> list[str]:
-        """Return suffixes for the names of its measures, for tasks with several goals of the kind."""
+        """Return suffixes for the names of the goal's metrics, for tasks with several goals of the kind."""
         return self.subjects()
 
     @abstractmethod
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:
-        """Return whether one of its predicates is true."""
+        """Return the verdict on one predicate of the goal."""
 
     @classmethod
     def entries_of(cls, goals: Sequence[Self]) -> dict[str, Any]:
-        """Return the entries of all goals of the kind that a task has."""
+        """Return the root entries of all goals of this kind in a task."""
         return {name: value for goal in goals for name, value in goal.entries().items()}
 
     @as_far_as_read
     def unknown_object(self, *field: str | int, absent: Collection[str] = ()) -> Iterator[Problem]:
-        """Yield a problem for an object in a field that the robot does not know by this name.
+        """Yield a problem if a field names an object that the robot does not know.
 
-        Of several objects of one model, the robot calls the first one by the model's name.
+        If several objects share a model, the robot calls the first one by the model's name.
         """
         name = getattr(self.asked, str(field[0]))
         name = dict(numbered(name))[int(field[1])] if len(field) > 1 else name
@@ -109,19 +109,19 @@ class Goal(ABC, Generic[Asked]):
 
     @as_far_as_read
     def unknown_surface(self, field: str) -> Iterator[Problem]:
-        """A surface that a field names and the map does not have."""
+        """Yield a problem if a field names a surface that the map does not have."""
         name, there = getattr(self.asked, field), surface_names(self.world_model)
         yield from unknown(self.config, (*self.path, field), name, there, "the map has no surface")
 
     @as_far_as_read
     def unknown_place(self, field: str) -> Iterator[Problem]:
-        """Yield the problem of a field whose goal place the scene does not have."""
+        """Yield a problem if a field names a goal place that the scene does not have."""
         name = getattr(self.asked, field)
         yield from unknown(self.config, (*self.path, field), name, self.world.goals, "the scene has no goal")
 
     @as_far_as_read
     def missing_part(self, part: type, what: str) -> Iterator[Problem]:
-        """A part that the robot does not have."""
+        """Yield a problem if the robot does not have a part of type ``part``; ``what`` needs it."""
         if not self.robot_model.of(part):
             yield self.fault(f"needs {what}, and robot {self.robot_model.name} has none")
 
@@ -158,7 +158,7 @@ def read_goals(config: RunConfig, faults: list[Problem]) -> Iterator[tuple[type[
 
 
 def goals_of(task: DrawnTask, faults: list[Problem] | None = None) -> tuple[Goal[Any], ...]:
-    """Return a task's goals in a drawn world; impossible ones are left out and added to ``faults``.
+    """Return a task's goals in a generated world; impossible ones are left out and added to ``faults``.
 
     Without a registry of nodes, kinds that need one are left out.
     """
@@ -185,7 +185,7 @@ def _document(config: RunConfig, path: FieldPath, fields: Mapping[str, Any]) -> 
 
 
 def entries_of(goals: Sequence[Goal[Any]]) -> dict[str, Any]:
-    """Return the root entries that a task's goals fill. Raises SceneError if there is no room for one."""
+    """Return the root entries that a task's goals fill. Raises SceneError if the scene has no free space for a goal."""
     kinds: dict[type[Goal[Any]], list[Goal[Any]]] = {}
     for goal in goals:
         kinds.setdefault(type(goal), []).append(goal)
@@ -198,8 +198,9 @@ def judging(goals: Iterable[Goal[Any]], predicate: str) -> list[Goal[Any]]:
 
 
 def judged(goals: Iterable[Goal[Any]], predicate: str, evidence: Evidence) -> Verdict:
-    """Return whether all that a predicate judges is so. The metrics of several goals are ``place_error_mm_plate`` …
-    and, of all, the largest ``place_error_mm``.
+    """Return the common verdict of all goals that ``predicate`` judges.
+
+    With several goals, metrics get suffixes, ``place_error_mm_plate``; ``place_error_mm`` is the largest of them.
     """
     each = judging(goals, predicate)
     verdicts = [goal.judged(predicate, evidence) for goal in each]

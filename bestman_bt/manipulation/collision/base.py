@@ -12,7 +12,7 @@ from bestman_bt.manipulation.collision.planning_scene import PlanningScene
 
 
 class CollisionWorld(ABC):
-    """One arm among fixed obstacles; all other joints are fixed.
+    """Collision checks of one arm among fixed obstacles; all other joints are fixed.
 
     Names are those of links, obstacles and of the attached object.
     """
@@ -24,19 +24,19 @@ class CollisionWorld(ABC):
 
     @property
     def fingerprint(self) -> str:
-        """Equal for worlds that give equal answers; empty if unknown."""
+        """A key that is equal for worlds with equal answers; empty if unknown."""
         return ""
 
     @abstractmethod
     def is_free(self, positions: ArrayLike) -> bool:
-        """Return whether nothing is nearer than its padding at ``positions`` (n,), radians.
+        """Return whether every checked pair keeps its padding at ``positions`` (n,), radians.
 
-        A Python ``bool``. Raises ManipulationError if ``positions`` has the wrong shape or is not finite.
+        Raises ManipulationError if ``positions`` has the wrong shape or is not finite.
         """
 
     @abstractmethod
     def colliding_pairs(self, positions: ArrayLike) -> tuple[tuple[str, str], ...]:
-        """The sorted pairs of names that are nearer than their padding at ``positions`` (n,)."""
+        """Return the sorted pairs of names that are closer than their padding at ``positions`` (n,), radians."""
 
     @abstractmethod
     def distance(self, positions: ArrayLike) -> float:

@@ -78,7 +78,7 @@ class PlanningScene:
         return replace(self, obstacles=tuple(o for o in self.obstacles if o.name not in names) + obstacles)
 
     def without(self, *names: str) -> PlanningScene:
-        """The scene without the obstacles of these names."""
+        """Return the scene without the obstacles of these names."""
         return replace(
             self,
             obstacles=tuple(o for o in self.obstacles if o.name not in names),

@@ -60,7 +60,7 @@ class InverseKinematics(ABC):
 
     @abstractmethod
     def tool_pose(self, positions: ArrayLike) -> Pose:
-        """Forward kinematics: base_from_tool at ``positions`` (n,)."""
+        """Return base_from_tool at ``positions`` (n,), radians: forward kinematics."""
 
     @abstractmethod
     def solve(
@@ -95,4 +95,4 @@ class InverseKinematics(ABC):
 
     @abstractmethod
     def manipulability(self, positions: ArrayLike) -> float:
-        """Yoshikawa's measure sqrt(det(J Jᵀ)) of the tool's Jacobian; 0 at a singularity."""
+        """Return Yoshikawa's manipulability sqrt(det(J Jᵀ)) at ``positions`` (n,), radians; 0 at a singularity."""

@@ -24,7 +24,7 @@ from bestman_bt.world_model.world_model import HeldObject
 
 
 class ForwardKinematics:
-    """Frames of the whole robot; the model is built at the first question."""
+    """Forward kinematics of the whole robot; the model is built on first use."""
 
     def __init__(self, robot: RobotModel) -> None:
         self.robot = robot

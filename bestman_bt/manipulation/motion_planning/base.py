@@ -32,7 +32,7 @@ class PlanningErrorCode(StrEnum):
 
 
 class PlanningError(ManipulationError):
-    """There is no plan; ``code``: for programs, the message: for people, ``failure``: with the obstacle."""
+    """Raised if no plan was found; ``code``: a PlanningErrorCode; ``failure``: with the obstacle, if known."""
 
     code: PlanningErrorCode
 
@@ -47,20 +47,23 @@ class PathConstraint(Protocol):
 
     @property
     def description(self) -> str:
-        """Return the condition in words, for error messages: ``cup upright within 25 degrees``."""
+        """Return the condition as text for error messages: ``cup upright within 25 degrees``."""
 
     def satisfied(self, positions: NDArray[np.float64]) -> bool:
-        """Return whether it holds at ``positions`` (n,), during planning."""
+        """Return whether the constraint holds at ``positions`` (n,), radians; used during planning."""
 
     def tolerated(self, positions: NDArray[np.float64]) -> bool:
-        """Return whether a timed motion may pass ``positions`` (n,), which may lie a little off the planned path."""
+        """Return whether a timed motion may pass ``positions`` (n,), radians, which may lie slightly off the planned
+        path.
+        """
 
 
 @dataclass(frozen=True, eq=False)
 class MotionPlan:
-    """``path``: (N, n) radians, N ≥ 1, straight between rows, from the start to goal number ``goal_index``.
+    """A joint path: ``path`` (N, n) radians, N ≥ 1, straight between rows, from the start to goal number
+    ``goal_index``.
 
-    ``checks``: collision checks spent.
+    ``checks``: number of collision checks.
     """
 
     path: NDArray[np.float64]
@@ -74,7 +77,7 @@ class MotionPlan:
 
 
 class MotionPlanner(ABC):
-    """Plans for one arm; the result depends on the arguments alone, never on time or on earlier plans."""
+    """Plans motions of one arm; the result depends on the arguments alone, never on time or on earlier plans."""
 
     @abstractmethod
     def plan(
@@ -88,5 +91,5 @@ class MotionPlanner(ABC):
     ) -> MotionPlan:
         """Plan from ``start`` (n,) to any of ``goals``, each (n,), radians.
 
-        Raises PlanningError if there is none, ManipulationError for NaN, wrong shapes or an empty list of goals.
+        Raises PlanningError if no plan is found, ManipulationError for NaN, wrong shapes or an empty list of goals.
         """

@@ -93,15 +93,15 @@ class Policy(ABC):
     @property
     @abstractmethod
     def specification(self) -> PolicySpecification:
-        """The inputs and outputs; readable before loading or connecting, if the policy has a file."""
+        """The inputs and outputs; if the policy has a file, they can be read before loading or connecting."""
 
     @abstractmethod
     def reset(self) -> None:
-        """Start a new episode; discard the state."""
+        """Start a new episode; discard internal state."""
 
     @abstractmethod
     def act(self, observation: Observation) -> ActionChunk:
-        """Return the next actions. Raises PolicyError; never gives a chunk that its specification does not describe."""
+        """Return the next actions, as the specification describes them. Raises PolicyError."""
 
     def close(self) -> None:  # noqa: B027 - most policies hold nothing
         """Release files and connections; idempotent."""

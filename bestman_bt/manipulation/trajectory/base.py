@@ -94,7 +94,7 @@ class SpeedScale:
 
 
 class TimeParametrization(ABC):
-    """Gives a path its time; at rest at both ends."""
+    """Assigns times to a joint path, at rest at both ends."""
 
     @abstractmethod
     def parametrize(

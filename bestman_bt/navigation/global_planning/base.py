@@ -24,14 +24,14 @@ class PlanningFailureReason(Enum):
 
 @dataclass(frozen=True)
 class PlanningFailure:
-    """The reason for programs, the text for people."""
+    """Why no path was found; ``reason``: for programs, ``text``: for people."""
 
     reason: PlanningFailureReason
     text: str
 
     @classmethod
     def no_path(cls, start: Pose2D, goal: Pose2D) -> PlanningFailure:
-        """Both ends are free, and nothing connects them."""
+        """Return the failure for two free poses that no path connects."""
         return cls(
             PlanningFailureReason.NO_PATH,
             f"nothing wide enough for the base leads from ({start.x:.2f}, {start.y:.2f}) m "

@@ -62,12 +62,12 @@ class Rasterization:
 
 @dataclass(frozen=True, eq=False)
 class Costmap:
-    """``distance``: (rows, columns) metres from each cell's centre to the next obstacle or the border, negative inside.
+    """Distances to obstacles on a grid: ``distance`` (rows, columns), metres from each cell's centre to the nearest
+    obstacle or the border, negative inside.
 
     Row 0 is at the smallest y. ``origin``: (2,) metres in the map frame, the outer corner of cell (0, 0). Margins for
     map errors are already subtracted. ``tall``: the same for obstacles that reach the footprint's overhang, or None
-    without an overhang. ``unseen``: what the footprint's upper body may hit and no lidar sees; the distances include
-    it, too.
+    without an overhang. ``unseen``: obstacles for the upper body that the lidar cannot see; the distances include them.
     """
 
     distance: NDArray[np.float64]
@@ -95,7 +95,7 @@ class Costmap:
         obstacles: Iterable[Obstacle] = (),
         rasterization: Rasterization = Rasterization(),
     ) -> Costmap:
-        """Walls, furniture (with margins for its errors), frames of doors, and ``obstacles``."""
+        """Return the costmap of walls, furniture (with margins for map errors), door frames and ``obstacles``."""
         p = rasterization
         x_min, y_min, x_max, y_max = semantic_map.bounds(margin=2 * p.resolution)
         shape = math.ceil((y_max - y_min) / p.resolution), math.ceil((x_max - x_min) / p.resolution)
@@ -180,25 +180,29 @@ class Costmap:
         return OccupancyGrid(data, self.resolution, self.origin)
 
     def grid_points(self, cells: ArrayLike) -> NDArray[np.float64]:
-        """Map points (..., 2), metres, at the centres of cells (row, column)."""
+        """Return the map points (..., 2), metres, at the centres of ``cells`` (row, column) (..., 2)."""
         centres: NDArray[np.float64] = (np.asarray(cells, dtype=float)[..., ::-1] + 0.5) * self.resolution
         return centres + self.origin
 
     def cells(self, points: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Rows and columns of map points (..., 2); of points beyond the costmap, those of its border."""
+        """Return rows and columns of the cells at map points (..., 2), metres; points outside get the nearest border
+        cell.
+        """
         cells = np.floor((np.asarray(points, dtype=float) - self.origin) / self.resolution).astype(np.intp)
         rows, columns = self.distance.shape
         return np.clip(cells[..., 1], 0, rows - 1), np.clip(cells[..., 0], 0, columns - 1)
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Which map points (..., 2) lie on the costmap."""
+        """Return which map points (..., 2), metres, lie on the costmap, (...) bool."""
         cells = (np.asarray(points, dtype=float) - self.origin) / self.resolution
         rows, columns = self.distance.shape
         inside: NDArray[np.bool_] = np.all((cells >= 0) & (cells < (columns, rows)), axis=-1)
         return inside
 
     def distance_at(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Interpolated distance to the next obstacle at map points (..., 2), metres; -1 beyond the costmap."""
+        """Return the interpolated distance to the nearest obstacle at map points (..., 2), metres; -1 outside the
+        costmap.
+        """
         points = np.asarray(points, dtype=float)
         rows, columns = self.distance.shape
         x = (points[..., 0] - self.origin[0]) / self.resolution - 0.5
@@ -217,14 +221,14 @@ class Costmap:
 
     @cached_property
     def above(self) -> Costmap | None:
-        """Return the costmap of tall obstacles for the outline with the overhang, or None without one."""
+        """The costmap of tall obstacles for the outline with the overhang, or None without an overhang."""
         if self.tall is None:
             return None
         return replace(self, distance=self.tall, tall=None, footprint=self.footprint.above)
 
     @cached_property
     def for_turning(self) -> Costmap:
-        """Return a costmap with one field for turning: of a disc of the circumscribed radius, overhang included.
+        """The costmap for turning in place: of a disc of the circumscribed radius, overhang included.
 
         Without an overhang it is this costmap, as for ``for_passing``.
         """
@@ -232,7 +236,7 @@ class Costmap:
 
     @cached_property
     def for_passing(self) -> Costmap:
-        """Return a costmap with one field for a disc of the inscribed radius."""
+        """The costmap of a disc of the inscribed radius."""
         return self._of_disc(self.footprint.above.inscribed_radius - self.footprint.inscribed_radius)
 
     @cached_property
@@ -249,9 +253,9 @@ class Costmap:
         return replace(self.without_overhang, distance=np.minimum(self.distance, self.tall - more))
 
     def cost(self, distance: ArrayLike, lethal_distance: float, slack: float = 0.0) -> NDArray[np.float64]:
-        """Cost per metre, 1 and up, at ``distance`` metres from an obstacle; infinite below ``lethal_distance``.
+        """Return the cost per metre (≥ 1) at ``distance`` metres from an obstacle; infinite below ``lethal_distance``.
 
-        ``slack``: metres below it at which the cost is still the highest one instead.
+        ``slack``: metres below ``lethal_distance`` within which the cost is finite, at its maximum.
         """
         beyond = np.asarray(distance, dtype=float) - lethal_distance
         p = self.rasterization

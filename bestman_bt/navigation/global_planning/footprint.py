@@ -60,8 +60,9 @@ class UpperBody:
 class Footprint:
     """A convex outline around the origin: ``corners`` (N, 2) metres in the base frame, counter-clockwise.
 
-    ``turning_drift``: metres that the origin may move during a turn in place. ``overhang``: above the base, or None.
-    ``upper``: what is above the lidar, within the outline, or None where nothing is, or it is not known.
+    ``turning_drift``: metres that the origin may move during a turn in place. ``overhang``: outline of the parts above
+    the base that extend beyond it, or None. ``upper``: the parts above the lidar within the outline; None if there are
+    none, or if unknown.
     """
 
     corners: NDArray[np.float64]
@@ -80,7 +81,7 @@ class Footprint:
     def carrying(self, bodies: Iterable[NDArray[np.float64]], margin: float) -> Footprint:
         """Return the base with ``bodies`` above it, each the convex hull of points (N, 3), metres in the base frame.
 
-        ``margin``: metres that they may sway, each way; smaller overhangs count as part of the base.
+        ``margin``: metres by which the bodies may sway in each direction; smaller overhangs count as part of the base.
         """
         reach, height, outside = 0.0, math.inf, [self.corners]
         for body in bodies:
@@ -98,8 +99,11 @@ class Footprint:
         return replace(self, overhang=Overhang(corners, height - margin, reach))
 
     def reaching_above(self, lidar_height: float, bodies: Iterable[NDArray[np.float64]], margin: float) -> Footprint:
-        """The same with the upper body: of ``bodies``, as of ``carrying``, what a lidar ``lidar_height`` metres high
-        does not look around for. Bodies that are all as high as the overhang are left to that.
+        """Return the footprint with its upper body: the ``bodies`` above ``lidar_height``, metres, which the lidar
+        cannot see.
+
+        ``bodies`` and ``margin``: as for ``carrying``. Bodies at the height of the overhang are part of the overhang
+        only.
         """
         limit = math.inf if self.overhang is None else self.overhang.height
         high = [body for body in bodies if body[:, 2].max() > lidar_height + LOOKS_AROUND and body[:, 2].min() < limit]
@@ -116,14 +120,14 @@ class Footprint:
 
     @cached_property
     def above(self) -> Footprint:
-        """The outline with the overhang; the base itself without one."""
+        """The outline including the overhang; without an overhang, the outline of the base."""
         return self if self.overhang is None else Footprint(self.overhang.corners, self.turning_drift)
 
     @cached_property
     def discs_above(self) -> NDArray[np.float64]:
         """Discs (N, 3) that cover the overhang: x, y and radius, metres.
 
-        Discs on the outline reach half the way to the next one, inner ones leave a gap. None lies next to the base, so
+        Discs on the outline reach half the way to the next one, inner ones leave a gap. No disc is next to the base, so
         that tall obstacles there do not constrain the base more than its own outline does.
         """
         outline = self.above.outline(DISCS)

@@ -13,7 +13,7 @@ from bestman_bt.world_model.world_model import WorldModel
 
 @dataclass(frozen=True)
 class LayeredCostmap(Rasterization):
-    """Creates costmaps: of the map with the believed doors, or of a grid.
+    """Creates costmaps of the map with the believed door positions, or of an occupancy grid.
 
     ``obstacle``: whether planning costmaps include obstacles that the lidar sees and the map lacks. ``unknown``:
     whether unseen cells are obstacles.
@@ -28,5 +28,5 @@ class LayeredCostmap(Rasterization):
         return Costmap.from_map(world.map, footprint, leaves, self)
 
     def of_grid(self, grid: OccupancyGrid, footprint: Footprint) -> Costmap:
-        """Occupied cells and unknown ones."""
+        """Return the costmap of the occupied cells of ``grid`` and, if ``unknown`` is set, of its unknown cells."""
         return Costmap.from_grid(grid, footprint, self.unknown, self)

@@ -12,10 +12,10 @@ from bestman_bt.robot_model.model import BaseModel
 
 @dataclass(frozen=True)
 class FollowerCommand:
-    """A command until the next call.
+    """A velocity command, valid until the next call.
 
-    ``twist``: velocity command in the base frame. ``done``: the goal is reached and the twist is zero. ``remaining``:
-    metres of the remaining path.
+    ``twist``: in the base frame. ``done``: the goal is reached and the twist is zero. ``remaining``: length of the
+    remaining path, metres.
     """
 
     twist: Twist2D
@@ -31,7 +31,7 @@ class PathFollower(ABC):
     """
 
     def configure(self, base: BaseModel) -> None:
-        """The base that will be driven; once, before the first ``reset``."""
+        """Set the model of the base; called once, before the first ``reset``."""
         return
 
     def observe(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:

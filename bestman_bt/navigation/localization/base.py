@@ -39,7 +39,7 @@ class ScanMatch:
 
 @dataclass(frozen=True, eq=False)
 class LocalizationEstimate:
-    """``pose`` of the base in the map frame; ``covariance``: (3, 3) of x, y, theta in m², m rad, rad².
+    """The estimated ``pose`` of the base in the map frame; ``covariance``: (3, 3) of x, y, theta in m², m rad, rad².
 
     ``match``: of the latest scan, None before the first.
     """
@@ -67,9 +67,10 @@ class Localizer(ABC):
 
     @abstractmethod
     def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
-        """Start from a believed pose in the map frame; ``odometry``: the odometry pose at the same moment.
+        """Initialise the estimate at ``pose`` in the map frame; ``odometry``: the odometry pose at the same moment.
 
-        Raises ValueError for values that are not finite, as do all methods; the estimate is then unchanged.
+        ``position_std``: metres, ``heading_std``: radians. Raises ValueError for values that are not finite, as do all
+        methods; the estimate is then unchanged.
         """
 
     @abstractmethod
@@ -83,10 +84,10 @@ class Localizer(ABC):
     @property
     @abstractmethod
     def estimate(self) -> LocalizationEstimate:
-        """The present estimate; RuntimeError before the first ``reset``."""
+        """The current estimate. Raises RuntimeError before the first ``reset``."""
 
     def expect_dragged_wheels(self) -> None:  # noqa: B027 - not every localizer relies on the odometry of turns
-        """Trust the odometry of turns little: the base drags its wheels over the floor in them (skid steering)."""
+        """Increase the odometry noise of turns: the wheels of the base slip sideways when it turns (skid steering)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +114,7 @@ class Place:
 
 
 class GlobalLocalizer(ABC):
-    """Finds the base on the whole map."""
+    """Estimates the pose of the base on the whole map, without a prior."""
 
     @abstractmethod
     def locate(

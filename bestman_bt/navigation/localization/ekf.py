@@ -21,20 +21,20 @@ from bestman_bt.messages.shapes import NonNegative, Positive
 
 
 class OdometryFilter(ABC):
-    """Turns the wheels' odometry into a better one; ``uses_gyro``: whether it needs a gyroscope for that."""
+    """Improves the wheel odometry; ``uses_gyro``: whether the filter needs a gyroscope."""
 
     uses_gyro: ClassVar[bool]
 
     @abstractmethod
     def reset(self, odometry: Pose2D) -> None:
-        """Start at the current wheel odometry (``odom`` frame)."""
+        """Start at the current wheel odometry, a pose in the ``odom`` frame."""
 
     @abstractmethod
     def update(self, odometry: Pose2D, turned: float, elapsed: float) -> Pose2D:
-        """Return the filtered pose for the wheel odometry ``odometry`` (``odom`` frame).
+        """Return the filtered pose in the ``odom`` frame; ``odometry``: pose from wheel odometry in that frame.
 
-        ``turned``: rotation measured by the gyroscope in the ``elapsed`` seconds since the last call, radians, with its
-        bias.
+        ``turned``: rotation measured by the gyroscope in the ``elapsed`` seconds since the last call, radians, bias
+        included.
         """
 
 

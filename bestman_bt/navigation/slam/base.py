@@ -15,7 +15,7 @@ from bestman_bt.navigation.localization.base import LocalizationEstimate
 
 @dataclass(frozen=True, eq=False)
 class SlamEstimate(LocalizationEstimate):
-    """The estimate of a SLAM; the covariance is relative to the nearby map.
+    """The estimate of SLAM; the covariance is relative to the nearby map.
 
     ``loop_closures``: number found so far.
     """
@@ -42,7 +42,9 @@ class SlamTrajectory:
 
 
 class Slam(ABC):
-    """Makes a map and finds the base on it: ``reset`` once, then ``add`` each scan; ``predict`` in between."""
+    """Simultaneous localisation and mapping: call ``reset`` once, then ``add`` for each scan, and ``predict`` in
+    between.
+    """
 
     @abstractmethod
     def reset(self, pose: Pose2D, odometry: Pose2D) -> SlamEstimate:
@@ -54,12 +56,12 @@ class Slam(ABC):
 
     @abstractmethod
     def add(self, odometry: Pose2D, scan: LaserScan, base_from_lidar: Pose2D) -> SlamEstimate:
-        """Process a scan taken at ``odometry``."""
+        """Process a scan taken at the odometry pose ``odometry`` (``odom`` frame)."""
 
     @property
     @abstractmethod
     def estimate(self) -> SlamEstimate:
-        """The present estimate; RuntimeError before ``reset``."""
+        """The current estimate. Raises RuntimeError before ``reset``."""
 
     @property
     @abstractmethod

@@ -113,9 +113,9 @@ def _first(border: float | None, otherwise: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class HandleScene:
-    """``handles``: most confident first. ``fronts``: the upright planes that were searched, largest first.
+    """The result of a handle search: ``handles``, most confident first, on ``fronts``: vertical planes, largest first.
 
-    ``reason``: in words, why there is nothing where there is nothing; else empty.
+    ``reason``: why no handle was found, as text; else empty.
     """
 
     handles: tuple[Handle, ...]
@@ -124,13 +124,13 @@ class HandleScene:
 
 
 class HandleDetector(ABC):
-    """Finds handles on upright fronts."""
+    """Finds handles on vertical furniture fronts."""
 
     @abstractmethod
     def detect(self, view: View, rng: np.random.Generator) -> HandleScene:
         """Return all handles in ``view``, in its frame (z up). Equal input and generator state give equal output.
 
-        Raises PerceptionError for an image that cannot be used (no depth at all, wrong shapes).
+        Raises PerceptionError for an unusable image: no depth at all, or wrong shapes.
         """
 
 

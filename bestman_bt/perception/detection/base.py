@@ -26,7 +26,9 @@ class Prepared:
 
 @dataclass(frozen=True, eq=False)
 class Detection:
-    """A known object: ``hypothesis`` is the best; ``alternatives`` are other models at the same place, best first."""
+    """A detected object of a known model. ``hypothesis``: the best pose; ``alternatives``: other models at the same
+    place, best first.
+    """
 
     cluster: Cluster
     hypothesis: PoseHypothesis
@@ -39,17 +41,17 @@ class Detection:
 
     @property
     def pose(self) -> Pose:
-        """frame_from_object."""
+        """The pose of the object, frame_from_object."""
         return self.hypothesis.pose
 
     @property
     def confidence(self) -> float:
-        """Implement ``PoseHypothesis``."""
+        """The confidence of the best hypothesis, 0 to 1; see ``PoseHypothesis``."""
         return self.hypothesis.confidence
 
     @property
     def score(self) -> float | None:
-        """The detector's own, 0 to 1; None of one that gives none: its cluster is no LabelledCluster."""
+        """The detector's score, 0 to 1; None if the detector does not give one."""
         return self.cluster.score if isinstance(self.cluster, LabelledCluster) else None
 
     @property
@@ -60,7 +62,8 @@ class Detection:
 
 @dataclass(frozen=True, eq=False)
 class LabelledCluster(Cluster):
-    """A thing that a detector has a name for; among the unknown its pose is not known: no model, or none that fits.
+    """A cluster that a detector has labelled; among ``DetectedScene.unknown`` its pose is not known: no model, or none
+    that fits.
 
     ``score``: the detector's, 0 to 1.
     """
@@ -71,10 +74,10 @@ class LabelledCluster(Cluster):
 
 @dataclass(frozen=True, eq=False)
 class DetectedScene:
-    """``detections``: most confident first. ``unknown``: clusters that no model explains: obstacles.
+    """The result of a detection. ``detections``: known objects, most confident first. ``unknown``: clusters that no
+    model explains; they are obstacles.
 
-    Those of the unknown that an image detector has a name for are LabelledClusters. ``scene``: what was segmented, for
-    surface_coverage.
+    Unknown clusters with a label from an image detector are LabelledClusters. ``scene``: the segmentation.
     """
 
     scene: SegmentedScene
@@ -91,14 +94,14 @@ class DetectedScene:
         return next((detection for detection in self.detections if detection.name == name), None)
 
     def labelled(self, label: str) -> LabelledCluster | None:
-        """Return the thing with the highest score that is called ``label`` but has no pose, or None if there is
-        none.
-        """
+        """Return the labelled cluster called ``label`` without a pose that has the highest score, or None."""
         named = [thing for thing in self.unknown if isinstance(thing, LabelledCluster) and thing.label == label]
         return max(named, key=lambda thing: thing.score, default=None)
 
     def obstacles_beside(self, name: str | None, grow: float = 0.0) -> tuple[Cluster, ...]:
-        """Return all clusters but the one of ``name``."""
+        """Return the bounding clusters of everything except the object ``name``, as obstacles; ``grow``: margin in
+        metres.
+        """
         found = self.find(name) if name is not None else None
         others = tuple(detection.cluster for detection in self.detections if detection is not found)
         return others + self.unknown
@@ -111,9 +114,9 @@ class Detector(Prepared, ABC):
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:
-        """Detect ``models`` in the part of ``view`` that shows ``region``; an object that is not there is not named.
+        """Detect ``models`` in the part of ``view`` that shows ``region``; objects that are not visible are left out.
 
-        Raises NoSurfaceError, in words, where no surface is seen.
+        Raises NoSurfaceError, with the reason, if no surface is seen.
         """
 
 

@@ -45,11 +45,11 @@ class ModelRegistration(Naming, Detector):
 
 @dataclass(frozen=True, eq=False)
 class ImageDetection:
-    """A named part of an image.
+    """A labelled part of an image.
 
-    ``score``: 0 to 1. ``box``: left, top, right, bottom in pixels; pixel (u, v) fills u - 0.5 to u + 0.5.
-    ``mask``: (H, W) bool of the whole image, or None if only the box is known.
-    Raises PerceptionError if the score or the box is none.
+    ``score``: 0 to 1. ``box``: left, top, right, bottom in pixels; pixel (u, v) covers u - 0.5 to u + 0.5. ``mask``:
+    (H, W) bool of the whole image, or None if only the box is known. Raises PerceptionError for an invalid score or
+    box.
     """
 
     label: str
@@ -69,7 +69,7 @@ class ImageDetection:
             object.__setattr__(self, "mask", frozen_array(self.mask, (None, None), "ImageDetection mask", np.bool_))
 
     def clipped(self, width: int, height: int) -> ImageDetection | None:
-        """Return the part inside an image of that size, or None if nothing is."""
+        """Return the part inside an image of ``width`` by ``height`` pixels, or None if the box lies outside."""
         left, right = (float(np.clip(value, -0.5, width - 0.5)) for value in (self.box[0], self.box[2]))
         top, bottom = (float(np.clip(value, -0.5, height - 0.5)) for value in (self.box[1], self.box[3]))
         if left >= right or top >= bottom:
@@ -77,7 +77,9 @@ class ImageDetection:
         return replace(self, box=(left, top, right, bottom))
 
     def holds(self, pixels: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which of the pixels (N, 2), as (u, v), lie in the mask, else in the box; NaN lies in none."""
+        """Return which of the pixels (N, 2), as (u, v), lie in the mask, or without a mask in the box, (N,) bool; NaN
+        lies in neither.
+        """
         left, top, right, bottom = self.box
         u, v = pixels[:, 0], pixels[:, 1]
         inside: NDArray[np.bool_] = (u >= left) & (u <= right) & (v >= top) & (v <= bottom)
@@ -91,15 +93,15 @@ class ImageDetection:
 
 @dataclass(frozen=True)
 class FromImage(Detector):
-    """Detectors that find things by name in the colour image; the base class finds the cluster and the pose of each.
+    """Base class of detectors that label objects in the colour image; it finds the cluster and the pose of each.
 
-    What has a name but no pose is a LabelledCluster among the unknown; what has no name is unknown.
+    A label without a pose gives a LabelledCluster among the unknown; clusters without a label are plain Clusters there.
 
-    ``names``: of things without a model that are also sought. ``prompts``: what to ask for, by the object's name.
-    ``min_score``: of what is found in the image; ``min_confidence``: of the pose, below which a thing only has its
-    label. ``whole_share``: a cluster is the thing where this share of it lies in the box or mask. ``min_overlap``:
-    intersection over union of a box without mask and the cluster's own box. ``min_points``: voxels of a cluster cut out
-    by a mask. ``voxel``: their edge, metres.
+    ``names``: further objects to search for, without a model. ``prompts``: object name → query for the detector.
+    ``min_score``: minimum score in the image; ``min_confidence``: minimum confidence of a pose, below which an object
+    only gets its label. ``whole_share``: fraction of a cluster that must lie in the box or mask. ``min_overlap``:
+    minimum intersection over union of a box without mask and the box of the cluster. ``min_points``: minimum voxels of
+    a cluster cut out by a mask. ``voxel``: edge length, metres.
     """
 
     names: tuple[str, ...] = ()
@@ -115,15 +117,15 @@ class FromImage(Detector):
 
     @abstractmethod
     def find(self, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
-        """What of ``names`` is in the image, highest score first; empty where nothing is.
+        """Return the detections of ``names`` in the image, highest score first; may be empty.
 
-        Raises PerceptionError, in words, where it cannot be asked.
+        Raises PerceptionError, with the reason, if the detector cannot run.
         """
 
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:
-        """Implement ``Detector``."""
+        """Detect objects in the image, then estimate the pose of each; see ``Detector.detect``."""
         scene = self.segmentation.segment(view, region, rng)
         labelled, rest = self._labelled(scene, view, region, models)
         return located(scene, labelled, rest, models, self.pose_estimator, view, self.min_confidence)

@@ -16,12 +16,12 @@ from bestman_bt.robot_model.model import GripperModel
 
 @dataclass(frozen=True, eq=False)
 class GraspTarget:
-    """The object to grasp: a box around it and further knowledge; all in one frame whose z points up.
+    """The object to grasp: a box around it and optional further knowledge, all in one frame with z up.
 
-    ``model`` and ``frame_from_object``: both or neither. ``cloud``: its measured points, with normals not given.
-    ``viewpoints``: (V, 3) where the cameras stood that measured it. ``surroundings``: (N, 3) points of everything
-    else near it (not the support surface, which is given by its height): the hand must not touch these.
-    ``handle``: where it is a door or a drawer.
+    ``model`` and ``frame_from_object``: both or neither. ``cloud``: measured points of the object. ``viewpoints``: (V,
+    3) positions of the cameras that measured them. ``surroundings``: (N, 3) points of everything else nearby except the
+    support surface, which is given by its height: the hand must not touch these. ``handle``: set if the target is a
+    door or drawer.
     """
 
     box: PlacedShape
@@ -48,12 +48,12 @@ class GraspTarget:
 
 @dataclass(frozen=True, eq=False)
 class GraspCandidate:
-    """One way to take the object; poses are frame_from_tool (z leaves the hand, y closes).
+    """One way to grasp the object; poses are frame_from_tool (z points out of the hand, y is the closing direction).
 
-    ``pre_grasp``: on the approach line, before the object. ``lift``: above the grasp. ``width``: metres between the
-    fingers where they touch. ``opening``: metres to open to before the approach. ``quality``: 0 to 1.
-    ``approach``: ``top``, ``side``, or ``handle`` (where ``lift`` is where the opened handle would be after 5 cm).
-    ``clearance``: metres between the open hand at the grasp and the nearest other thing, as far as known.
+    ``pre_grasp``: on the approach line, in front of the object. ``lift``: above the grasp. ``width``: metres between
+    the fingers at contact. ``opening``: finger opening before the approach, metres. ``quality``: 0 to 1. ``approach``:
+    ``top``, ``side`` or ``handle``; for a handle, ``lift`` is its pose after opening by 5 cm. ``clearance``: metres
+    between the open hand at the grasp and the nearest known obstacle.
     """
 
     grasp: Pose
@@ -67,11 +67,11 @@ class GraspCandidate:
 
 
 class GraspPlanner(ABC):
-    """Proposes grasps; reachability and collisions with other things are for the caller to check."""
+    """Proposes grasps; the caller checks reachability and collisions with other objects."""
 
     @abstractmethod
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
-        """Return all sensible candidates, best first; empty where the gripper cannot take the object.
+        """Return all suitable grasps, best first; empty if the gripper cannot grasp the object.
 
         ``support_height``: z of the surface under the object, metres, in the frame of the target.
         """

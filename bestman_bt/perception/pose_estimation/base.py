@@ -21,17 +21,18 @@ AMBIGUOUS_YAW = math.radians(30.0)
 
 @dataclass(frozen=True, eq=False)
 class PoseHypothesis:
-    """One model at one place, and how well that explains the image.
+    """A pose of one model, and how well it explains the image.
 
-    ``pose``: frame_from_object, the likeliest. ``confidence``: probability, 0 to 1, that the model is right and the
-    position good to a few millimetres. ``covariance``: (6, 6) of x, y, z, and turns about x, y, z of the frame, around
-    ``pose`` (metres, radians; local: other yaws that the view leaves open are in ``yaw_set``). ``yaw_set``: all yaws
-    that explain what was seen nearly as well as the likeliest and are no symmetry of the model; empty where it has
-    no yaw.
-    The evidence: ``rmse`` metres between cluster and model; ``explained``: share of the cluster's points on the
-    model; ``visible_fraction``: share of the model's camera-side surface that was measured there;
-    ``floating``: share of that surface which would hover in front of measured depth; ``color_distance``: see the
-    estimator. ``upright``: the model's z points up.
+    ``pose``: frame_from_object, the most probable one. ``confidence``: probability, 0 to 1, that the model is right and
+    the position accurate to a few millimetres. ``covariance``: (6, 6) of x, y, z and rotations about x, y, z of the
+    frame, around ``pose`` (metres, radians); it is local: ambiguous yaws are in ``yaw_set``. ``yaw_set``: all yaws that
+    explain the measurements nearly as well as the most probable one and are not symmetries of the model; empty if the
+    model has no yaw.
+
+    Evidence: ``rmse``: metres between cluster and model. ``explained``: fraction of the cluster's points on the model.
+    ``visible_fraction``: fraction of the model's camera-side surface that was measured. ``floating``: fraction of that
+    surface that would lie in front of measured depth. ``color_distance``: see the estimator. ``upright``: the model's z
+    points up.
     """
 
     model: ObjectModel
@@ -51,12 +52,12 @@ class PoseHypothesis:
 
     @property
     def position_std(self) -> float:
-        """Metres, horizontal, each axis on average."""
+        """Standard deviation of the horizontal position, mean of both axes, metres."""
         return math.sqrt(float(self.covariance[0, 0] + self.covariance[1, 1]) / 2.0)
 
     @property
     def yaw_std(self) -> float:
-        """Radians, about ``pose``; π where the model has no yaw."""
+        """Standard deviation of the yaw about ``pose``, radians; π if the model has no yaw."""
         return min(math.pi, math.sqrt(float(self.covariance[5, 5])))
 
     @property
@@ -70,7 +71,7 @@ class PoseEstimator(ABC):
 
     @abstractmethod
     def estimate(self, cluster: Cluster, models: Sequence[ObjectModel], view: View) -> tuple[PoseHypothesis, ...]:
-        """Return the best pose of each model that could be this cluster, most confident first; empty where none could.
+        """Return the best pose of each model that could explain the cluster, most confident first; may be empty.
 
         ``view``: the view that the cluster was segmented from. Equal input gives equal output.
         """

@@ -40,11 +40,11 @@ end; the picture ends first."""
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Where a support surface is expected, for example by the semantic map with a margin.
+    """The expected location of a support surface, for example from the semantic map with a margin.
 
-    ``frame_from_surface``: pose of the expected surface's centre, z up, in the frame of the view.
-    ``size``: (x, y) metres, margins included. The surface is sought up to ``tolerance`` metres above and below the
-    expected height, things on it up to ``height`` metres above it.
+    ``frame_from_surface``: pose of the expected surface's centre, z up, in the frame of the view. ``size``: (x, y)
+    metres, margins included. The surface is searched within ``tolerance`` metres of the expected height, objects on it
+    up to ``height`` metres above it.
     """
 
     frame_from_surface: Pose
@@ -53,7 +53,9 @@ class Region:
     tolerance: float = 0.05
 
     def corners(self) -> NDArray[np.float64]:
-        """Return the corners of the box that holds surface and things, (8, 3) metres in the frame."""
+        """Return the corners of the box that contains the surface and the objects, (8, 3) metres in the frame of the
+        view.
+        """
         half_x, half_y = self.size[0] / 2, self.size[1] / 2
         heights = (-self.tolerance, self.height)
         corners = np.array([[x, y, z] for x in (-half_x, half_x) for y in (-half_y, half_y) for z in heights])
@@ -64,11 +66,11 @@ class Region:
 class SupportPlane:
     """A measured, nearly horizontal rectangle.
 
-    ``frame_from_plane``: its centre; z is the normal (upwards), x and y run along the rectangle's sides, x nearest to
-    the expected surface's x. ``size``: (x, y) metres of the part that was seen. ``rms``: of the inliers' distances.
-    ``inliers``: (N, 3) measured points, metres, in the frame. ``outline``: (K, 2) metres in the plane's frame, the
-    convex outline of what was seen; without one the rectangle. ``sides``: how the surface ends at -x, +x, -y, +y,
-    where that was looked at; else empty.
+    ``frame_from_plane``: its centre; z is the normal (upwards), x and y run along the sides, x nearest to the expected
+    surface's x. ``size``: (x, y) metres of the visible part. ``rms``: of the inliers' distances, metres. ``inliers``:
+    (N, 3) measured points, metres, in the frame. ``outline``: (K, 2) metres in the plane's frame, the convex outline of
+    the visible part; empty: the rectangle. ``sides``: how the surface ends at -x, +x, -y, +y, if this was examined;
+    else empty.
     """
 
     frame_from_plane: Pose
@@ -96,7 +98,7 @@ class SupportPlane:
 
     @property
     def offset(self) -> float:
-        """The plane is ``normal · p = offset``."""
+        """The offset of the plane: ``normal · p = offset``, metres."""
         return float(self.normal @ self.frame_from_plane.position)
 
     @property
@@ -105,21 +107,21 @@ class SupportPlane:
         return float(np.arccos(np.clip(self.normal[2], -1.0, 1.0)))
 
     def heights(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Signed distances (N,) of points (N, 3) above the plane, metres."""
+        """Return the signed distances (N,) of points (N, 3) from the plane, metres, positive above."""
         return points @ self.normal - self.offset
 
     def height_at(self, x: float, y: float) -> float:
-        """z of the plane at (x, y), metres."""
+        """Return z of the plane at (x, y), metres."""
         a, b, c = self.normal
         return float((self.offset - a * x - b * y) / c)
 
     def seen_from(self, other_from_frame: Pose) -> SupportPlane:
-        """Return the same plane, given in another frame."""
+        """Return the same plane, expressed in another frame."""
         pose = other_from_frame @ self.frame_from_plane
         return replace(self, frame_from_plane=pose, inliers=other_from_frame.apply(self.inliers))
 
     def slab(self, thickness: float, grow: float = 0.0) -> PlacedShape:
-        """Return a box whose top face is the seen rectangle, grown by ``grow`` metres on each side: for collision
+        """Return a box whose top face is the visible rectangle, ``grow`` metres larger on each side, for collision
         worlds.
         """
         size = (self.size[0] + 2 * grow, self.size[1] + 2 * grow, thickness)
@@ -128,10 +130,10 @@ class SupportPlane:
 
 @dataclass(frozen=True, eq=False)
 class Cluster:
-    """One thing on a surface: its measured points.
+    """The measured points of one object on a surface.
 
-    ``points``: (N, 3) metres in the frame, about one per voxel. ``colors``: (N, 3) uint8.
-    ``plane``: the surface under it. ``at_border``: it touches the border of the image, so a part may be missing.
+    ``points``: (N, 3) metres in the frame, about one per voxel. ``colors``: (N, 3) uint8. ``plane``: the surface under
+    it. ``at_border``: it touches the border of the image, so a part may be missing.
     """
 
     points: NDArray[np.float64]
@@ -146,7 +148,7 @@ class Cluster:
 
     @cached_property
     def bounding_box(self) -> PlacedShape:
-        """The smallest box that stands on the plane and holds the points (yaw by ``cv2.minAreaRect``)."""
+        """The smallest upright box on the plane that contains the points (yaw by ``cv2.minAreaRect``)."""
         local = self.plane.frame_from_plane.inverse().apply(self.points)
         (x, y), (width, depth), degrees = cv2.minAreaRect(local[:, :2].astype(np.float32))
         top = float(np.percentile(local[:, 2], 99.0))
@@ -154,12 +156,12 @@ class Cluster:
         return PlacedShape(Box((float(width), float(depth), top)), self.plane.frame_from_plane @ plane_from_box)
 
     def seen_from(self, other_from_frame: Pose) -> Cluster:
-        """Return the same cluster, given in another frame."""
+        """Return the same cluster, expressed in another frame."""
         points, plane = other_from_frame.apply(self.points), self.plane.seen_from(other_from_frame)
         return replace(self, points=points, plane=plane)
 
     def obstacle(self, grow: float = 0.0) -> PlacedShape:
-        """Return the bounding box, ``grow`` metres larger on each side and above: for collision worlds."""
+        """Return the bounding box, ``grow`` metres larger on each side and at the top, for collision worlds."""
         box = self.bounding_box
         assert isinstance(box.shape, Box)
         x, y, z = box.shape.size
@@ -169,18 +171,18 @@ class Cluster:
 
 @dataclass(frozen=True, eq=False)
 class SegmentedScene:
-    """``planes``: largest first. ``clusters``: nearest to the camera first."""
+    """The result of a segmentation. ``planes``: largest first. ``clusters``: nearest to the camera first."""
 
     planes: tuple[SupportPlane, ...]
     clusters: tuple[Cluster, ...]
 
 
 class Segmentation(ABC):
-    """Finds support surfaces in a region and the things that stand on them."""
+    """Finds support surfaces in a region and the objects on them."""
 
     @abstractmethod
     def segment(self, view: View, region: Region, rng: np.random.Generator) -> SegmentedScene:
-        """Segment what ``view`` shows of ``region``; equal input and generator state give equal output.
+        """Segment the part of ``view`` that shows ``region``; equal input and generator state give equal output.
 
-        Raises NoSurfaceError, in words, where no surface is seen.
+        Raises NoSurfaceError, with the reason, if no surface is seen.
         """

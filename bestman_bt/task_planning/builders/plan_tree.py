@@ -20,13 +20,15 @@ TREE_ID = "CarryOutPlan"
 
 @dataclass(frozen=True)
 class PlanTree:
-    """``element``: the root node of the tree; its abilities are in ``ABILITIES_FILE`` or leaves."""
+    """A plan and its tree. ``element``: the root node of the tree; its abilities are SubTrees of ``ABILITIES_FILE`` or
+    leaves.
+    """
 
     plan: TaskPlan
     element: XmlElement
 
     def document(self) -> XmlDocument:
-        """Return the tree alone, which includes the abilities."""
+        """Return the tree as a document that includes the abilities' file."""
         tree = XmlElement("BehaviorTree", {"ID": TREE_ID}, [self.element])
         include = XmlElement("include", {"path": ABILITIES_FILE})
         root = XmlElement("root", {"BTCPP_format": "4", "main_tree_to_execute": TREE_ID}, [include, tree])

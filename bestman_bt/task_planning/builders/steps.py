@@ -28,7 +28,7 @@ class PlanStep:
 
     @property
     def alone(self) -> tuple[PlanStep, ...]:
-        """The actions of a parallel step as separate steps, for the case that the others are done; empty for one
+        """The actions of a parallel step as separate steps, used when the other actions are done; empty for one
         action.
         """
         return tuple(PlanStep((action,)) for action in self.actions) if len(self.actions) > 1 else ()

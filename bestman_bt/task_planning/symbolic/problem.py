@@ -20,11 +20,11 @@ def with_article(noun: str) -> str:
 
 
 class PlanningError(AlgorithmError):
-    """There is no plan; the message says why."""
+    """Raised if no plan was found; the message gives the reason."""
 
 
 class GoalError(PlanningError, InputError):
-    """An invalid goal: an unknown name, a contradiction, or text that is not a formula.
+    """Raised for an invalid goal: an unknown name, a contradiction, or text that is not a formula.
 
     ``faults``: every fault found.
     """
@@ -55,7 +55,7 @@ class GoalFaults:
 
 
 class Unsolvable(PlanningError):
-    """No plan reaches the goal. ``missing``: facts that cannot be achieved."""
+    """Raised if no plan reaches the goal. ``missing``: facts that cannot be achieved."""
 
     def __init__(self, why: str, missing: tuple[Literal, ...] = ()) -> None:
         super().__init__(why)
@@ -101,10 +101,11 @@ class Literal(NamedTuple):
 
 @dataclass(frozen=True)
 class Forall:
-    """``forall c - container: behind({place}, c) -> open(c)``, or ``forall p - place: not near(p)``.
+    """A universally quantified condition: ``forall c - container: behind({place}, c) -> open(c)``, or ``forall p -
+    place: not near(p)``.
 
-    ``given``: of a predicate that no operator changes, so that grounding gives a conjunction of literals. ``variable``:
-    with braces; it shadows a parameter of the same name.
+    ``given``: a static fact: no operator changes its predicate, so grounding gives a conjunction of literals.
+    ``variable``: with braces; it shadows a parameter of the same name.
     """
 
     variable: str
@@ -123,12 +124,12 @@ class Forall:
         return Forall(self.variable, self.type, given, self.then.bound(outside))
 
     def at(self, name: str) -> tuple[Fact | None, Literal]:
-        """Return ``given`` and ``then`` for one thing."""
+        """Return ``given`` and ``then`` with the variable replaced by ``name``."""
         values = {self.variable: name}
         return self.given.bound(values) if self.given is not None else None, self.then.bound(values)
 
     def of(self, name: str, state: Collection[Fact]) -> Literal | None:
-        """Return the literal for one thing in a state, or None if ``given`` does not hold for it."""
+        """Return ``then`` for ``name``, or None if ``given`` does not hold for it in ``state``."""
         given, then = self.at(name)
         return then if given is None or Literal(given).holds_in(state) else None
 
@@ -163,7 +164,7 @@ class Operator:
 
     @property
     def assumed(self) -> Iterator[Forall]:
-        """Yield its conditions and effects that apply to some things only."""
+        """Yield the conditions and effects with ``given``, which apply only to objects for which it holds."""
         conditions = (*self.pre, *self.hold, *self.each)
         return (one for one in conditions if isinstance(one, Forall) and one.given is not None)
 
@@ -176,7 +177,7 @@ class Operator:
 
 @dataclass(frozen=True)
 class Action:
-    """An operator bound to things of the world; everything in it is ground.
+    """A ground action: an operator with its parameters bound.
 
     ``pre`` includes the hold-conditions.
     """
@@ -198,7 +199,7 @@ class Action:
 
     @property
     def name(self) -> str:
-        """The operator's name, which is that of the executing node."""
+        """The operator's name, which is also the name of the executing node."""
         return self.operator.name
 
     @property
@@ -227,7 +228,7 @@ class Action:
 
 @dataclass(frozen=True)
 class Problem:
-    """``objects``: name → type. ``state``: all facts that hold. ``goal``: literals to achieve.
+    """A planning problem. ``objects``: name → type. ``state``: all facts that hold. ``goal``: literals to achieve.
 
     ``supertypes``: type → its supertypes: a drawer is a place and a container. ``predicates``: name → declared types of
     its arguments. ``instruction``: the goal in the user's words, if given.
@@ -255,7 +256,7 @@ class Problem:
 
     @cached_property
     def unsound(self) -> str:
-        """Which ``forall`` depends on a fact that an operator changes; empty if none does, so that grounding is
+        """The ``forall`` that depends on a fact that an operator changes; empty if there is none, so that grounding is
         correct.
         """
         for operator in self.operators:
@@ -286,7 +287,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class TaskPlan:
-    """A sequence of actions; ``cost``: their sum."""
+    """A sequence of actions."""
 
     actions: tuple[Action, ...]
 
