@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 SWAY = 0.01
 """Metres by which an arm and its load may deviate from the encoder positions while the base drives."""
 PLACED = 0.01
-"""Metres by which a localised base may stand beside where it is believed."""
+"""Position error to allow for after localising the base, metres."""
 STRUCK = frozenset(
     (
         MotionErrorCode.TRACKING,
@@ -230,7 +230,7 @@ class SkillContext:
         return self.world.base.pose.to_pose()
 
     def arm_positions(self) -> NDArray[np.float64]:
-        """Measured joint positions of the arm, (n,) radians."""
+        """Return the measured joint positions of the arm, (n,) radians."""
         positions = self.joints.positions()
         return np.array([positions[name] for name in self.arm_model.joint_names])
 

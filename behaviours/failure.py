@@ -10,7 +10,8 @@ from bestman_bt.messages import MotionObstacle
 
 @dataclass(frozen=True)
 class NodeFailure:
-    """``node``: its path in the tree, ``where``: its name with file and line. ``why``: the reason in words.
+    """The failure of a leaf. ``node``: its path in the tree, ``where``: its name with file and line. ``why``: the
+    reason as text.
 
     ``stamp``: seconds on the robot's clock. ``part`` and ``vendor_code``: as in ``messages.Failure``. ``error_code``:
     empty if the leaf gives none. ``obstacle``: the cause of a failed motion, if known.

@@ -62,6 +62,6 @@ def parts_in_words(node: type[Any]) -> str:
 
 
 def listed(kinds: Iterable[PartKind]) -> str:
-    """Return the kinds in words: ``an arm and a gripper``."""
+    """Return the kinds as text: ``an arm and a gripper``."""
     words = [WORDS[kind] for kind in kinds]
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

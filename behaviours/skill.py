@@ -143,7 +143,7 @@ class OnArm(OnRobot):
 
 
 class Explained(OnRobot):
-    """Base of skills and conditions: failures have a code and a message.
+    """Base of skills and conditions whose failures have a code and a message.
 
     ``FAILS``: the codes, each with advice for the tree in terms of leaves; those of base classes are added.
     """
@@ -230,7 +230,7 @@ class Skill(Explained, StatefulAction):
     _pending: Motion[Any] | None = None
 
     def execute(self) -> Steps:
-        """Do the work: ``result = yield motion`` waits; raise SkillFailure to fail."""
+        """Do the work: ``result = yield motion`` waits for a motion. Raise SkillFailure to fail."""
         raise NotImplementedError(f"{type(self).__name__} does not define execute()")
 
     def compute(self, what: str, work: Any, *arguments: Any, **options: Any) -> Motion[Any]:

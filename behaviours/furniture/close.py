@@ -48,13 +48,13 @@ if TYPE_CHECKING:
 STEP = 0.04
 """Metres of the pushed point's way between two stations."""
 BEFORE = 0.08
-"""Metres before the front from which the hand comes."""
+"""Distance in front of the leaf at which the hand starts to push, metres."""
 ROOM = 0.075
 """Metres from the pushed point to any handle."""
 PALM_GAP = 0.01
-"""Metres that the palm keeps from the front and its handles, in addition to what the map may be off."""
+"""Clearance between palm and front with its handles, in addition to the map's error, metres."""
 PALM_STEP = 0.03
-"""Metres, at most, between the points that stand for the palm."""
+"""Maximum distance between the points that represent the palm, metres."""
 ACROSS = (0.0, -0.12, 0.12, -0.25, 0.25, -0.38, 0.38)
 """Places on a front, as shares of its width, and, the same, of its height."""
 UP = (0.0, 0.3, -0.3, 0.15, -0.15, 0.42, -0.42)
@@ -74,8 +74,8 @@ POINTS = 6
 class FrontPush:
     """One way to push: ``point`` (3,) on the front, in the front board's frame (x inwards), and the hand's orientation.
 
-    ``tip``: metres from the tool frame to the finger tips, along z of the tool. ``palm``: (N, 3) metres, points of the
-    palm in the tool frame. ``handles``: what stands out of the front, in the front board's frame.
+    ``tip``: metres from the tool frame to the fingertips, along z of the tool. ``palm``: (N, 3) metres, points of the
+    palm in the tool frame. ``handles``: protruding parts of the front, in the front board's frame.
     """
 
     leaf: FurnitureLeaf

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 MAP_MARGIN = 0.10
 """Metres around mapped furniture within which its handles may be: the map has errors, handles protrude."""
 SAME_HANDLE = 0.05
-"""Metres beside its axis within which a detected handle counts as an earlier one."""
+"""Maximum distance between the axes of a detected handle and a known one that count as the same, metres."""
 JointKind = Annotated[str, OneOf(lambda: ("revolute", "prismatic"))]
 
 

@@ -28,10 +28,10 @@ MEASURED = 0.01
 """Largest position error of furniture, metres, up to which its doors count as known, for the palm too."""
 
 Touching = Literal["free", "nothing", "fingers", "hand"]
-"""What may touch the furniture that is worked at: fingers its leaf, or the hand all of it.
+"""Which parts of the robot may touch the furniture: the fingers its leaf, or the hand all of it.
 
-``nothing``: where the piece is known well; else, and for the fingers too, its boards are as thick as the map's error,
-and the hand may be within them. ``free``: nothing may.
+``nothing``: allowed if the pose of the furniture is known well; otherwise, and for the fingers too, its boards are
+thickened by the map's error, and the hand may be within them. ``free``: no contact is allowed.
 """
 
 LeafWorlds: TypeAlias = "dict[tuple[Pose2D | None, float, Touching], CollisionWorld]"
@@ -196,7 +196,7 @@ BATCHES = (slice(0, 6), slice(6, 18))
 ROOM = 0.05
 """Joint margin, as a fraction of half the range, of a way that ends the search."""
 ACROSS = np.linspace(-0.5, 0.5, 9)
-"""Places on a front, as shares of its width, that stand for all of it."""
+"""Positions on a front, as fractions of its width, that represent the whole front."""
 
 
 def room_beside(skills: SkillContext, leaf: FurnitureLeaf, positions: Sequence[float]) -> Callable[[Pose2D], bool]:

@@ -34,11 +34,11 @@ SLACK = 0.01
 """Tolerance of a front beyond the map's error, metres: noise, and a leaf that is not quite shut."""
 POSITION_ERROR = 0.008
 HEADING_ERROR = math.radians(0.4)
-"""Errors of a piece after one of its fronts was measured, metres and radians."""
+"""Errors of a piece of furniture after one of its fronts was measured, metres and radians."""
 SAME_PLACE = 0.015
 """Metres within which two shut fronts agree on the place of a piece."""
 MISPLACED = 0.16
-"""Metres, each axis, that a piece may stand from its place on the map where two of its fronts tell so."""
+"""Maximum correction of a mapped furniture pose when two of its fronts were measured, metres per axis."""
 
 
 def believe_place(world: WorldModel, furniture: str, handle: Handle) -> None:
@@ -191,9 +191,9 @@ def _turn(axis: NDArray[np.float64] | None, angle: float) -> Pose:
 
 
 ACROSS = 0.07
-"""Metres by which a handle may be beside its front, in addition to what the map may be off."""
+"""Metres by which a handle may be beside its front, in addition to the map's error."""
 FACING = math.cos(math.radians(12.0))
-"""Cosine of what a drawer's front may be turned."""
+"""Cosine of the maximum yaw error of a drawer's front."""
 LEVER = 0.3
 """Share of a door's width that a handle is from the hinge at least: nearer, a gap looks like a recessed edge."""
 SHUT = {"prismatic": 0.02, "revolute": math.radians(2.5)}

@@ -41,7 +41,7 @@ def tare_wrist(skill: Skill) -> Steps:
 BACK_OFF = 0.12
 """Length of the straight retreat, metres."""
 FELT = 0.012
-"""Metres by which the boards of a leaf may be beside where they are felt to be."""
+"""Position error of the boards of a leaf that is measured by contact, metres."""
 UNSURE = {"revolute": 0.06, "prismatic": 0.015}
 """Uncertainty of an opening that was measured by the hand's path, radians or metres."""
 

@@ -210,19 +210,19 @@ ENOUGH = 1
 GRASPS = 6
 """Largest number of different grasps to check."""
 SAME_PLACE = 0.02
-"""Metres between the grasps of a bar that count as one."""
+"""Distance between two grasps of a bar below which they count as one, metres."""
 SAME_BRANCH = 0.3
 """Largest distance, radians, between the end of the approach and the start posture of the arc."""
 DEPTH = 0.3
-"""Share of what a bar stands off beyond the fingers' room by which it is held deeper than in the middle of the pads.
-
-On the way it creeps towards the tips.
+"""Fraction of a bar's free standoff by which it is gripped deeper than the middle of the pads, since it slips towards
+the fingertips during the motion.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class HandlePull:
-    """``into``: (N, n) radians, the hand's straight approach around the handle. ``fingers``: opening, metres.
+    """A pull at a handle. ``into``: (N, n) radians, the hand's straight approach around the handle. ``fingers``:
+    opening, metres.
 
     ``reached``: fraction of the path within reach.
     """

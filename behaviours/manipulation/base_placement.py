@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 SAME_STAND = 0.05
-"""Metres within which a base placement counts as one that was tried before."""
+"""Distance below which two base placements count as the same, metres."""
 SAME_TARGET = 0.05
 PRE_REACH = 0.1
 """Length of the straight approach of the hand into furniture, metres."""
@@ -39,8 +39,8 @@ HAND_ABOVE = 0.08
 
 @dataclass(frozen=True, eq=False)
 class StandTarget:
-    """``tool_poses``: in the map frame, each a sequence that must be reached completely. ``at``: (2,) metres, the
-    target.
+    """A target of a base placement. ``tool_poses``: in the map frame, each a sequence that must be reached completely.
+    ``at``: (2,) metres, the target.
     """
 
     tool_poses: Sequence[Sequence[Pose]]

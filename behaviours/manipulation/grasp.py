@@ -107,7 +107,7 @@ class CheckHeld(OnArm, Skill):
 LEAST_FORCE = 20.0
 """Least closing force if none is given, newtons."""
 SAFETY = 4.0
-"""By how much the moment of the pads exceeds that of the weight."""
+"""Safety factor of the pads' torque over the torque of the weight."""
 GRAVITY = 9.81
 
 
@@ -140,7 +140,7 @@ class PlanGrasp(OnArm, Skill):
     DECLARATION = Declaration(pre=("located({object})",), effects=("grasps_known({object})",))
 
     def execute(self) -> Steps:
-        """Propose, check, rank."""
+        """Propose, check and rank grasps."""
         name: str = self.object
         belief = self.skills.world.objects.get(name)
         if belief is None:

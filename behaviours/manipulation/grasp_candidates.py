@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 NEIGHBOURHOOD = 0.5
-"""Metres around an object in which other things may be in the hand's way."""
+"""Radius around an object within which other objects may obstruct the hand, metres."""
 OBLIQUE = 0.5
 """Cosine between the hand's direction and that straight into a drawer or a cupboard, at least."""
 SURROUNDINGS_SPACING = 0.01
-"""Metres between the points that stand for other things."""
+"""Distance between the points that represent other objects, metres."""
 
 
 def grasp_candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspCandidate, ...]:

@@ -37,11 +37,11 @@ BESIDE = (
     (0.1, 0.3, 1.25),
     (0.1, -0.3, 1.25),
 )
-"""Places, (x, y, z) metres in the base frame, for what is held."""
+"""Positions, (x, y, z) metres in the base frame, at which to carry a held object."""
 TURNS_BESIDE = tuple(math.radians(degrees) for degrees in (0, 45, -45, 90, -90, 135, -135, 180))
 """Turns of the hand from straight ahead there."""
 SAME_PLACE = 0.05
-"""Metres from such a place within which what is held counts as there."""
+"""Distance from such a position within which the held object counts as there, metres."""
 ENOUGH = 6
 """Postures among which the planner may choose."""
 IN_VIEW = ((0.6, 0.0, 0.8), (0.75, 0.0, 0.8), (0.65, 0.25, 0.8), (0.65, -0.25, 0.8))
@@ -148,10 +148,11 @@ LEVEL = 0.5
 ARRIVED = 0.02
 """Radians within which a posture counts as reached."""
 ROOM, SAG = 0.012, 0.1
-"""Metres, and share of how far it reaches from the hand: the larger of both is what a held thing keeps from the robot
-itself and all else in a posture, where one has that room."""
+"""Clearance of a held object from the robot and all else, where possible: the larger of metres and a fraction of the
+object's extent from the hand.
+"""
 TURN = np.radians(15.0)
-"""Radians between the turns of the hand that are tried so that what it holds has room."""
+"""Step between the hand rotations tried to give the held object clearance, radians."""
 
 UNKNOWN_POSTURE = {"unknown_posture": "use a posture of the robot"}
 

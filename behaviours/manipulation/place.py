@@ -36,11 +36,11 @@ SEARCH = 0.01
 """Metres below the measured surface at which that ends: surfaces are measured to millimetres."""
 SET_DOWN_SPEED = 0.02
 SET_DOWN_FORCE = 4.0
-"""Newtons; enough to stand, too little to push the object up in the hand."""
+"""Contact force that ends the descent, newtons: enough to stand, too little to push the object up in the hand."""
 ASKEW = 0.004
 """Metres above the goal; an object that touches earlier is tilted in the hand."""
 LOOSER = (28.0, 20.0, 14.0, 10.0, 7.0, 5.0, 3.5)
-"""Newtons with which the hand holds such a thing, one after the other, so that it sinks and does not fall."""
+"""Decreasing grip forces, newtons, with which a held object is let down slowly."""
 BACK = 0.1
 """Length of the straight retreat after releasing, metres."""
 PRE_PLACE = 0.12
@@ -79,7 +79,7 @@ class FindPlacePose(Skill):
     DECLARATION = Declaration(effects=("free({goal})",))
 
     def execute(self) -> Steps:
-        """Capture, measure the surface, check the free space."""
+        """Capture, measure the surface, and check the free space."""
         from bestman_bt.perception.segmentation.surface_coverage import surface_coverage
 
         skills = self.skills

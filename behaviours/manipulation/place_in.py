@@ -25,7 +25,7 @@ STEP = 0.02
 ENOUGH = 0.05
 """Metres of free space beyond which more does not improve a place."""
 SAME_PLACE = 0.06
-"""Metres within which a place counts as one that was given before."""
+"""Distance below which two positions count as the same, metres."""
 
 
 class FindRoomIn(InstantSkill):
@@ -115,7 +115,7 @@ OVER_THE_RIM = 0.03
 
 
 class GoalOnSurface(Explained, SyncAction):
-    """Output the current pose of a goal: in a drawer it is given for the closed one, and moves along."""
+    """Output the current pose of a goal; a goal in a drawer is given for the closed drawer and moves with it."""
 
     goal = In(Pose, "in the map frame, for the closed drawer")
     surface = In[str](SurfaceName, "the surface, such as drawer_chest/drawer_3")

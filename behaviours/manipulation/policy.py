@@ -152,7 +152,7 @@ def _next_tick(clock: TimeSource) -> Until:
 
 
 STILL = 1e-3
-"""Radians below which a chunk moves nothing."""
+"""Largest joint motion of a chunk that counts as no motion, radians."""
 STILL_CHUNKS = 3
 LEAD = 0.15
 """Seconds from the policy's answer to where its chunk takes over: until then it has to be checked."""
@@ -205,7 +205,7 @@ class RunPolicy(OnArm, Skill):
     DECLARATION = Declaration(pre=("visible({object})",), effects=("tool_at({goal})", "holding({object})"))
 
     motion: PolicyMotion | None = None
-    """What moves while the skill runs, for those who record it."""
+    """The motion that runs while the skill is active, for recorders."""
 
     def execute(self) -> Steps:
         """Query, check, move, and look again during the motion."""

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 TILTS = tuple(math.radians(tilt) for tilt in (45.0, 35.0, 55.0, 65.0))
-"""How far the hand leans back from what it pushes, so that the fingertips touch it before the palm does."""
+"""Angles by which the hand leans back from the object, so that the fingertips touch it before the palm does."""
 HEIGHT = 0.03
 """Metres of the fingertips above the surface: an object that is pushed low slides instead of falling over."""
 STANDOFF = 0.06
@@ -39,21 +39,21 @@ STANDOFF = 0.06
 CLEAR = 0.01
 """Metres that all of the hand but the fingertips stays away from the object."""
 FINE = 0.002
-"""Metres between two waypoints of the approach, which ends before the first one that would touch."""
+"""Distance between two waypoints of the approach, metres; it ends before the first one in contact."""
 SPARE = 0.003
 """Metres more than the scene's padding at which the approach ends: the timed motion bends a little."""
 SPREAD = 0.5
-"""The fingers stand apart by this share of the object's width."""
+"""Finger opening during the push, as a fraction of the object's width."""
 EDGE = 0.03
-"""Metres that the whole object stays away from the mapped edge of its surface: the map is off by as much."""
+"""Distance from the mapped edge of the surface that the whole object keeps, metres: the map's error."""
 SHORTEST = 0.004
 """Metres within which an object counts as being at its goal."""
 
 
 @dataclass(frozen=True, eq=False)
 class PushPlan:
-    """``pre``: (n,) radians, the end of the free motion. ``into``: (N, n), the straight approach to just before the
-    object.
+    """A planned push. ``pre``: (n,) radians, the end of the free motion. ``into``: (N, n), the straight approach to
+    just before the object.
 
     ``direction``: (3,) unit, base frame. ``gap``: metres from the end of ``into`` to the object. ``distance``: metres
     to push the object.

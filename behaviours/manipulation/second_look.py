@@ -58,7 +58,7 @@ class SecondLook(OnArm, Skill):
     DECLARATION = Declaration(pre=("located({object})",), effects=("yaw_known({object})",))
 
     def execute(self) -> Steps:
-        """Rank views, move to the best reachable one, look, fuse."""
+        """Rank views, move to the best reachable one, capture, and fuse the observations."""
         skills = self.skills
         name: str = self.object
         belief = skills.world.objects.get(name)

@@ -147,7 +147,7 @@ class GetNextFewGoals(InstantSkill):
     FAILS: ClassVar = {"no_goals": "give a pose"}
 
     def act(self) -> None:
-        """Cut the list."""
+        """Keep the first goals of the list."""
         goals: Goals = self.input_goals
         if not goals:
             raise SkillFailure("no_goals", "there is no pose")

@@ -40,7 +40,7 @@ class TruncatePath(InstantSkill):
     distance = In(float, "metres from the end", default=1.0)
 
     def act(self) -> None:
-        """Cut."""
+        """Cut the path at the given distance before its end."""
         from bestman_bt.navigation.path_pieces import before_goal
 
         path = path_at(self, "input_path")
@@ -49,7 +49,7 @@ class TruncatePath(InstantSkill):
 
 
 class TruncatePathLocal(InstantSkill):
-    """Cut the part of a path around the base: from ``distance_backward`` behind to ``distance_forward`` ahead of it."""
+    """Keep the part of a path around the base: from ``distance_backward`` behind to ``distance_forward`` ahead of it."""
 
     INPUT_PORTS: ClassVar = {
         **FRAMES,
@@ -70,7 +70,7 @@ class TruncatePathLocal(InstantSkill):
         self._progress = PlaceOnPath()
 
     def act(self) -> None:
-        """Cut."""
+        """Keep the part of the path around the base."""
         from bestman_bt.navigation.path_pieces import piece
 
         path = path_at(self, "input_path")

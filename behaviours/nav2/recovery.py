@@ -109,7 +109,7 @@ class WouldAControllerRecoveryHelp(AreErrorCodesPresent):
 
 
 class ReinitializeGlobalLocalization(Relocalise):
-    """Relocalise by Nav2's name: search for the base on the whole map."""
+    """Search for the base on the whole map: Nav2's name of ``Relocalise``."""
 
     INPUT_PORTS: ClassVar = {**SERVICE}
 

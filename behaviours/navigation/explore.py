@@ -45,10 +45,10 @@ NO_ROOM = "too little known free space around the base to drive"
 
 
 class ExploreAndMap(Skill):
-    """Map the surroundings by lidar SLAM: drive to places with a view of unknown floor until none is left.
+    """Map the surroundings by lidar SLAM: drive to places with a view of unknown floor until the whole floor is known.
 
     The map's frame is that of the believed base pose at the start. A camera, if any, looks for table tops and other
-    obstacles above the lidar plane. Afterwards the base localises as before.
+    obstacles above the lidar plane. Afterwards the base is localised as before.
     """
 
     REQUIRES = ("base", "lidar")
@@ -67,7 +67,7 @@ class ExploreAndMap(Skill):
     DECLARATION = Declaration(effects=("mapped()",))
 
     def execute(self) -> Steps:
-        """Explore, then save."""
+        """Explore, then save the map."""
         from bestman_bt.navigation.map_file import MapFileError, write_map
         from bestman_bt.navigation.slam.pose_graph_slam import SlamLocalizer
 

@@ -38,7 +38,7 @@ class BelieveBlocked(InstantSkill):
     FAILS: ClassVar = UNKNOWN_SURFACE
 
     def act(self) -> None:
-        """Set the belief; nothing moves. Any motion of a door or drawer clears it."""
+        """Set the belief; nothing moves. The next motion of the door or drawer clears it."""
         world = self.skills.world
         furniture, surface = find_surface(self.skills, self.surface)
         place = f"{furniture.name}/{surface.name}"
@@ -72,7 +72,7 @@ CHECK_PERIOD = 0.2
 DETOUR = 1.5
 """Largest detour to take at once, metres; before a longer one, it waits for the obstacle to move away."""
 NEAR = 2.0
-"""Metres before an obstacle on the path at which the base stops and waits if there is no other path."""
+"""Distance to an obstacle on the path at which the base stops and waits if there is no other path, metres."""
 SUDDEN = 1.2
 """Metres: an obstacle on the path nearer than this must have moved there, perhaps too near for the lidar."""
 WAIT_FOR_SHORT, WAIT_FOR_ANY = 5.0, 8.0
@@ -84,7 +84,7 @@ BACK_UP = 0.8
 PAUSE = 2.0
 """Pause before a retry, seconds."""
 PEOPLE = 3
-"""Recoveries that an ordinary failure uses up; one with a person moving nearby uses up 1."""
+"""Budget units per ordinary failure; a failure with a person moving nearby costs 1."""
 
 DRIVING_FAILS = {
     "start_blocked": "BackUp, or ClearEntireCostmap",

@@ -127,7 +127,7 @@ def only_nearest(scene: DetectedScene, belief: ObjectBelief, base_from_object: P
 
 
 def seen_words(scene: DetectedScene) -> str:
-    """Return the observations in words, for an error message."""
+    """Return the observations as text for an error message."""
     from bestman_bt.perception.detection.base import LabelledCluster
 
     seen = [f"{found.name} ({found.confidence:.2f}{score_words(found.score)})" for found in scene.detections]
@@ -140,7 +140,7 @@ def seen_words(scene: DetectedScene) -> str:
 
 
 def score_words(score: float | None) -> str:
-    """Return the detector's score in words, ``, score 0.80``; empty without one."""
+    """Return the detector's score as text, ``, score 0.80``; empty without one."""
     return "" if score is None else f", score {score:.2f}"
 
 

@@ -123,7 +123,7 @@ class DetectObjects(Skill):
     DECLARATION = Declaration(effects=("scanned({surface})",))
 
     def execute(self) -> Steps:
-        """Capture, detect, update the belief."""
+        """Capture an image, detect objects, and update the belief."""
         view, scene = yield from _look(self)
         names = believe_surface(self.skills, self.surface, view, scene)
         self.objects = list(names)
@@ -155,7 +155,7 @@ class DetectObject(Skill):
     DECLARATION = Declaration(effects=("visible({object})",))
 
     def execute(self) -> Steps:
-        """Capture, detect, update the belief."""
+        """Capture an image, detect the object, and update the belief."""
         skills = self.skills
         name: str = self.object
         surface: str = self.surface
@@ -209,7 +209,7 @@ class EstimatePose(Skill):
     DECLARATION = Declaration(pre=("visible({object})",), effects=("located({object})",))
 
     def execute(self) -> Steps:
-        """Capture around the believed place and register the object's own model."""
+        """Capture an image of the believed place and register the object's own model."""
         skills = self.skills
         name: str = self.object
         belief = skills.world.objects.get(name)

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 
 SAME_PLACE = 0.08
-"""Metres within which a place counts as one that was given before."""
+"""Distance below which two positions count as the same, metres."""
 BEFORE_BASE = 0.6
 """Metres before the base where a place is reached best."""
 MAX_TILT = np.radians(10.0)
 ON_SURFACE = 0.03
-"""Metres above or below the mapped height of a surface at which a thing stands on it."""
+"""Height error, metres, within which an object counts as standing on a mapped surface."""
 
 _WHERE: dict[str, PortInformation] = {
     "surface": BoundedPort(SurfaceName, description="the target surface, such as counter/top"),
@@ -122,7 +122,7 @@ class FindFreePlace(Skill):
         self._given: list[NDArray[np.float64]] = []
 
     def execute(self) -> Steps:
-        """Capture, measure the surface, search for free space."""
+        """Capture, measure the surface, and search for free space."""
         from bestman_bt.perception.segmentation.surface_coverage import surface_coverage
 
         skills = self.skills

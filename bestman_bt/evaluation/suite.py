@@ -119,7 +119,7 @@ class Suite:
     file: str = ""
     """The user's file that it was read from; empty for shipped suites and for suites made of tasks."""
     precision: Precision | None = None
-    """Required half width of each success rate's interval; entries stop once it is reached. None: all episodes run."""
+    """Required precision of each success rate; ``episodes`` is then the maximum. None: all episodes run."""
 
 
 def is_suite(name: str) -> bool:

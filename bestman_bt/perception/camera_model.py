@@ -20,13 +20,13 @@ from bestman_bt.perception.errors import PerceptionError
 
 @dataclass(frozen=True)
 class DepthCorrection:
-    """The sensor tells ``scale * z + offset`` for a depth of z; ``offset`` in metres."""
+    """Linear depth error: the sensor measures ``scale * z + offset`` at a depth of z; ``offset`` in metres."""
 
     scale: float = 1.0
     offset: float = 0.0
 
     def apply(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
-        """True depths (H, W) of told ones, metres; 0 where the sensor told none, or nothing that can be."""
+        """Return corrected depths (H, W) of measured ones, metres; 0 where the measurement is missing or invalid."""
         if self == DepthCorrection():
             return depth
         corrected = (depth - np.float32(self.offset)) / np.float32(self.scale)
@@ -34,10 +34,10 @@ class DepthCorrection:
 
 
 class Rectification:
-    """Maps images of one camera; the map is made once.
+    """Maps images of one camera to those of an ideal pinhole; the map is computed once.
 
-    The ideal image has the size, the focal lengths and the principal point of the lens's; what the lens did not see is
-    black and has no depth.
+    The ideal image has the size, the focal lengths and the principal point of the real one; pixels outside the lens's
+    view are black and have no depth.
     """
 
     def __init__(self, intrinsics: CameraIntrinsics) -> None:
@@ -62,5 +62,5 @@ class Rectification:
 
 @lru_cache(maxsize=8)
 def rectification(intrinsics: CameraIntrinsics) -> Rectification | None:
-    """Return the rectification of a camera, made at the first question, or None if there is nothing to rectify."""
+    """Return the rectification of a camera, cached, or None if the camera has no distortion."""
     return Rectification(intrinsics) if any(intrinsics.distortion) else None

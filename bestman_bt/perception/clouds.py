@@ -20,7 +20,7 @@ CLOUD_FILES = (".ply", ".pcd", ".xyz", ".pts")
 
 
 def read_cloud(path: Path) -> PointCloud:
-    """Return a cloud of a file, metres; with colours if it has some. Raises PerceptionError."""
+    """Return the cloud in a file, metres; with colours if the file has them. Raises PerceptionError."""
     _check_suffix(path)
     if not path.is_file():
         raise PerceptionError(f"{path}: no such file")
@@ -51,7 +51,9 @@ def thinned(cloud: PointCloud, edge: float) -> PointCloud:
 
 
 def without_outliers(cloud: PointCloud, neighbours: int = 8, ratio: float = 6.0) -> PointCloud:
-    """Without points whose mean distance to their ``neighbours`` is ``ratio`` standard deviations above the usual."""
+    """Return the cloud without points whose mean distance to ``neighbours`` is ``ratio`` standard deviations above the
+    mean.
+    """
     if len(cloud) <= neighbours:
         return cloud
     _, kept = _theirs(cloud).remove_statistical_outlier(neighbours, ratio)
@@ -59,7 +61,9 @@ def without_outliers(cloud: PointCloud, neighbours: int = 8, ratio: float = 6.0)
 
 
 def estimated_normals(points: NDArray[np.float64], towards: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
-    """Unit normals (N, 3) of points (N, 3) by at most 30 neighbours within ``radius`` metres; they face ``towards``."""
+    """Return unit normals (N, 3) of points (N, 3) from at most 30 neighbours within ``radius`` metres, facing
+    ``towards``.
+    """
     library, cloud = open3d(), _theirs(PointCloud(points))
     cloud.estimate_normals(library.geometry.KDTreeSearchParamHybrid(radius=radius, max_nn=30))
     cloud.orient_normals_towards_camera_location(np.asarray(towards, dtype=np.float64))
@@ -67,7 +71,8 @@ def estimated_normals(points: NDArray[np.float64], towards: NDArray[np.float64],
 
 
 def largest_plane(points: NDArray[np.float64], distance: float, samples: int, seed: int) -> NDArray[np.float64]:
-    """(a, b, c, d) of the plane a x + b y + c z + d = 0 with most of the points (N, 3) within ``distance`` metres.
+    """Return (a, b, c, d) of the plane a x + b y + c z + d = 0 with most of the points (N, 3) within ``distance``
+    metres.
 
     By RANSAC with ``samples`` triples (Fischler and Bolles, 1981).
     """
@@ -78,7 +83,9 @@ def largest_plane(points: NDArray[np.float64], distance: float, samples: int, se
 
 
 def density_clusters(points: NDArray[np.float64], distance: float, core_points: int) -> NDArray[np.int64]:
-    """DBSCAN: labels (N,) from 0, -1 for noise; a core has ``core_points``, itself among them, within ``distance``."""
+    """Return DBSCAN labels (N,) from 0, -1 for noise; a core has ``core_points``, itself included, within
+    ``distance``.
+    """
     if len(points) == 0:
         return np.zeros(0, dtype=np.int64)
     return np.asarray(_theirs(PointCloud(points)).cluster_dbscan(distance, core_points), dtype=np.int64)

@@ -6,17 +6,17 @@ from bestman_bt.errors import AlgorithmError
 
 
 class PerceptionError(AlgorithmError):
-    """Input that an algorithm cannot work with; the message names the value and what would be accepted."""
+    """Raised for input that an algorithm cannot process; the message gives the value and what is accepted."""
 
 
 class NoSurfaceError(PerceptionError):
-    """No support surface was seen where one was expected; the message says how much was seen instead."""
+    """Raised if no support surface was seen where one was expected; the message says how much was seen instead."""
 
     code = "surface_not_seen"
 
 
 class DetectorModelError(PerceptionError):
-    """A learned model that cannot be used: no such file, no such format, other inputs or outputs than expected."""
+    """Raised for an unusable learned model: missing file, wrong format, or unexpected inputs or outputs."""
 
 
 class DetectorUnreachableError(PerceptionError):
@@ -24,4 +24,4 @@ class DetectorUnreachableError(PerceptionError):
 
 
 class DetectorReplyError(PerceptionError):
-    """A remote detector's answer breaks the protocol; the message has the URL and what is wrong with it."""
+    """Raised if the reply of a remote detector violates the protocol; the message gives the URL and the fault."""

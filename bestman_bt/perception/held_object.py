@@ -35,9 +35,9 @@ def look_between_fingers(
 ) -> GapSight:
     """Compare measured depth with the gap between the pads, ``width`` metres wide.
 
-    ``view``: with the robot's own body left in; ``frame_from_tool``: z leaves the hand, y closes. The rays through
-    samples of the gap's middle are followed: what ends them within the gap (grown by ``margin`` metres along the ray)
-    fills it, what lies behind it shows it empty, what lies before it hides it.
+    ``view``: including the robot's own body; ``frame_from_tool``: z points out of the hand, y is the closing direction.
+    Rays through samples of the gap are evaluated: a measurement within the gap (enlarged by ``margin`` metres along the
+    ray) means filled, behind it empty, in front of it hidden.
     """
     across, along = gripper.part.pad_size
     half = np.array([across / 2, max(width / 2 - margin, 0.001), along / 2])

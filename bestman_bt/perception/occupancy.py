@@ -36,11 +36,11 @@ HIDDEN = 0.5
 
 
 def hidden_share(grid: VoxelGrid, frame_from_surface: Pose, size: tuple[float, float], width: float) -> float:
-    """Share of a surface on which an object may stand that no view has shown, 0 to 1.
+    """Return the unobserved fraction, 0 to 1, of a surface on which an object may stand.
 
-    ``grid``: what the views have shown, in the frame. ``size``: of the surface along its x and y, with the middle at
-    its origin, metres. ``width``: the smaller side of the object, metres: it is noticed where the views have shown
-    half of the square that it covers. Where the grid does not reach, nothing was seen.
+    ``grid``: observed voxels, in the frame. ``size``: of the surface along its x and y, with the middle at its origin,
+    metres. ``width``: the smaller side of the object, metres: it is detected if half of the square that it covers was
+    observed. Outside the grid, nothing was observed.
     """
     step = grid.resolution
     counts = [max(1, round(extent / step)) for extent in size]
@@ -60,9 +60,9 @@ def hidden_share(grid: VoxelGrid, frame_from_surface: Pose, size: tuple[float, f
 
 
 def freed(grid: VoxelGrid, shapes: Iterable[PlacedShape], slack: float = 0.015) -> VoxelGrid:
-    """Return the grid after the bodies with these shapes (in its frame) have been taken away, for example by the hand.
+    """Return the grid after the bodies with these shapes (in its frame) have been removed, for example by the hand.
 
-    Occupied voxels that touch a shape, or come within ``slack`` metres of one, become free.
+    Occupied voxels that touch a shape, or are within ``slack`` metres of one, become free.
     """
     states = np.array(grid.states)
     for placed in shapes:
@@ -109,7 +109,7 @@ class VoxelRegion:
 
 
 class OccupancyMapper(ABC):
-    """Fuses views into the occupancy of one region; the region begins unknown."""
+    """Fuses views into the occupancy of one region, which is initially unknown."""
 
     @abstractmethod
     def begin(self, region: VoxelRegion) -> None:
@@ -117,9 +117,9 @@ class OccupancyMapper(ABC):
 
     @abstractmethod
     def add(self, view: View) -> None:
-        """Take in one view, given in the frame of the region.
+        """Add one view, given in the frame of the region.
 
-        Pixels without depth say nothing. Raises PerceptionError before ``begin``.
+        Pixels without depth are ignored. Raises PerceptionError before ``begin``.
         """
 
     @abstractmethod
@@ -142,14 +142,13 @@ class OccupancyMapper(ABC):
 
 @dataclass(eq=False)
 class LogOdds(OccupancyMapper):
-    """A dense grid: surfaces from the measured points, free space from the rays, surfaces win within one view.
+    """A dense grid: occupied at measured points, free along the rays; within one view, occupied has priority.
 
-    ``hit``, ``miss``: log odds that a view adds to a voxel with a surface, or takes from one that it sees through.
-
-    ``limit``: log odds stay within ±``limit``; small, so that two views clear what has moved away. ``min_hits``:
-    measured points that make a surface. ``noise_base``, ``noise_quadratic``: of depth, as in CameraPart; a ray frees
-    voxels up to ``noise_deviations`` of it before the surface. ``max_range``: metres along the optical axis that are
-    trusted.
+    ``hit``, ``miss``: log odds that a view adds to a voxel with a surface, or subtracts from one that it sees through.
+    ``limit``: log odds stay within ±``limit``; small, so that two views clear a moved object. ``min_hits``: measured
+    points that make a voxel occupied. ``noise_base``, ``noise_quadratic``: depth noise, as in CameraPart; a ray frees
+    voxels up to ``noise_deviations`` standard deviations before the surface. ``max_range``: trusted distance along the
+    optical axis, metres.
     """
 
     hit: float = 0.85

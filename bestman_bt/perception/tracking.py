@@ -26,7 +26,9 @@ SPACING = 0.008
 
 
 class Presence(Enum):
-    """``GONE``: the camera looked through its place. ``HIDDEN``: its place was not seen. ``POSSIBLE``: neither."""
+    """Whether an object is at its place. ``GONE``: the camera sees through it. ``HIDDEN``: the place is not visible.
+    ``POSSIBLE``: neither.
+    """
 
     POSSIBLE = "possible"
     HIDDEN = "hidden"
@@ -36,10 +38,10 @@ class Presence(Enum):
 def presence(
     model: ObjectModel, frame_from_object: Pose, view: View, margin: float = 0.02, share: float = 0.5
 ) -> Presence:
-    """Compare the depth that the object would have with the measured one.
+    """Compare the expected depth of the object with the measured one.
 
-    ``margin``: metres by which depths may differ. ``share``: of the surface towards the camera that must be seen, and
-    of the seen surface that must be looked through for the object to be gone.
+    ``margin``: tolerance of depths, metres. ``share``: minimum fraction of the surface towards the camera that must be
+    visible, and of that part that the camera must see through for the object to be gone.
     """
     points, normals = _surface(model, frame_from_object)
     facing = ((view.viewpoint - points) * normals).sum(axis=1) > 0.0
@@ -61,9 +63,10 @@ def _surface(model: ObjectModel, frame_from_object: Pose) -> tuple[NDArray[np.fl
 
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """``objects``: everything believed after the view, by identity. ``changes``: what the view revealed.
+    """The result of a tracker update. ``objects``: all beliefs after the view, by identity. ``changes``: detected
+    changes.
 
-    ``identities``: the identity of each sighting, in the order given.
+    ``identities``: the identity of each sighting, in the given order.
     """
 
     objects: Mapping[str, ObjectBelief]
@@ -83,10 +86,10 @@ class Tracker(ABC):
         drift: float = 0.0,
         taken: Sequence[str] = (),
     ) -> Tracked:
-        """Explain ``sightings`` of one view by ``beliefs``; both and ``view`` in the map frame.
+        """Assign the ``sightings`` of one view to ``beliefs``; both and ``view`` in the map frame.
 
-        A sighting carries its model's name as name. ``drift``: standard deviation of the map's error between views,
-        metres. ``taken``: identities that no sighting may have, for example what the hand holds.
+        A sighting has its model's name as name. ``drift``: standard deviation of the map's error between views, metres.
+        ``taken``: identities that cannot be assigned, for example that of the held object.
         """
 
 
@@ -96,19 +99,19 @@ class Tracker(ABC):
 
 
 THING = "thing"
-"""The name of what no model explains; its identities are ``thing_1``, ``thing_2``, …"""
+"""The name of objects without a model; their identities are ``thing_1``, ``thing_2``, …"""
 
 
 @dataclass(frozen=True)
 class GlobalNearestNeighbour(Tracker):
-    """Assigns all sightings of a view to the known objects at once, at the least total distance.
+    """Assigns all sightings of a view to the known objects at once, at the minimum total distance.
 
     Metres and radians.
 
-    ``moved_distance``: an object that is so far from its place counts as moved, or ``deviations`` times the standard
-    deviation of the distance where that is more; ``moved_turn``: the same for turns of objects whose yaw is known.
-    ``thing_distance``: a thing without a model is not recognised again farther away. ``replaced_distance``: what
-    is found so near to an object's place, and is not that object, has taken its place.
+    ``moved_distance``: distance from which an object counts as moved; at least ``deviations`` standard deviations of
+    the distance; ``moved_turn``: the same for rotations of objects with known yaw. ``thing_distance``: maximum distance
+    at which an object without a model is recognised again. ``replaced_distance``: another object found this close to an
+    object's place has taken its place.
     """
 
     moved_distance: Annotated[float, "m"] = 0.03
@@ -125,7 +128,7 @@ class GlobalNearestNeighbour(Tracker):
         drift: float = 0.0,
         taken: Sequence[str] = (),
     ) -> Tracked:
-        """Implement ``Tracker``."""
+        """Assign sightings to beliefs; see ``Tracker.update``."""
         stamp = view.image.stamp
         objects = {name: belief for name, belief in beliefs.items() if name not in taken}
         matches = self._matches(objects, sightings, drift)

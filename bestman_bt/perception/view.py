@@ -13,7 +13,7 @@ from bestman_bt.perception.errors import PerceptionError
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """An image and ``frame_from_camera``: the pose of the optical frame in a frame whose z points up (base or map).
+    """An image and ``frame_from_camera``: the pose of the optical frame in a frame with z up (base or map).
 
     Raises PerceptionError if the image is not that of an ideal pinhole: rectify it first.
     """
@@ -56,7 +56,8 @@ class View:
     def organised(
         self, around: NDArray[np.float64] | None = None
     ) -> tuple[NDArray[np.float64], NDArray[np.float32], tuple[slice, slice]]:
-        """Points (h, w, 3) in the frame and depths (h, w), metres, pixel by pixel, and the rows and columns they fill.
+        """Return the organised points (h, w, 3) in the frame, the depths (h, w), metres, and the rows and columns that
+        they cover.
 
         Points are NaN and depths 0 where the depth is unknown. ``around``: see ``cloud``.
         """
@@ -78,7 +79,9 @@ class View:
         return View(self.image, other_from_frame @ self.frame_from_camera)
 
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Pixels (N, 2) as (u, v) and depths (N,), metres, of points (N, 3) of the frame; NaN behind the camera."""
+        """Return pixels (N, 2) as (u, v) and depths (N,), metres, of points (N, 3) of the frame; NaN behind the
+        camera.
+        """
         k = self.image.intrinsics
         camera_from_frame = self.frame_from_camera.inverse()
         x, y, z = camera_from_frame.apply(points).T
@@ -86,7 +89,9 @@ class View:
         return np.stack([k.cx + k.fx * x / z, k.cy + k.fy * y / z], axis=1), z
 
     def measured_depth(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Measured depth (N,), metres, at the pixels (N, 2) nearest to (u, v); NaN where unknown or off the image."""
+        """Return the measured depth (N,), metres, at the pixels (N, 2) nearest to (u, v); NaN if unknown or outside the
+        image.
+        """
         k = self.image.intrinsics
         finite = np.all(np.isfinite(pixels), axis=1)
         nearest = np.rint(np.where(finite[:, None], pixels, -1.0)).astype(np.intp)
@@ -111,8 +116,6 @@ class View:
 
 
 def known_depth(depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the depths with 0 in place of NaN, infinite and negative ones: what a camera writes where it knows
-    nothing.
-    """
+    """Return the depths with 0 in place of NaN, infinite and negative values."""
     known: NDArray[np.float32] = np.where(np.isfinite(depth) & np.greater(depth, 0.0), depth, np.float32(0.0))
     return known

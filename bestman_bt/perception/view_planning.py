@@ -32,10 +32,11 @@ def unobstructed(
     cell: float,
     thickness: float = 0.010,
 ) -> NDArray[np.bool_]:
-    """Which samples (C, S) of one body each of the eyes (C, 3) sees: they face it, and no other sample is before them.
+    """Return which samples (C, S) of one body each of the eyes (C, 3) sees: they face it and no other sample is in
+    front.
 
-    ``points``, ``normals``: (S, 3), metres. ``cell``: width of the cells of the depth buffer at the body's distance,
-    metres: a little more than the samples are apart. ``thickness``: how much nearer another sample must be.
+    ``points``, ``normals``: (S, 3), metres. ``cell``: cell width of the depth buffer at the body's distance, metres:
+    slightly more than the sample spacing. ``thickness``: minimum depth difference of a hiding sample, metres.
     """
     # Products of matrices throughout: (C, 3) by (3, S).
     squares = (eyes**2).sum(axis=1)[:, None] - 2.0 * eyes @ points.T + (points**2).sum(axis=1)
@@ -72,7 +73,8 @@ def _along(
 def hidden_by_shapes(
     points: NDArray[np.float64], eyes: NDArray[np.float64], shapes: Sequence[PlacedShape]
 ) -> NDArray[np.bool_]:
-    """Which points (S, 3) the boxes around ``shapes`` hide from each of the eyes (C, 3): (C, S); all in one frame.
+    """Return which points (S, 3) the boxes around ``shapes`` hide from each of the eyes (C, 3): (C, S); all in one
+    frame.
 
     By slabs: Kay and Kajiya, "Ray Tracing Complex Scenes", 1986.
     """
@@ -95,9 +97,9 @@ def hidden_by_shapes(
 
 @dataclass(frozen=True, eq=False)
 class RankedView:
-    """A candidate and what it promises: ``expected_yaw_width``: radians that the yaw set would keep on average;
-    ``visible_fraction``: share of the object's surface in view, averaged over its possible yaws. ``index``: among the
-    candidates that were given.
+    """A candidate view and its expected gain: ``expected_yaw_width``: expected remaining width of the yaw set, radians;
+    ``visible_fraction``: of the object's surface, averaged over its possible yaws. ``index``: among the given
+    candidates.
     """
 
     index: int
@@ -111,7 +113,7 @@ class ViewPlanner(ABC):
 
     @abstractmethod
     def candidates(self, hypothesis: PoseHypothesis, intrinsics: CameraIntrinsics) -> tuple[Pose, ...]:
-        """Camera poses (frame_from_camera) around the object from which it is well in view and in focus."""
+        """Return camera poses (frame_from_camera) around the object from which it is fully visible and in focus."""
 
     @abstractmethod
     def rank(
@@ -121,7 +123,9 @@ class ViewPlanner(ABC):
         intrinsics: CameraIntrinsics,
         obstacles: Sequence[PlacedShape] = (),
     ) -> tuple[RankedView, ...]:
-        """``candidates`` (frame_from_camera), the most telling first; ``obstacles`` may hide the object."""
+        """Return ``candidates`` (frame_from_camera) ranked by expected information, best first; ``obstacles`` may hide
+        the object.
+        """
 
 
 # The view after which the fewest yaws stay open.
@@ -134,16 +138,16 @@ class ViewPlanner(ABC):
 
 @dataclass(frozen=True)
 class ExpectedYaw(ViewPlanner):
-    """Ranks views by how many yaws of the object they are expected to leave open.
+    """Ranks views by the expected remaining ambiguity of the object's yaw.
 
     Lengths in metres, angles in radians.
 
     ``distances``, ``elevations``, ``azimuths``: of the candidates around the object's middle; the defaults suit a
-    camera beside the hand, one on a mast wants about (0.9, 1.2). ``filling``: the object takes at most this share of
-    the image's smaller side: nearer candidates are moved away. ``spacing``: of surface samples. ``telling_samples``:
-    that change when the object turns, and ``samples`` in all: at most. ``yaw_samples``: of the yaws that are open, at
-    most; ``min_step``: between them. ``noise_base``, ``noise_quadratic``: of depth. ``profile``: how evidence will be
-    weighed in the view that is taken; only the share ``caution`` of what is foreseen is counted on.
+    camera on the hand, a camera on a mast needs about (0.9, 1.2). ``filling``: maximum fraction of the image's smaller
+    side that the object fills: closer candidates are moved away. ``spacing``: of surface samples. ``telling_samples``:
+    maximum number of samples that change when the object rotates, and ``samples``: of all. ``yaw_samples``: maximum
+    number of ambiguous yaws; ``min_step``: between them. ``noise_base``, ``noise_quadratic``: of depth. ``profile``:
+    weighs the evidence of the predicted view; only the fraction ``caution`` of the predicted gain counts.
     """
 
     distances: Annotated[tuple[float, ...], "m"] = (0.30, 0.42)
@@ -162,7 +166,7 @@ class ExpectedYaw(ViewPlanner):
     _turned: dict[ObjectModel, TurnedSurface] = field(default_factory=dict, init=False, repr=False)
 
     def candidates(self, hypothesis: PoseHypothesis, intrinsics: CameraIntrinsics) -> tuple[Pose, ...]:
-        """See ViewPlanner; nearest ring first."""
+        """Return the candidate camera poses, nearest ring first; see ``ViewPlanner.candidates``."""
         lower, upper = hypothesis.model.bounds()
         centre = hypothesis.pose.apply((lower + upper) / 2)
         radius = float(np.linalg.norm(upper - lower)) / 2
@@ -183,7 +187,7 @@ class ExpectedYaw(ViewPlanner):
         intrinsics: CameraIntrinsics,
         obstacles: Sequence[PlacedShape] = (),
     ) -> tuple[RankedView, ...]:
-        """See ViewPlanner. Views that promise the same are ranked by how much of the object they show."""
+        """Return the ranked candidates; views with equal expected gain are ranked by the visible part of the object."""
         if not candidates:
             return ()
         turned = self._turned_surface(hypothesis.model)
@@ -274,7 +278,7 @@ class ExpectedYaw(ViewPlanner):
 
 
 def looking_at(centre: NDArray[np.float64], azimuth: float, elevation: float, distance: float) -> Pose:
-    """Optical frame (z ahead, y down) at ``distance`` metres from ``centre``, which it looks at, upright."""
+    """Return an optical frame (z ahead, y down) at ``distance`` metres from ``centre``, which it looks at, upright."""
     back = np.array(
         [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)]
     )

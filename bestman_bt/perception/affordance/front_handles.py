@@ -29,13 +29,13 @@ from bestman_bt.perception.view import View
 
 @dataclass(frozen=True)
 class JointRules:
-    """Tell how a panel opens from its form and the place of its handle.
+    """Suggests how a panel opens, from its shape and the position of its handle.
 
-    ``centred``: a handle is amid a panel where it is off by less than this share of the half width.
-
-    ``drawer_height``: metres, of the highest drawers. ``folding_place``: share of the half height beyond which the
-    handle of a folding panel is; ``folding_slenderness``: most height by width of one. ``leaf``: metres, half the
-    thickness of doors: their hinges lie that far behind the front. ``hollow_leaf``: the same of doors with a recess.
+    ``centred``: a handle is centred if its offset is below this fraction of the panel's half width. ``drawer_height``:
+    maximum height of drawers, metres. ``folding_place``: minimum offset of the handle of a folding panel, as a fraction
+    of the half height; ``folding_slenderness``: maximum ratio of height to width of a folding panel. ``leaf``: half the
+    thickness of doors, metres: their hinges are this far behind the front. ``hollow_leaf``: the same for doors with a
+    recess.
     """
 
     centred: float = 0.2
@@ -53,9 +53,10 @@ class JointRules:
         borders: PanelBorders,
         seen: tuple[NDArray[np.float64], NDArray[np.float64]],
     ) -> JointSuggestion:
-        """For a handle at ``centre`` (x, y, metres in the frame of its front); ``upright``: its axis is vertical.
+        """Suggest the joint of the panel of a handle at ``centre`` (x, y, metres in the frame of its front).
 
-        ``seen``: lowest and highest x and y of the front that were seen; they stand in for borders that were not.
+        ``upright``: whether the axis of the handle is vertical. ``seen``: lowest and highest x and y of the visible
+        front, used for borders that were not found.
         """
         low, high = seen
         left, right = _first(borders.left, low[0]), _first(borders.right, high[0])
@@ -97,7 +98,9 @@ class JointRules:
 
 @dataclass(frozen=True)
 class JointSuggestion:
-    """``confidence``: 0.5 (a guess) to 1. ``hinge_side``: as seen from the front, of a revolute joint."""
+    """A suggested joint of a panel. ``confidence``: 0.5 (a guess) to 1. ``hinge_side``: as seen from the front, for a
+    revolute joint.
+    """
 
     joint: JointKind
     confidence: float
@@ -140,10 +143,10 @@ class HandleDetector(ABC):
 def parted(
     borders: PanelBorders, one: HandleOnFront, others: Iterable[HandleOnFront], beside: float = 0.15
 ) -> PanelBorders:
-    """``borders`` of the panel of ``one``, which does not reach to ``others`` on the same front.
+    """Return ``borders`` of the panel of ``one``, cut so that the panel does not reach ``others`` on the same front.
 
-    A border that was sought beyond another handle is taken to be halfway to that, as in a chest of equal drawers.
-    ``beside``: metres by which two handles may be off a column or a row and still be in it.
+    A border found beyond another handle is set halfway to that handle, as in a chest of equal drawers. ``beside``:
+    maximum offset, metres, of two handles in the same column or row.
     """
     for other in sorted(others, key=lambda other: float(np.linalg.norm(other.centre - one.centre))):
         across, along = (float(value) for value in other.centre[:2] - one.centre[:2])
@@ -162,13 +165,13 @@ def parted(
 
 @dataclass(frozen=True)
 class FrontHandles(HandleDetector):
-    """Fronts first; then what stands out of each (bars, knobs) and what is cut into it (recessed edges).
+    """Finds fronts first, then protrusions (bars, knobs) and grooves (recessed edges) on each.
 
-    The panel around a handle, and where on it the handle is, suggest how it opens.
+    The panel around a handle, and the handle's position on it, suggest how the panel opens.
 
-    ``min_confidence``: of a handle that is reported. ``apart``: metres; nearer ones are the same handle.
-    ``max_distance``: metres from the camera; farther away, noise makes handles. ``completed_std``: metres, of the
-    position of a handle of which a part was hidden.
+    ``min_confidence``: of a reported handle. ``apart``: metres; closer detections count as one handle.
+    ``max_distance``: metres from the camera; farther away, noise causes false handles. ``completed_std``: standard
+    deviation of the position of a partly hidden handle, metres.
     """
 
     fronts: FrontSearch = field(default_factory=FrontSearch)
@@ -182,7 +185,7 @@ class FrontHandles(HandleDetector):
     completed_std: Annotated[float, "m"] = 0.015
 
     def detect(self, view: View, rng: np.random.Generator) -> HandleScene:
-        """See HandleDetector; chance has no part in it."""
+        """Return the handles in ``view``; the result does not depend on ``rng``."""
         if not (np.isfinite(view.image.depth) & (view.image.depth > 0)).any():
             raise PerceptionError("the image has no depth at all; metres are expected, 0 where unknown")
         fronts = self.fronts.find(view)

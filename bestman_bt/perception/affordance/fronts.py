@@ -25,11 +25,11 @@ from bestman_bt.perception.view import View
 
 @dataclass(frozen=True, eq=False)
 class LocalPlanes:
-    """One plane per grid point, in the optical frame; rows and columns of the grid lie ``stride`` pixels apart.
+    """Local plane fits, one per grid point, in the optical frame; grid points are ``stride`` pixels apart.
 
-    ``points``: (R, C, 3) metres, where the plane meets the ray of the grid point. ``normals``: (R, C, 3) unit,
-    towards the camera. ``residuals``: (R, C) metres, root mean square of the depths' distances from the plane along
-    the optical axis. ``valid``: (R, C), False where too little depth was known.
+    ``points``: (R, C, 3) metres, intersection of the plane with the ray of the grid point. ``normals``: (R, C, 3) unit,
+    towards the camera. ``residuals``: (R, C) metres, root mean square of the depths' distances from the plane along the
+    optical axis. ``valid``: (R, C), False where too few depths are known.
     """
 
     points: NDArray[np.float64]
@@ -88,17 +88,16 @@ def local_planes(
 
 @dataclass(frozen=True)
 class FrontSearch:
-    """Finds the upright planes in a view.
+    """Finds the vertical planes in a view.
 
     Lengths in metres, angles in radians.
 
-    ``noise_base``, ``noise_quadratic``: the depth's noise is base + quadratic (z - 0.4 m)², see CameraPart.
-    ``window``, ``stride``: pixels, of an image 640 pixels wide, of the local planes.
-    ``max_tilt``: of a front against the vertical. ``max_incidence``: between its normal and the ray to it.
-    ``max_range``: of fronts from the camera. ``yaw_bin``, ``offset_bin``: of the votes. ``yaw_window``: of windows
-    that vote for one direction. ``offset_window``: windows within it belong to a front.
-    ``min_area``: that its windows cover, square metres. ``max_gap``: holes and gaps up to it belong to the front.
-    ``max_fronts``: of a view, at most.
+    ``noise_base``, ``noise_quadratic``: depth noise is base + quadratic (z - 0.4 m)², see CameraPart. ``window``,
+    ``stride``: of the local planes, pixels of an image 640 pixels wide. ``max_tilt``: of a front from the vertical.
+    ``max_incidence``: between its normal and the viewing ray. ``max_range``: of fronts from the camera. ``yaw_bin``,
+    ``offset_bin``: bin sizes of the votes. ``yaw_window``: windows within it vote for one direction. ``offset_window``:
+    windows within it belong to a front. ``min_area``: area covered by the windows of a front, square metres.
+    ``max_gap``: holes and gaps up to this size belong to the front. ``max_fronts``: maximum number per view.
     """
 
     noise_base: Annotated[float, "m"] = 0.0012
@@ -117,7 +116,7 @@ class FrontSearch:
     max_fronts: int = 10
 
     def noise(self, depth: NDArray[np.float64] | float) -> NDArray[np.float64]:
-        """Standard deviation of measured depths, metres."""
+        """Return the standard deviation of measured depths, metres."""
         beyond = np.maximum(np.asarray(depth, dtype=float) - 0.4, 0.0)
         noise: NDArray[np.float64] = self.noise_base + self.noise_quadratic * beyond**2
         return noise
@@ -261,11 +260,12 @@ class FrontSearch:
 
 @dataclass(frozen=True, eq=False)
 class FrontPlane:
-    """An upright plane and where it is in the image.
+    """A vertical plane and its extent in the image.
 
-    ``frame_from_front``: x to the right as seen from the front, y up, z out of the front; origin amid what was seen.
-    ``low``, ``high``: (2,) metres, (x, y) limits of what was seen. ``region``: (H, W), the pixels that show it or what
-    hides a small part of it. ``inliers``: (N, 3) metres, points of the plane in the frame. ``rms``: of their distances.
+    ``frame_from_front``: x to the right as seen from the front, y up, z out of the front; origin in the middle of the
+    visible part. ``low``, ``high``: (2,) metres, (x, y) limits of the visible part. ``region``: (H, W), pixels that
+    show the plane or small objects in front of it. ``inliers``: (N, 3) metres, points of the plane in the frame.
+    ``rms``: of their distances, metres.
     """
 
     frame_from_front: Pose

@@ -21,22 +21,21 @@ Kind = Literal["notch", "slot", "strip"]
 
 @dataclass(frozen=True)
 class GrooveSearch:
-    """Finds lips: borders of a panel beside an opening, where fingers take hold.
+    """Finds lips: borders of a panel next to an opening that fingers can grip.
 
-    Lengths in metres. A *notch* is cut into a border; a *slot* runs between two panels; an upright *strip* runs
-    along the outer border of a door and is open on its other side.
+    Lengths in metres. A *notch* is cut into a border; a *slot* runs between two panels; a vertical *strip* runs along
+    the outer border of a door and is open on its other side.
 
-    ``width``: of a groove, least and most: room for fingers, no compartment. ``pair_width``: of two that meet, where
-    two doors do. ``min_length``: of any; ``notch_length``: most of a notch. ``strip_length``: least of a strip, and
-    ``strip_width``: least and most that is seen of its back. ``straightness``: most mean deviation of a lip from a
-    line.
-    ``panel``: that the front at least goes on from a level lip, from an upright one. ``flanks``: least share of its lip
-    along which the front is seen, and of its ends ``ends``. ``depth``: that is at least seen into an opening.
-    ``back``: distance of the back of an upright slot or strip, least and most: an open gap beside a door is no groove;
-    ``back_slope``: its most slope against the front; ``back_share``: least share of the width on which it is seen.
-    ``before``: most share of an opening that something hides.
-    ``grip``: from the lip's border to the middle of what fingers hold; ``lip``: the lip's thickness. Neither is seen.
-    ``position_std``: of a lip that is found.
+    ``width``: minimum and maximum of a groove: room for fingers, but not a compartment. ``pair_width``: the same where
+    two doors meet. ``min_length``: of any lip; ``notch_length``: maximum of a notch. ``strip_length``: minimum of a
+    strip, and ``strip_width``: minimum and maximum visible width of its back. ``straightness``: maximum mean deviation
+    of a lip from a line. ``panel``: minimum extent of the front beyond a horizontal and a vertical lip. ``flanks``:
+    minimum fraction of the lip along which the front is visible; ``ends``: the same beyond its ends. ``depth``: minimum
+    visible depth of an opening. ``back``: minimum and maximum distance of the back of a vertical slot or strip: an open
+    gap beside a door is not a groove; ``back_slope``: its maximum slope against the front; ``back_share``: minimum
+    fraction of the width on which it is visible. ``before``: maximum hidden fraction of an opening. ``grip``: from the
+    lip's border to the middle of the gripped part; ``lip``: the lip's thickness; both are assumed. ``position_std``: of
+    a detected lip.
     """
 
     width: Annotated[tuple[float, float], "m"] = (0.027, 0.062)

@@ -47,11 +47,11 @@ class LyingFront:
         return self.front.cell
 
     def cells(self, metres: float, least: int = 1) -> int:
-        """Metres as whole cells."""
+        """Return a length in metres as a whole number of cells."""
         return max(least, round(metres / self.cell))
 
     def point(self, row: float, column: float) -> tuple[float, float]:
-        """x and y in the front's frame, metres."""
+        """Return x and y of a cell in the front's frame, metres."""
         if self.upright:
             return self.front.x_of(row), self.front.y_of(column)
         return self.front.x_of(column), self.front.y_of(row)
@@ -66,9 +66,10 @@ class LyingFront:
         return result
 
     def beside(self, place: Rectangle, *, above: bool) -> tuple[float, float]:
-        """Share of a strip along one long side that shows the front, and how far the front goes on there, metres.
+        """Return the fraction of a strip along one long side that shows the front, and the front's extent there,
+        metres.
 
-        It is taken to go on behind what hides it.
+        The front is assumed to continue behind objects that hide it.
         """
         with np.errstate(invalid="ignore"):
             solid = self.shown | (self.height > 0.01)
@@ -89,8 +90,9 @@ class LyingFront:
         return share(strip), float(np.median(lengths)) * self.cell
 
     def flanked(self, place: Rectangle) -> tuple[float, float]:
-        """Shares of the strips beyond both ends: the smaller that shows the front or something before it; the larger
-        that shows something before it."""
+        """Return two fractions for the strips beyond both ends of ``place``: the smaller fraction that shows the front
+        or something in front of it, and the larger fraction that shows something in front of it.
+        """
         margin, reach = self.cells(0.006), self.cells(0.010, 2)
         with np.errstate(invalid="ignore"):
             before = self.height > 0.01
@@ -104,10 +106,10 @@ class LyingFront:
     def back(
         self, place: Rectangle, nearest: float, farthest: float, slope: float, least: float
     ) -> tuple[float, float] | None:
-        """Level and width, metres, of a back of an opening that is parallel to the front and near behind it.
+        """Return level and width, metres, of a back of an opening that is parallel to the front and close behind it.
 
-        None if less than the share ``least`` of the opening shows one: there is only the side of the furniture,
-        which runs backwards, or the open.
+        None if less than the fraction ``least`` of the opening shows such a back: then only the side wall of the
+        furniture or free space is visible.
         """
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # rows without any depth
@@ -125,9 +127,7 @@ class LyingFront:
         return middle, float((np.abs(heights - middle) < 0.008).sum()) * self.cell
 
     def ends_in_the_open(self, place: Rectangle, level: float, *, panel_above: bool) -> bool:
-        """Return whether a back at ``level`` goes on neither behind its border opposite to the panel nor beyond its
-        ends.
-        """
+        """Return whether a back at ``level`` ends at its border opposite to the panel, and at its ends."""
         margin, reach, far = self.cells(0.008), self.cells(0.010, 2), self.cells(0.030)
         first = place.bottom + margin if panel_above else max(0, place.top - margin - reach)
         beyond = self.height[first : first + reach, place.start : place.stop]
@@ -143,5 +143,5 @@ class LyingFront:
 
 
 def share(cells: NDArray[np.bool_]) -> float:
-    """Return the share of True cells; 0 if there are no cells."""
+    """Return the fraction of True cells; 0 without cells."""
     return float(cells.mean()) if cells.size else 0.0

@@ -17,14 +17,12 @@ SIDES: tuple[Side, ...] = ("left", "right", "bottom", "top")
 
 @dataclass(frozen=True)
 class BorderSearch:
-    """Finds where the panel around a handle ends, by changes of colour and openings.
+    """Finds the borders of the panel around a handle, by changes of colour and by openings.
 
-    ``contrast``: of colours on either side of a border, summed over red, green and blue (0 to 255 each).
-
-    ``span``: metres to either side of the handle that first tell where borders may be. ``share``: least share of a
-    border's length that shows it, first near the handle, then along the whole panel.
-    ``before``: metres; what stands out more tells nothing about borders. ``clear``: metres beyond the handle's ends and
-    sides from which borders are looked for.
+    ``contrast``: minimum difference of colours across a border, summed over red, green and blue (0 to 255 each).
+    ``span``: metres on either side of the handle in which borders are first searched. ``share``: minimum fraction of a
+    border's length that shows it, first near the handle, then along the whole panel. ``before``: protrusions higher
+    than this, metres, are ignored. ``clear``: metres around the handle that are left out of the search.
     """
 
     contrast: float = 14.0
@@ -62,7 +60,9 @@ class BorderSearch:
     def seams(
         self, front: RectifiedFront, low: NDArray[np.float64], high: NDArray[np.float64], level: bool
     ) -> list[float]:
-        """Return the y (x) of level (else upright) seams across the whole rectangle ``low`` to ``high``, metres."""
+        """Return the y of horizontal (``level``) or the x of vertical seams across the rectangle ``low`` to ``high``,
+        metres.
+        """
         shown, telling = self._evidence(front)["lying" if level else "upright"]
         rows = slice(max(0, round(front.row_of(high[1]))), max(0, round(front.row_of(low[1])) + 1))
         columns = slice(max(0, round(front.column_of(low[0]))), max(0, round(front.column_of(high[0])) + 1))

@@ -25,10 +25,11 @@ NEAR_BORDER = 0.06
 
 @dataclass(frozen=True, eq=False)
 class HandleOnFront:
-    """``centre``: (3,) metres, of what is gripped. ``angle``: of its axis against the front's x, radians.
+    """A handle in the frame of its front. ``centre``: (3,) metres, of the gripped part. ``angle``: of its axis from the
+    front's x, radians.
 
-    Lengths in metres; see bestman_bt.messages.Handle. ``borders``: of its panel, as far as the handle itself tells.
-    ``end_hidden``: something is before an end of it, so that ``centre`` and ``length`` are of the part that is seen.
+    Lengths in metres; see ``bestman_bt.messages.Handle``. ``borders``: borders of its panel, as far as the handle shows
+    them. ``end_hidden``: whether one end is hidden; ``centre`` and ``length`` are then those of the visible part.
     """
 
     kind: HandleKind
@@ -54,10 +55,10 @@ class HandleOnFront:
         return self.centre[:2] - half, self.centre[:2] + half
 
     def completed(self, borders: PanelBorders, position_std: float) -> HandleOnFront:
-        """Return the handle, supplemented where the part that is seen tells the whole.
+        """Return the handle, extended by its hidden part where the visible part determines it.
 
-        A recessed edge that comes near a border of its panel goes up to it, and, where its other end is hidden, up to
-        the other one; a level handle with a hidden end sits in the middle of its panel, where it can.
+        A recessed edge that ends near a border of its panel is extended to it and, if its other end is hidden, to the
+        opposite border; a horizontal handle with a hidden end is centred on its panel where possible.
         """
         if self.kind == "edge":
             along = self._up_to_borders(borders)
@@ -98,23 +99,21 @@ Pixels = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 @dataclass(frozen=True)
 class ProtrusionSearch:
-    """Finds bars and knobs before a front.
+    """Finds bars and knobs in front of a plane.
 
     Lengths in metres.
 
-    ``low``, ``high``: heights before the front at which bars and knobs are seen. ``layers``: of heights that are
-    searched one by one, so that what stands close before a handle does not swallow it. ``significance``: a
-    pixel stands out where it is that many times the noise before the front. ``min_pixels``: with depth, of a handle.
-    ``gap``, ``bar_gap``: pixels that lie so near belong together; along a bar farther, since depth drops out there.
-
-    ``bar_length``, ``bar_width``: of bars, least and most. ``bar_slenderness``: least length by width, with what is
-    seen of the posts; ``post_reach``: most width with these. ``level_spread``: depths of one bar differ by that at
-    most, besides the noise. ``max_slope``: of a bar against the front, radians. ``min_filled``: share of a bar's
-    length on which it is seen. ``finger_room``: least room between a bar and the front.
-
-    ``knob_size``: least and most extent of knobs with what is seen of their stems; ``knob_slenderness``: most length by
-    width of that; ``knob_radius``: of the head. ``knob_height``: that a knob at least stands out, and
-    ``knob_standoff``: its middle, in radii, else fingers find no room behind it.
+    ``low``, ``high``: heights above the front at which bars and knobs are searched. ``layers``: heights that are
+    searched separately, so that an object close to a handle does not hide it. ``significance``: minimum height of a
+    protruding pixel, in multiples of the depth noise. ``min_pixels``: pixels with depth of a handle. ``gap``,
+    ``bar_gap``: maximum distance of neighbouring pixels of one handle; larger along a bar, since depth is often missing
+    there. ``bar_length``, ``bar_width``: minimum and maximum of bars. ``bar_slenderness``: minimum ratio of length to
+    width, including the visible parts of the posts; ``post_reach``: maximum width including them. ``level_spread``:
+    maximum spread of the depths of one bar, besides the noise. ``max_slope``: of a bar against the front, radians.
+    ``min_filled``: minimum visible fraction of a bar's length. ``finger_room``: minimum distance between a bar and the
+    front. ``knob_size``: minimum and maximum extent of knobs including the visible parts of their stems;
+    ``knob_slenderness``: maximum ratio of length to width; ``knob_radius``: of the head. ``knob_height``: minimum
+    height of a knob; ``knob_standoff``: minimum height of its middle, in radii, so that fingers have room behind it.
     """
 
     low: Annotated[float, "m"] = 0.008
@@ -140,7 +139,7 @@ class ProtrusionSearch:
     surround: SurroundLimits = field(default_factory=SurroundLimits)
 
     def find(self, relief: Relief) -> list[HandleOnFront]:
-        """Return all bars and knobs before one front; the same one may be found more than once."""
+        """Return all bars and knobs in front of one plane; duplicates are possible."""
         with np.errstate(invalid="ignore"):
             limit = np.maximum(self.low, self.significance * relief.noise)
             before = relief.near & (relief.height > limit) & (relief.height < self.high)

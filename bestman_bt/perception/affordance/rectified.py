@@ -34,9 +34,10 @@ class Relief:
     eye: NDArray[np.float64]
 
     def on_level(self, pixels: tuple[NDArray[np.intp], NDArray[np.intp]], level: float) -> NDArray[np.float64]:
-        """Where the rays of pixels (rows, columns of the rectangle) meet the plane ``level`` metres before the front.
+        """Return the points (N, 2), metres, at which the rays of ``pixels`` (rows, columns) meet the plane ``level``
+        metres in front.
 
-        (N, 2) metres, x and y: free of the depth's noise, which sways along the ray.
+        Unlike measured points, they are free of depth noise, which acts along the ray.
         """
         rays = self.rays[pixels]
         met: NDArray[np.float64] = self.eye[:2] + rays[:, :2] * ((level - self.eye[2]) / rays[:, 2])[:, None]
@@ -58,7 +59,7 @@ class Relief:
         return rows, columns
 
     def pixel_size(self) -> float:
-        """Metres of the front that one pixel shows, about."""
+        """Return the approximate size of a pixel on the front, metres."""
         return float(np.linalg.norm(self.eye) * np.linalg.norm(self.rays[0, 1] - self.rays[0, 0]))
 
 
@@ -86,12 +87,12 @@ def relief(view: View, front: FrontPlane, search: FrontSearch, margin: float = 0
 
 @dataclass(frozen=True, eq=False)
 class RectifiedFront:
-    """Cells of the plane z = 0 of a front; row 0 is the highest, column 0 the leftmost.
+    """An orthographic grid of the plane z = 0 of a front; row 0 is the highest, column 0 the leftmost.
 
-    ``low``: (2,) metres, x and y of the middle of the lowest left cell; ``cell``: metres. ``height``: (R, C) metres,
-    mean of what the camera saw along the rays through the cell, against the front (negative: through an opening);
-    NaN where unknown. ``noise``: (R, C) metres, of those means. ``rgb``: (R, C, 3) float32. ``outside``: (R, C), not
-    in the image.
+    ``low``: (2,) metres, x and y of the centre of the lowest left cell; ``cell``: metres. ``height``: (R, C) metres,
+    mean height of the measurements along the rays through the cell above the front (negative: through an opening); NaN
+    where unknown. ``noise``: (R, C) metres, of those means. ``rgb``: (R, C, 3) float32. ``outside``: (R, C), not in the
+    image.
     """
 
     low: NDArray[np.float64]
@@ -108,19 +109,19 @@ class RectifiedFront:
         return rows, columns
 
     def x_of(self, column: float) -> float:
-        """Metres."""
+        """Return x of a column, metres."""
         return float(self.low[0] + column * self.cell)
 
     def y_of(self, row: float) -> float:
-        """Metres."""
+        """Return y of a row, metres."""
         return float(self.low[1] + (self.shape[0] - 1 - row) * self.cell)
 
     def column_of(self, x: float) -> float:
-        """Cells, not rounded."""
+        """Return the column of ``x``, in cells, not rounded."""
         return float((x - self.low[0]) / self.cell)
 
     def row_of(self, y: float) -> float:
-        """Cells, not rounded."""
+        """Return the row of ``y``, in cells, not rounded."""
         return float(self.shape[0] - 1 - (y - self.low[1]) / self.cell)
 
     @property

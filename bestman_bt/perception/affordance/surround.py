@@ -14,14 +14,14 @@ from bestman_bt.perception.affordance.rectified import Relief
 
 @dataclass(frozen=True)
 class SurroundLimits:
-    """What has to be seen around a handle.
+    """What must be visible around a handle.
 
     Lengths in metres.
 
-    ``ring``: width of the strip around; ``edge_pixels``: between it and the thing, where depth drops out.
-    ``sides``: least share of a strip that must show the front; ``ends``: least share beyond an end of a bar that lies
-    ``clearance`` farther back: what stands on something touches it. ``hiding``: so much nearer is something before it.
-    ``seen_through``: most share of a bar in which something behind it is seen: between two knobs is no bar.
+    ``ring``: width of the strip around it; ``edge_pixels``: gap between strip and handle, where depth is often missing.
+    ``sides``: minimum fraction of a strip that shows the front; ``ends``: minimum fraction beyond an end of a bar that
+    lies ``clearance`` farther back. ``hiding``: an object this much nearer to the camera hides the strip.
+    ``seen_through``: maximum fraction of a bar through which the background is visible: two knobs are not a bar.
     """
 
     ring: Annotated[float, "m"] = 0.014
@@ -34,7 +34,7 @@ class SurroundLimits:
 
 
 class Surround:
-    """The pixels around a thing from ``low`` to ``high`` (x, y), ``level`` metres before its front."""
+    """The pixels around a candidate from ``low`` to ``high`` (x, y), ``level`` metres in front of its plane."""
 
     def __init__(
         self, relief: Relief, low: NDArray[np.float64], high: NDArray[np.float64], level: float, p: SurroundLimits
@@ -64,9 +64,9 @@ class Surround:
     def bar(
         self, middle: NDArray[np.float64], along: NDArray[np.float64], length: float, radius: float
     ) -> tuple[float, bool] | None:
-        """Return the share of the ring that is free, and whether an end is hidden by something before it.
+        """Return the free fraction of the ring around a bar, and whether one of its ends is hidden.
 
-        None if something touches the bar or the front is not around it.
+        None if something touches the bar or the front does not surround it.
         """
         across = np.array([-along[1], along[0]])
         s, t = (self.flat - middle) @ along, (self.flat - middle) @ across
@@ -104,7 +104,7 @@ class Surround:
         return where
 
     def knob(self, centre: NDArray[np.float64], radius: float) -> float | None:
-        """As for bars; one quarter may show another knob, or what lies beyond a border."""
+        """Return the free fraction of the ring around a knob, or None; one quadrant may be occupied or unseen."""
         around = self.flat - centre
         distance = np.linalg.norm(around, axis=1)
         inner, outer = radius + self._margin, radius + self._margin + self._ring

@@ -20,7 +20,7 @@ from bestman_bt.perception.errors import PerceptionError
 
 
 class CalibrationError(PerceptionError):
-    """Data that a calibration cannot be computed from; the message says what to record instead."""
+    """Raised if a calibration cannot be computed; the message says what to record instead."""
 
 
 class DegenerateMotionError(CalibrationError):
@@ -28,7 +28,7 @@ class DegenerateMotionError(CalibrationError):
 
 
 class ContradictingViewsError(CalibrationError):
-    """So many views contradict the others that the right ones cannot be determined; ``views``: their indices."""
+    """Raised if too many views contradict each other to determine the correct ones; ``views``: their indices."""
 
     def __init__(self, views: Sequence[int], names: Sequence[str]) -> None:
         self.views = tuple(views)
@@ -41,7 +41,7 @@ class ContradictingViewsError(CalibrationError):
 
 @dataclass(frozen=True, eq=False)
 class BoardSighting:
-    """Corners that one image shows: ``points`` (N, 3) metres in the board frame, ``pixels`` (N, 2) as (u, v).
+    """Corners detected in one image: ``points`` (N, 3) metres in the board frame, ``pixels`` (N, 2) as (u, v).
 
     The board frame has its origin at a corner of the pattern, x along its columns and y along its rows.
     """
@@ -65,7 +65,7 @@ class Board(ABC):
 
     @abstractmethod
     def find(self, rgb: NDArray[np.uint8]) -> BoardSighting | None:
-        """Return the corners in an (H, W, 3) image, or None if there are fewer than six, or all on one line."""
+        """Return the corners in an (H, W, 3) image, or None if there are fewer than six, or all are collinear."""
 
 
 @dataclass(frozen=True)
@@ -103,11 +103,11 @@ class CharucoBoard(Board):
 
     @property
     def tells_orientation(self) -> bool:
-        """The markers tell."""
+        """True: the markers determine the orientation."""
         return True
 
     def find(self, rgb: NDArray[np.uint8]) -> BoardSighting | None:
-        """Return the corners in an (H, W, 3) image, or None if there are fewer than six, or all on one line."""
+        """Return the corners in an (H, W, 3) image, or None if there are fewer than six, or all are collinear."""
         corners, ids, _, _ = self._detector.detectBoard(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY))
         if corners is None or ids is None:
             return None
@@ -133,7 +133,8 @@ class CharucoBoard(Board):
 
 @dataclass(frozen=True)
 class Checkerboard(Board):
-    """A plain chessboard, seen as a whole; good for intrinsics, not for poses: half a turn looks the same.
+    """A plain chessboard that must be fully visible; suitable for intrinsics, but not for poses, because of its
+    half-turn symmetry.
 
     Duda & Frese, "Accurate detection and localization of checkerboard corners for calibration", BMVC 2018.
     """
@@ -185,10 +186,9 @@ def _sighting(points: NDArray[np.float64], pixels: NDArray[np.float64]) -> Board
 
 @dataclass(frozen=True)
 class BoardPose:
-    """``eye_from_board``; ``error``: root mean square distance of the corners from where the pose puts them, pixels.
+    """The pose ``eye_from_board`` of a board in one image; ``error``: root mean square reprojection error, pixels.
 
-    ``ambiguity``: error of this pose over that of the mirrored one: near 1 an image does not tell which way the board
-    leans.
+    ``ambiguity``: error of this pose divided by that of the mirrored pose; near 1 the tilt of the board is ambiguous.
     """
 
     eye_from_board: Pose
@@ -213,7 +213,7 @@ def board_pose(sighting: BoardSighting, intrinsics: CameraIntrinsics) -> BoardPo
 
 
 def project(points: NDArray[np.float64], eye_from_points: Pose, intrinsics: CameraIntrinsics) -> NDArray[np.float64]:
-    """Pixels (N, 2) of points (N, 3), with the distortion of the lens."""
+    """Return the pixels (N, 2) of points (N, 3), metres, including lens distortion."""
     k = intrinsics
     x, y, z = eye_from_points.apply(points).T
     x, y = x / z, y / z

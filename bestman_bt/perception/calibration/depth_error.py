@@ -19,10 +19,9 @@ from bestman_bt.perception.camera_model import DepthCorrection
 class DepthCalibration:
     """Fits scale and offset of a depth sensor.
 
-    ``margin``: share of the seen pattern's size that is left out at its border. ``min_pixels``: of a view.
-
-    ``outlier``: metres from which on a view counts less. ``min_range``: metres between the nearest and the farthest
-    view, else scale and offset cannot be told apart.
+    ``margin``: fraction of the visible pattern that is left out at its border. ``min_pixels``: of a view. ``outlier``:
+    residual, metres, above which a view is down-weighted. ``min_range``: minimum difference, metres, between the
+    nearest and the farthest view; otherwise scale and offset cannot be separated.
     """
 
     margin: float = 0.05
@@ -35,8 +34,8 @@ class DepthCalibration:
     ) -> DepthErrorResult:
         """Fit scale and offset.
 
-        ``views``: corners, ``eye_from_board`` by them, and the depth image (H, W) as told, metres. Raises
-        CalibrationError, or DegenerateMotionError where all views are from one distance.
+        ``views``: corners, ``eye_from_board`` computed from them, and the measured depth image (H, W), metres. Raises
+        CalibrationError, or DegenerateMotionError if all views have the same distance.
         """
         pairs = [self.told_and_true(*view, intrinsics) for view in views]
         usable = np.array([pair for pair in pairs if pair is not None]).reshape(-1, 2)
@@ -67,9 +66,9 @@ class DepthCalibration:
     def told_and_true(
         self, sighting: BoardSighting, eye_from_board: Pose, depth: NDArray[np.float32], intrinsics: CameraIntrinsics
     ) -> tuple[float, float] | None:
-        """Median told depth and the true depth there, metres, over the pixels that show the pattern.
+        """Return median measured depth and true depth, metres, over the pixels that show the pattern.
 
-        None if too few do.
+        None if there are too few such pixels.
         """
         outline = cv2.convexHull(sighting.pixels.astype(np.float32)).reshape(-1, 2)
         middle = outline.mean(axis=0)
@@ -91,9 +90,9 @@ class DepthCalibration:
 
 @dataclass(frozen=True, eq=False)
 class DepthErrorResult:
-    """``correction`` with standard deviations of scale and offset; ``residuals`` (N,): metres left over per view.
+    """A fitted depth ``correction`` with standard deviations of scale and offset; ``residuals`` (N,): metres, per view.
 
-    ``distances`` (N,): metres of each view, by its corners.
+    ``distances`` (N,): distance of each view from its corners, metres.
     """
 
     correction: DepthCorrection

@@ -26,11 +26,11 @@ LARGEST_ANGLE = math.radians(170.0)
 
 @dataclass(frozen=True, eq=False)
 class HandEyeResult:
-    """``carrier_from_eye``: the camera on its carrier; ``world_from_target``: where the target stands.
+    """``carrier_from_eye``: pose of the camera on its carrier; ``world_from_target``: pose of the target.
 
     ``covariance``: (6, 6) of ``carrier_from_eye``: position (metres), then rotation vector (radians), both in the
-    carrier frame. ``position_residuals`` (N,) metres and ``rotation_residuals`` (N,) radians: of the target as each
-    view saw it. ``left_out``: indices of the views that contradict the others, and were not used.
+    carrier frame. ``position_residuals`` (N,) metres and ``rotation_residuals`` (N,) radians: of the target in each
+    view. ``left_out``: indices of contradicting views, which were not used.
     """
 
     carrier_from_eye: Pose
@@ -53,11 +53,12 @@ class RelativeMotions:
 class HandEye(ABC):
     """Solves ``world_from_carrier @ X @ eye_from_target = world_from_target`` for X, ``carrier_from_eye``.
 
-    ``refine``: whether least squares follow the closed form. ``noise``: of the poses, weighs the residuals.
-    ``min_views``: fewer are refused. ``min_second_rotation``: radians (root mean square, between views) about the
-    second axis. ``max_angle_mismatch``: radians by which most motions of the camera may turn differently from their
-    carrier's. ``outlier``: standard deviations, and ``outlier_ratio``: times the median view, by which a view is off
-    to be left out; what agrees is found by ``subsets`` of four views (least median of squares, Rousseeuw 1984).
+    ``refine``: whether least squares follow the closed form. ``noise``: of the poses, the weights of the residuals.
+    ``min_views``: minimum number of views. ``min_second_rotation``: radians (root mean square, between views) about the
+    second axis. ``max_angle_mismatch``: maximum difference, radians, of the rotation angles of camera and carrier in
+    most motions. ``outlier``: standard deviations, and ``outlier_ratio``: multiples of the median, above which a view
+    is left out; the consistent views are found from ``subsets`` of four views (least median of squares, Rousseeuw
+    1984).
     """
 
     refine: bool = True
@@ -71,27 +72,30 @@ class HandEye(ABC):
 
     @abstractmethod
     def closed_form(self, motions: RelativeMotions) -> Pose:
-        """X from relative motions."""
+        """Return X from relative motions."""
 
     def eye_in_hand(self, base_from_hand: Sequence[Pose], eye_from_target: Sequence[Pose]) -> HandEyeResult:
-        """The camera is carried by the hand, the target stands still: world is the base, carrier is the hand.
+        """Calibrate a camera on the hand with a fixed target: world is the base, carrier is the hand.
 
-        ``base_from_hand``: N poses by forward kinematics, ``eye_from_target``: the target in each of the N images.
+        ``base_from_hand``: N poses from forward kinematics, ``eye_from_target``: the target in each of the N images.
         Raises CalibrationError, or DegenerateMotionError if the motions do not determine the result.
         """
         return self.calibrate(base_from_hand, eye_from_target, "hand")
 
     def eye_to_hand(self, base_from_hand: Sequence[Pose], eye_from_target: Sequence[Pose]) -> HandEyeResult:
-        """The camera stands still, the hand carries the target: world is the hand, carrier is the base.
+        """Calibrate a fixed camera with a target on the hand: world is the hand, carrier is the base.
 
-        ``carrier_from_eye`` is ``base_from_eye``, ``world_from_target`` is ``hand_from_target``. Raises as above.
+        In the result, ``carrier_from_eye`` is ``base_from_eye`` and ``world_from_target`` is ``hand_from_target``.
+        Raises as ``eye_in_hand`` does.
         """
         return self.calibrate([pose.inverse() for pose in base_from_hand], eye_from_target, "hand with the target")
 
     def calibrate(
         self, world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose], what_moves: str = "arm"
     ) -> HandEyeResult:
-        """Return the general case: the camera is carried, the target stands still in the world. Raises as above."""
+        """Calibrate a carried camera with a target fixed in the world: the general case. Raises as ``eye_in_hand``
+        does.
+        """
         if len(world_from_carrier) != len(eye_from_target):
             raise CalibrationError(
                 f"as many poses as views are needed, got {len(world_from_carrier)} and {len(eye_from_target)}"
@@ -198,7 +202,7 @@ class ParkMartin(HandEye):
     """Rotation first, from the logarithms of the motions; then the translation, by linear least squares."""
 
     def closed_form(self, motions: RelativeMotions) -> Pose:
-        """X from relative motions."""
+        """Return X from relative motions."""
         turn_a, turn_b = motions.carrier[:, :3, :3], motions.eye[:, :3, :3]
         alpha, beta = Rotation.from_matrix(turn_a).as_rotvec(), Rotation.from_matrix(turn_b).as_rotvec()
         # alpha = R beta for all pairs: R = (MᵀM)^(-1/2) Mᵀ with M = Σ beta alphaᵀ, by the singular values of M.
@@ -219,7 +223,7 @@ class Daniilidis(HandEye):
     """Rotation and translation at once: the dual quaternion of X spans the null space of all motions."""
 
     def closed_form(self, motions: RelativeMotions) -> Pose:
-        """X from relative motions."""
+        """Return X from relative motions."""
         a, a_dual = _dual_quaternions(motions.carrier)
         b, b_dual = _dual_quaternions(motions.eye)
         difference, total = a[:, 1:] - b[:, 1:], a[:, 1:] + b[:, 1:]

@@ -62,7 +62,9 @@ def refine(
     noise: HandEyeNoise,
     move: bool = True,
 ) -> Refined:
-    """Minimise the weighted residuals from ``start``; without ``move`` only the target is placed, at its mean."""
+    """Minimise the weighted residuals from ``start``; without ``move``, only the target pose is estimated, as the
+    mean.
+    """
     seen = np.array([pose.matrix for pose in eye_from_target])
     carriers = np.array([pose.matrix for pose in world_from_carrier])
     target = mean_target(world_from_carrier, eye_from_target, start)
@@ -85,7 +87,9 @@ def refine(
 def whitened(
     world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose], end: Pose, target: Pose, noise: HandEyeNoise
 ) -> NDArray[np.float64]:
-    """(N,) how far off each view is, in standard deviations: the norm of its six residuals over their noise."""
+    """Return the error (N,) of each view in standard deviations: the norm of its six residuals divided by their
+    noise.
+    """
     seen = np.array([pose.matrix for pose in eye_from_target])
     residuals = _residuals(np.array([pose.matrix for pose in world_from_carrier]), seen, end, target)
     norms: NDArray[np.float64] = np.linalg.norm(np.einsum("nij,nj->ni", _weights(seen, end, noise), residuals), axis=1)

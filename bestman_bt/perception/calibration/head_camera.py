@@ -40,7 +40,7 @@ Unknown = Literal["mount", "camera", "board"]
 
 @dataclass(frozen=True)
 class BoardView:
-    """One image: the board's corners, and the encoder readings of both ends."""
+    """One image: the board's corners, and the forward kinematics of both ends from encoders."""
 
     sighting: BoardSighting
     mount_from_carrier: Pose = field(default_factory=Pose)
@@ -63,12 +63,12 @@ class ChainPoses:
 
 @dataclass(frozen=True)
 class ChainCalibration:
-    """Finds the poses at both ends of the chain.
+    """Estimates the poses at both ends of the kinematic chain between camera and board.
 
-    ``outlier``: pixels from which on a corner counts less (soft L1). ``min_views``: fewer are refused.
-
-    ``worst_deviation``: metres and radians (as one number) of the least certain direction that are accepted.
-    ``view_outlier``: pixels, and ``outlier_ratio``: times the median view, by which a view must be off to be left out.
+    ``outlier``: residual, pixels, above which a corner is down-weighted (soft L1). ``min_views``: minimum number of
+    views. ``worst_deviation``: maximum accepted standard deviation of the least certain direction, metres and radians
+    as one number. ``view_outlier``: pixels, and ``outlier_ratio``: multiples of the median, above which a view is left
+    out.
     """
 
     outlier: float = 1.0
@@ -150,10 +150,11 @@ class ChainCalibration:
 
 @dataclass(frozen=True, eq=False)
 class ChainResult:
-    """``poses``; ``covariance``: unknown → (6, 6), metres and radians in the frame that its pose is given in.
+    """Estimated ``poses``; ``covariance``: unknown → (6, 6), metres and radians in the frame in which its pose is
+    given.
 
-    ``errors``: root mean square reprojection error of each view that was used, pixels; ``offsets``: (N, 2) of each,
-    pixels. ``left_out``: indices of the views that contradict the others, and were not used.
+    ``errors``: root mean square reprojection error of each used view, pixels; ``offsets``: (N, 2) of each, pixels.
+    ``left_out``: indices of contradicting views, which were not used.
     """
 
     poses: ChainPoses
@@ -173,10 +174,11 @@ class HeadAxes:
 
 @dataclass(frozen=True, eq=False)
 class HeadCameraResult:
-    """``chain``: the poses with covariance and errors. ``free``: which of them were estimated.
+    """Result of a head camera calibration. ``chain``: the poses with covariance and errors. ``free``: names of the
+    estimated poses.
 
-    ``pan_offset``, ``tilt_offset``: radians that the poses put right, as if they were errors of the encoders alone; the
-    pan offset is None if the mount was not estimated.
+    ``pan_offset``, ``tilt_offset``: radians; the correction expressed as encoder errors alone; the pan offset is None
+    if the mount was not estimated.
     """
 
     chain: ChainResult
@@ -194,10 +196,10 @@ def calibrate_head_camera(
     axes: HeadAxes = HeadAxes(),
     chain: ChainCalibration | None = None,
 ) -> HeadCameraResult:
-    """Calibrate from ``mount`` (base_from_mount) and ``camera`` (carrier_from_camera), as the robot model has them.
+    """Calibrate from ``mount`` (base_from_mount) and ``camera`` (carrier_from_camera) of the robot model.
 
-    ``board``: its measured pose in the base (or on its holder), None if it is not known. Raises CalibrationError, or
-    DegenerateMotionError where head or arm did not turn enough.
+    ``board``: its measured pose in the base (or on its holder), None if unknown. Raises CalibrationError, or
+    DegenerateMotionError if head or arm did not rotate enough.
     """
     held = any(not _same(view.base_from_holder, views[0].base_from_holder) for view in views[1:])
     free: tuple[Unknown, ...] = ("camera",)

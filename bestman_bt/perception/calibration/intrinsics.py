@@ -29,14 +29,12 @@ _FIXED = {
 
 @dataclass(frozen=True)
 class IntrinsicsCalibration:
-    """Calibrates a camera's lens by images of a board.
+    """Calibrates the intrinsics of a camera from images of a board.
 
-    ``lens``: which coefficients are estimated; k3 only helps very wide lenses, others it makes less certain.
-
-    ``min_views``, ``min_corners``: fewer are refused.
-
-    ``min_coverage``: share of the image, in 8 × 6 cells, that must hold a corner. ``min_tilt``: radians by which at
-    least three views must lean from the image plane: without that, focal length and distance are one.
+    ``lens``: the estimated distortion coefficients; k3 improves only very wide lenses. ``min_views``, ``min_corners``:
+    minimum numbers. ``min_coverage``: fraction of 8 × 6 image cells that must contain a corner. ``min_tilt``: minimum
+    tilt of the board against the image plane in at least three views, radians; otherwise focal length and distance
+    cannot be separated.
     """
 
     lens: Literal["none", "k1_k2", "k1_k2_p1_p2", "k1_k2_p1_p2_k3"] = "k1_k2_p1_p2"
@@ -48,7 +46,7 @@ class IntrinsicsCalibration:
     def calibrate(self, sightings: Sequence[BoardSighting | None], size: tuple[int, int]) -> IntrinsicsResult:
         """Calibrate a camera with images of ``size`` (width, height); None stands for a view without a board.
 
-        Raises CalibrationError or DegenerateMotionError with what to record in addition.
+        Raises CalibrationError or DegenerateMotionError that says which views to add.
         """
         seen = [(i, s) for i, s in enumerate(sightings) if s is not None and len(s.points) >= self.min_corners]
         if len(seen) < self.min_views:
@@ -95,10 +93,10 @@ class IntrinsicsCalibration:
 
 @dataclass(frozen=True, eq=False)
 class IntrinsicsResult:
-    """``intrinsics`` with ``standard_deviations`` of fx, fy, cx, cy, k1, k2, p1, p2, k3 (9,).
+    """Calibrated ``intrinsics`` with ``standard_deviations`` (9,) of fx, fy, cx, cy, k1, k2, p1, p2, k3.
 
-    ``errors``: root mean square reprojection error of each view that was used, pixels, and ``used``: their indices.
-    ``coverage``: (6, 8) bool, the cells of the image that hold a corner.
+    ``errors``: root mean square reprojection error of each used view, pixels, and ``used``: their indices.
+    ``coverage``: (6, 8) bool, the image cells that contain a corner.
     """
 
     intrinsics: CameraIntrinsics
@@ -114,7 +112,7 @@ class IntrinsicsResult:
 
 
 def coverage(pixels: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.bool_]:
-    """(6, 8) bool: which cells of the image hold one of the pixels (N, 2)."""
+    """Return which image cells contain one of the pixels (N, 2): (6, 8) bool."""
     across, down = COVERAGE_CELLS
     cells = np.floor((pixels + 0.5) / size * (across, down)).astype(int)
     cells = np.clip(cells, 0, (across - 1, down - 1))

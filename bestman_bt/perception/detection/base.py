@@ -18,10 +18,10 @@ from bestman_bt.perception.view import View
 
 
 class Prepared:
-    """Something that may have to load models or reach a server; most have nothing to."""
+    """Base of algorithms that load models or connect to a server before use; the default does nothing."""
 
     def prepare(self) -> None:
-        """Load what is needed, before anything moves; raises PerceptionError, in words, where that is not possible."""
+        """Load models or connect, before anything moves. Raises PerceptionError with the reason if that fails."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,9 +99,7 @@ class DetectedScene:
         return max(named, key=lambda thing: thing.score, default=None)
 
     def obstacles_beside(self, name: str | None, grow: float = 0.0) -> tuple[Cluster, ...]:
-        """Return the bounding clusters of everything except the object ``name``, as obstacles; ``grow``: margin in
-        metres.
-        """
+        """Return all clusters except that of the object ``name``."""
         found = self.find(name) if name is not None else None
         others = tuple(detection.cluster for detection in self.detections if detection is not found)
         return others + self.unknown

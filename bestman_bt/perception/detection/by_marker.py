@@ -30,7 +30,7 @@ WHITE, BLACK = (0.98, 0.98, 0.98), (0.03, 0.03, 0.03)
 
 @dataclass(frozen=True, eq=False)
 class MarkerDetection:
-    """``corners``: (4, 2) pixels (u, v), clockwise as printed, from its upper left corner."""
+    """A detected marker. ``corners``: (4, 2) pixels (u, v), clockwise as printed, from its upper left corner."""
 
     id: int
     corners: NDArray[np.float64]
@@ -41,10 +41,10 @@ class MarkerDetection:
 
 @dataclass(frozen=True)
 class MarkerDetector:
-    """Finds the markers of one dictionary. Raises PerceptionError if OpenCV knows no such dictionary.
+    """Finds the markers of one dictionary. Raises PerceptionError for a dictionary unknown to OpenCV.
 
     ``dictionary``: OpenCV's name, such as DICT_4X4_50 or DICT_APRILTAG_36h11. ``min_perimeter``: of a marker, as a
-    share of the image's longer side. ``max_corrected``: share of the dictionary's error correction that is used.
+    fraction of the image's longer side. ``max_corrected``: fraction of the dictionary's error correction that is used.
     """
 
     dictionary: str = "DICT_4X4_50"
@@ -75,7 +75,7 @@ class MarkerDetector:
 
 
 def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
-    """OpenCV's dictionary of that name. Raises PerceptionError listing the names."""
+    """Return OpenCV's dictionary of that name. Raises PerceptionError listing the names."""
     known = sorted(entry for entry in dir(cv2.aruco) if entry.startswith("DICT_"))
     wanted = {entry.upper(): entry for entry in known}.get(name.upper())
     if wanted is None:
@@ -88,9 +88,9 @@ def marker_shapes(
 ) -> tuple[tuple[PlacedShape, tuple[float, float, float]], ...]:
     """Return a marker as flat boxes with their colours, for renderers without textures.
 
-    ``size``: metres, of the black square; a white border of one cell is added on each side. Its frame lies in the
-    middle of the printed face: x to the printed right, y to the printed top, z out of it; all is behind z = 0.
-    Raises PerceptionError if the dictionary has no such marker.
+    ``size``: edge of the black square, metres; a white border of one cell is added on each side. The frame is in the
+    middle of the printed face: x to the printed right, y to the printed top, z out of it; all boxes are behind z = 0.
+    Raises PerceptionError if the dictionary does not contain the marker.
     """
     words = marker_dictionary(dictionary)
     if not 0 <= marker < len(words.bytesList):
@@ -112,12 +112,12 @@ def marker_shapes(
 
 @dataclass(frozen=True)
 class ByMarker(MarkerDetector, Detector):
-    """A cluster on which a marker shows has the name that the marker stands for; the pose comes from its model.
+    """Labels each cluster by the marker visible on it; the pose comes from the object's model.
 
-    A marker with no cluster under it, for example on the table itself, names nothing.
+    Markers without a cluster, for example on the table itself, are ignored.
 
-    ``markers``: the object's name by the marker's id. ``min_points``: of a cluster that show inside of the marker.
-    ``min_confidence``: of the pose, below which a thing only has its name.
+    ``markers``: marker id → object name. ``min_points``: minimum points of a cluster inside the marker.
+    ``min_confidence``: minimum confidence of a pose, below which an object only gets its label.
     """
 
     markers: Mapping[int, str] = field(default_factory=dict)
@@ -129,7 +129,7 @@ class ByMarker(MarkerDetector, Detector):
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:
-        """Implement ``Detector``."""
+        """Detect the objects that carry known markers; see ``Detector.detect``."""
         scene = self.segmentation.segment(view, region, rng)
         rest = list(scene.clusters)
         labelled = []

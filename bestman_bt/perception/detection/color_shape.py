@@ -32,16 +32,18 @@ from bestman_bt.perception.view import View
 
 
 SCALES = np.array([0.006, 0.008, 0.008, 0.008, 0.012, 0.15, 0.005])
-"""A typical difference of each number of a signature between two views of one thing."""
+"""Typical difference of each entry of a signature between two views of the same object."""
 
 _THIRDS = (0.0, 1 / 3, 2 / 3, 1.0)
 
 
 def signature(points: NDArray[np.float64], eye: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(7,) height; width of the lower, middle and upper third; depth, all in metres; share of points at the top; bulge.
+    """Return the shape signature (7,) of a cluster: height; width of the lower, middle and upper third; depth (metres);
+    fraction of points at the top; bulge.
 
-    ``points``: (N, 3) metres, z above the surface that the thing stands on. ``eye``: (3,) the camera. Width is across
-    the direction of view, depth along it. Bulge: metres by which the middle of the sides stands out before their ends.
+    ``points``: (N, 3) metres, z above the support surface. ``eye``: (3,) position of the camera. Width is measured
+    across the viewing direction, depth along it. Bulge: metres by which the middle of the sides protrudes beyond their
+    ends.
     """
     top = _quantile(points[:, 2], 0.98)
     centre = points[:, :2].mean(axis=0)
@@ -66,7 +68,7 @@ def signature(points: NDArray[np.float64], eye: NDArray[np.float64]) -> NDArray[
 
 @dataclass(frozen=True, eq=False)
 class ModelLook:
-    """A model from one elevation, at Y yaws.
+    """The appearance of a model from one elevation, at Y yaws.
 
     ``signatures``: (Y, 7). ``palette``: (K, 3) rgb and ``shares``: (Y, K) of these colours, as in palette_distance.
     """
@@ -156,11 +158,11 @@ _DARK = 0.02
 
 
 def palette_distance(colors: NDArray[np.uint8], palette: NDArray[np.float64], shares: NDArray[np.float64]) -> float:
-    """How badly the colours (N, 3) of a cluster fit to a model's, 0 to about 1.
+    """Return the distance between the colours (N, 3) of a cluster and those of a model, 0 to about 1.
 
-    ``palette``: (K, 3) rgb, each 0 to 1. ``shares``: (Y, K) how much of the model's visible surface has each colour, at
-    each yaw. It is the mean distance of each point to the nearest colour of the palette, and 0.3 times how far the
-    shares of the colours are off at the best yaw, beyond 0.08: something nearer may hide a part.
+    ``palette``: (K, 3) rgb, each 0 to 1. ``shares``: (Y, K) fraction of the model's visible surface in each colour, at
+    each yaw. The distance is the mean distance of the points to the nearest colour of the palette, plus 0.3 times the
+    deviation of the colour fractions beyond 0.08 at the best yaw; closer objects may hide a part.
     """
     seen = colors[np.linspace(0, len(colors) - 1, min(len(colors), 400)).astype(np.intp)].astype(np.float64) / 255.0
     distance = np.linalg.norm(_chromaticity(seen)[:, None] - _chromaticity(palette)[None], axis=2)
@@ -180,14 +182,13 @@ def _chromaticity(rgb: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class ColorShape(Naming, Detector):
-    """Looks for colour and shape first, and registers only the models that a cluster could be.
+    """Compares colour and shape first, and registers only models that match the cluster.
 
-    ``max_color``, ``max_shape``: distances of colours (see palette_distance) and shapes (see ModelLook) beyond which
-    a model is not tried. ``color_weight``: of colour against shape in the order in which models are tried.
-    ``first``: models that are tried at once, where they are within ``margin`` of the likeliest; the others, up to
-    ``most``, are tried one after the other until one is confirmed.
-    ``tie``: two confirmed models whose logits of confidence differ by less are told apart by colour and shape.
-    ``elevation_step``: radians; looks of models are kept for such steps.
+    ``max_color``, ``max_shape``: distances of colours (see palette_distance) and shapes (see ModelLook) above which a
+    model is not tried. ``color_weight``: weight of colour against shape in the order of the tries. ``first``: number of
+    models tried at once if within ``margin`` of the most probable; the others, up to ``most``, are tried one after the
+    other until one is confirmed. ``tie``: two confirmed models whose logits of confidence differ by less are
+    distinguished by colour and shape. ``elevation_step``: radians; appearances of models are cached in such steps.
     """
 
     segmentation: Segmentation = field(default_factory=RegionGrowing)
@@ -205,7 +206,7 @@ class ColorShape(Naming, Detector):
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:
-        """Implement ``Detector``."""
+        """Detect objects by colour and shape, then registration; see ``Detector.detect``."""
         scene = self.segmentation.segment(view, region, rng)
         found = [(cluster, self._hypotheses(cluster, models, view)) for cluster in scene.clusters]
         return self.named_scene(scene, found)

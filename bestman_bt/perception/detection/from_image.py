@@ -26,7 +26,7 @@ from bestman_bt.perception.view import View
 
 @dataclass(frozen=True)
 class ModelRegistration(Naming, Detector):
-    """Segments, then names each cluster by the model that explains it best, if one does."""
+    """Segments the view, then labels each cluster with the model that explains it best, if any."""
 
     segmentation: Segmentation = field(default_factory=PlaneDbscan)
     pose_estimator: PoseEstimator = field(default_factory=MultiStart)
@@ -34,7 +34,7 @@ class ModelRegistration(Naming, Detector):
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:
-        """Implement ``Detector``."""
+        """Detect objects by registration of all models; see ``Detector.detect``."""
         scene = self.segmentation.segment(view, region, rng)
         found = [(cluster, self.pose_estimator.estimate(cluster, models, view)) for cluster in scene.clusters]
         return self.named_scene(scene, found)
@@ -198,7 +198,7 @@ def located(
     view: View,
     min_confidence: float,
 ) -> DetectedScene:
-    """Return a scene in which the labelled clusters have poses, where there is a model of that name and it fits."""
+    """Return a scene in which labelled clusters have poses, if a model of that name exists and fits."""
     model_of = {model.name: model for model in models}
     detections: list[Detection] = []
     unknown: list[Cluster] = []

@@ -28,14 +28,14 @@ _GREY = 114
 
 @dataclass(frozen=True)
 class OnnxDetector(FromImage):
-    """Known objects, and other things by label, through a detector in an ONNX file.
+    """Detects objects with a detector in an ONNX file.
 
-    It is read by ``prepare``, or else at the first image. Raises MissingExtraError without onnxruntime and
-    DetectorModelError where the file is not what it should be.
+    The file is read by ``prepare``, or else at the first image. Raises MissingExtraError without onnxruntime and
+    DetectorModelError if the file does not have the expected format.
 
-    ``model``: the .onnx file. ``classes``: its classes in order; empty: as its metadata ``names`` says.
-    ``input_size``: (width, height) pixels where the file leaves them open. ``max_overlap``: intersection over union
-    from which the lower score of one class gives way. ``threads``: that onnxruntime may use.
+    ``model``: the .onnx file. ``classes``: its classes in order; empty: those in its metadata ``names``.
+    ``input_size``: (width, height) pixels, if the file leaves them open. ``max_overlap``: intersection over union above
+    which the detection with the lower score of the same class is dropped. ``threads``: of onnxruntime.
     """
 
     model: str = ""
@@ -53,7 +53,7 @@ class OnnxDetector(FromImage):
         _ = self._network
 
     def find(self, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
-        """See FromImage; classes that are not in ``names`` are left out."""
+        """Return the detections of ``names`` in the image; other classes are left out. See ``FromImage.find``."""
         network = self._network
         wanted = np.array([name in names for name in network.classes])
         if not wanted.any() or image.rgb.size == 0:

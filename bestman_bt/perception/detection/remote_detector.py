@@ -30,8 +30,8 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 
 
 class RemoteMask(BaseModel):
-    """One of the two: ``png``, base64 of a grey PNG of the image's size (not 0: inside); ``counts``, the run lengths of
-    COCO: column by column, outside first.
+    """A mask, as one of two fields: ``png``, base64 of a grey PNG of the image's size (not 0: inside); ``counts``, the
+    run lengths of COCO: column by column, outside first.
     """
 
     png: str | None = None
@@ -69,9 +69,9 @@ def request_body(image: RGBDImage, names: Sequence[str], with_depth: bool) -> di
 
 
 def reply_detections(content: bytes, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
-    """Return the detections of an answer, highest score first; labels that were not asked for are left out.
+    """Return the detections in a reply, highest score first; labels that were not requested are left out.
 
-    Raises ValueError, in words, where the answer is none.
+    Raises ValueError, with the reason, if the reply is invalid.
     """
     try:
         reply = RemoteReply.model_validate_json(content)
@@ -135,14 +135,14 @@ def _encoded(picture: NDArray[Any]) -> str:
 
 @dataclass(frozen=True)
 class RemoteDetector(FromImage):
-    """Known objects, and other things by label, through a detector on another machine.
+    """Detects objects with a detector on another machine.
 
-    Posts the picture and the names, reads the answer; keeps nothing between two questions. Raises
-    DetectorUnreachableError where no answer came, DetectorReplyError where it breaks the protocol.
+    Posts the image and the names, and reads the reply; keeps no state between requests. Raises DetectorUnreachableError
+    without a reply, DetectorReplyError for a reply that violates the protocol.
 
-    ``url``: where questions are posted. ``connect_timeout``, ``timeout``: seconds for the connection, and for each
-    whole try. ``retries``: further tries where the server cannot be reached, is late, busy (429) or fails (5xx), after
-    ``backoff`` seconds, then twice that, and so on. ``max_reply``: bytes. ``with_depth``: send the depth image too.
+    ``url``: address of the requests. ``connect_timeout``, ``timeout``: seconds for the connection, and for each try.
+    ``retries``: further tries if the server cannot be reached, is late, busy (429) or fails (5xx), after ``backoff``
+    seconds, doubled each time. ``max_reply``: bytes. ``with_depth``: whether to send the depth image too.
     """
 
     url: str = ""
@@ -154,7 +154,7 @@ class RemoteDetector(FromImage):
     with_depth: bool = False
 
     def find(self, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
-        """Implement ``FromImage``."""
+        """Return the detections of ``names`` that the server reports; see ``FromImage.find``."""
         if not names or image.rgb.size == 0:
             return ()
         body = request_body(image, names, self.with_depth)

@@ -36,12 +36,11 @@ from bestman_bt.robot_model.model import GripperModel
 class CloudCompletion:
     """Smooths the cloud of an object and adds the sides that no camera saw.
 
-    Metres. ``voxel``: to which the cloud is thinned, coarser where more than ``max_points`` would remain.
-
-    ``neighbours``: of a point that make its normal, within ``radius``. ``cell``: of the plan in which the outline is
-    found, half of the gaps between points where that is more; ``column_step``: between the points assumed below it.
-    ``around``: neighbours of a point, itself among them, to which the surface goes on; ``bridge``: between the points
-    that are assumed on the way there. ``least``: points that an object has at least.
+    Metres. ``voxel``: size of the voxel filter, coarser if more than ``max_points`` would remain. ``neighbours``:
+    points within ``radius`` from which a normal is estimated. ``cell``: of the plan view in which the outline is found,
+    at least half of the gaps between points; ``column_step``: between the points assumed below it. ``around``: number
+    of neighbours to which the surface is connected, the point itself included; ``bridge``: between the points assumed
+    on these connections. ``least``: minimum points of an object.
     """
 
     voxel: Annotated[float, "m"] = 0.004
@@ -57,7 +56,7 @@ class CloudCompletion:
     def complete(
         self, cloud: PointCloud, viewpoints: NDArray[np.float64] | None, support_height: float
     ) -> CompletedCloud | None:
-        """None if too few finite points stand above the support."""
+        """Return the completed cloud, or None if too few finite points are above the support."""
         points = cloud.points[np.isfinite(cloud.points).all(axis=1)]
         points = points[points[:, 2] > support_height]
         voxel = self.voxel
@@ -136,11 +135,12 @@ class CloudCompletion:
 
 @dataclass(frozen=True, eq=False)
 class CompletedCloud:
-    """``points``, ``normals``: (N, 3) outward, the measured ones first, then the assumed ones.
+    """A smoothed and completed cloud. ``points``, ``normals``: (N, 3) outward, the measured ones first, then the
+    assumed ones.
 
-    ``centre_of_mass``: (3,) of a body of equal density under what was seen. ``bridged``: (M, 3), the points and more
-    between those that lie far apart: what a hand must not touch. ``unseen``: metres by which the thing may reach
-    farther than its points, since these lie far apart.
+    ``centre_of_mass``: (3,), for uniform density below the visible surface. ``bridged``: (M, 3), the points and further
+    ones in the gaps between them, which a hand must not touch. ``unseen``: metres by which the object may extend beyond
+    its points.
     """
 
     points: NDArray[np.float64]
@@ -186,20 +186,20 @@ def _signs(
 
 @dataclass(frozen=True)
 class AntipodalCloud(GraspPlanner):
-    """Grasps of an unknown object by its measured cloud. Raises PerceptionError for targets without one.
+    """Plans antipodal grasps of an unknown object from its measured cloud. Raises PerceptionError for targets without a
+    cloud.
 
     Metres and radians.
 
-    ``contacts``: points tried as a contact; ``pairs``: closing axes kept of those that they make. ``friction``: tangent
-    of the cones in which a pair must lie, wide, since normals are noisy; ``contact_friction``: the same for what the
-    pads then meet, which quality judges. ``bulge``: by how much the object may be wider between the fingers above the
-    pads. ``max_slope``: of a closing axis.
-    ``yaws``, ``beside``: level closing axes tried through the middle and as far to both sides of it.
-    ``tilts``: of the approach about the closing axis, from as far above as can be; ``tilt_weight``: share of the
-    quality that a tilt of 45° costs.
-    ``patch_depth``: noise of the cloud and give of the pads. ``object_clearance``, ``surroundings_clearance``,
-    ``support_clearance``: of the open hand. ``apart``, ``apart_angle``: two grasps nearer than both count as one.
-    ``max_candidates``: grasps that are returned, at most.
+    ``contacts``: number of points tried as a contact; ``pairs``: number of closing axes kept. ``friction``: tangent of
+    the cones in which a pair must lie, wide because normals are noisy; ``contact_friction``: the same for the contact
+    patches of the pads, used for quality. ``bulge``: maximum excess width of the object between the fingers above the
+    pads. ``max_slope``: of a closing axis. ``yaws``, ``beside``: number of horizontal closing axes tried through the
+    middle, and offset of those on both sides of it. ``tilts``: of the approach about the closing axis, from as vertical
+    as possible; ``tilt_weight``: fraction of the quality that a tilt of 45° costs. ``patch_depth``: noise of the cloud
+    and compliance of the pads. ``object_clearance``, ``surroundings_clearance``, ``support_clearance``: of the open
+    hand. ``apart``, ``apart_angle``: grasps closer than both count as one. ``max_candidates``: maximum number of
+    returned grasps.
     """
 
     contacts: int = 320
@@ -231,7 +231,9 @@ class AntipodalCloud(GraspPlanner):
     shape: HandSize = field(default_factory=HandSize)
 
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
-        """See GraspPlanner; empty for a cloud of too few points."""
+        """Return the grasps of ``target``, best first; empty for a cloud with too few points. See
+        ``GraspPlanner.plan``.
+        """
         if target.cloud is None:
             raise PerceptionError(
                 "AntipodalCloud needs a target with a cloud; for a box alone there is a plug-in, bounding_box_grasps.py"

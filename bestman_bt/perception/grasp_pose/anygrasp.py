@@ -32,13 +32,14 @@ ROW = 17
 
 @dataclass(frozen=True)
 class AnyGraspAdapter(GraspPlanner):
-    """Asks a network with the interface of AnyGrasp. Raises PerceptionError for targets without cloud or viewpoint.
+    """Queries a network with the interface of AnyGrasp. Raises PerceptionError for targets without cloud or viewpoint.
 
     Lengths in metres. ``network``: ``"module:factory"``; the factory takes no arguments and returns the loaded
-    detector, an object with ``get_grasp`` or a callable with its signature. It is loaded when first needed.
-    ``region``: around the target's points, in which grasps are asked for; ``on_target``: at most this far from one of
-    them must the middle between the finger tips be. ``max_tilt``: of the approach from straight down, radians.
-    ``object_clearance``, ``surroundings_clearance``: of the open hand. ``max_candidates``: grasps returned, at most.
+    detector, an object with ``get_grasp`` or a callable with its signature. It is loaded on first use. ``region``:
+    margin around the target's points in which grasps are requested; ``on_target``: maximum distance of the middle
+    between the fingertips from one of them. ``max_tilt``: of the approach from straight down, radians.
+    ``object_clearance``, ``surroundings_clearance``: of the open hand. ``max_candidates``: maximum number of returned
+    grasps.
     """
 
     network: str = ""
@@ -52,7 +53,9 @@ class AnyGraspAdapter(GraspPlanner):
     shape: HandSize = field(default_factory=HandSize)
 
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
-        """See GraspPlanner; raises PerceptionError where the network is missing or answers in another format."""
+        """Return the network's grasps, best first. Raises PerceptionError if the network is missing or its output has
+        another format.
+        """
         if target.cloud is None or target.viewpoints is None or not len(target.viewpoints):
             raise PerceptionError("AnyGraspAdapter needs a target with a cloud and the viewpoint that it was seen from")
         kept = np.isfinite(target.cloud.points).all(axis=1)
@@ -119,7 +122,7 @@ class AnyGraspAdapter(GraspPlanner):
 
 
 def load_network(name: str) -> Any:
-    """Call the factory ``"module:factory"``. Raises PerceptionError saying what is missing."""
+    """Call the factory ``"module:factory"``. Raises PerceptionError naming what is missing."""
     module, _, factory = name.partition(":")
     if not module or not factory:
         raise PerceptionError(
@@ -139,9 +142,10 @@ def load_network(name: str) -> Any:
 
 
 def grasp_rows(answer: Any) -> NDArray[np.float64]:
-    """Rows (N, 17) of what a detector answers: a GraspGroup or its array, alone or first of a tuple; None: no rows.
+    """Return the rows (N, 17) of a detector's output: a GraspGroup or its array, alone or first of a tuple; None: no
+    rows.
 
-    Rows with numbers that are not finite are left out; raises PerceptionError for another format.
+    Rows with numbers that are not finite are left out. Raises PerceptionError for another format.
     """
     group = answer[0] if isinstance(answer, tuple) else answer
     if group is None:
@@ -157,9 +161,9 @@ def grasp_rows(answer: Any) -> NDArray[np.float64]:
 def tool_poses(
     rows: NDArray[np.float64], frame_from_camera: Pose, gripper: GripperModel
 ) -> tuple[HandPoses, NDArray[np.float64]]:
-    """Tool frames in the frame, and the widths (N,) to which the network opens its hand, for its rows (N, 17).
+    """Return tool poses in the target's frame, and the opening widths (N,), metres, for rows (N, 17) of the network.
 
-    Its finger tips and ours come to the same place: half a pad beyond our tool frame.
+    The fingertips of the network's hand and ours coincide: half a pad beyond our tool frame.
     """
     turn = frame_from_camera.rotation
     theirs = turn @ rows[:, 4:13].reshape(-1, 3, 3)

@@ -22,12 +22,12 @@ from bestman_bt.robot_model.model import GripperModel
 
 @dataclass(frozen=True, eq=False)
 class PadContacts:
-    """For each of K hands, (K,) each; ``width`` is 0 where a pad meets nothing.
+    """Contacts of K closed hands, (K,) each; ``width`` is 0 if a pad touches nothing.
 
     ``centre``: middle between the contacts, (K, 3) in the tool frame. ``alignment``: cosine between closing direction
-    and mean normal of the patch, at the worse side. ``extent``: (K, 2) how far the smaller patch spreads across and
-    along the pads, metres (standard deviation). ``offset``: metres between the patches, along the pads' faces.
-    ``bulge``: metres by which the object is wider further up between the fingers than at the pads.
+    and mean normal of the patch, at the worse side. ``extent``: (K, 2) spread of the smaller patch across and along the
+    pads, metres (standard deviation). ``offset``: metres between the patches, along the pads' faces. ``bulge``: metres
+    by which the object is wider between the fingers above the pads.
     """
 
     width: NDArray[np.float64]
@@ -47,10 +47,10 @@ def close_pads(
     finger_depth: float,
     patch_depth: float,
 ) -> PadContacts:
-    """Close flat pads on the surface samples ``points``, ``normals`` (N, 3).
+    """Return the contacts of flat pads that close on the surface samples ``points``, ``normals`` (N, 3).
 
-    ``patch_depth``: metres behind the first point of contact within which a sample still counts as touching:
-    what the pad gives way, and the noise of the samples.
+    ``patch_depth``: metres behind the first contact within which a sample counts as touching: compliance of the pad and
+    noise of the samples.
     """
     count = len(hands)
     result = PadContacts(
@@ -124,15 +124,14 @@ def _side(
 
 @dataclass(frozen=True)
 class ContactQuality:
-    """Tells how likely a grasp holds, by what the pads meet.
+    """Estimates the probability that a grasp holds, from the contacts of the pads.
 
-    Weights of the log-odds. ``bias``: of a grasp without fault.
-
-    ``angle``: per radian between closing direction and the patch's normal, at the worse side. ``across``, ``along``: of
-    the smaller patch's spread over the pad's, 0 to 1. ``offset``: per width of a pad between the two patches. ``tip``:
-    of the contact beyond the middle of the pads, as a share of half a pad. ``wide``: of the width beyond three quarters
-    of the opening, as a share of what is left. ``arm``: per metre between the closing axis and the centre of mass;
-    height counts by ``hanging_share``, since weight that hangs below the fingers turns nothing.
+    Weights of the log-odds. ``bias``: of an ideal grasp. ``angle``: per radian between closing direction and the
+    patch's normal, at the worse side. ``across``, ``along``: of the smaller patch's spread relative to the pad's, 0 to
+    1. ``offset``: per pad width between the two patches. ``tip``: of the contact beyond the middle of the pads, as a
+    fraction of half a pad. ``wide``: of the width beyond three quarters of the opening, as a fraction of the rest.
+    ``arm``: per metre between the closing axis and the centre of mass; vertical distance is weighted by
+    ``hanging_share``, since weight below the fingers causes little torque.
     """
 
     bias: float = 3.7
@@ -156,11 +155,11 @@ class ContactQuality:
         friction: float,
         bulge: float,
     ) -> NDArray[np.float64]:
-        """0 to 1 for each of K hands (K,).
+        """Return the quality, 0 to 1, of each of K hands (K,).
 
-        ``centre_of_mass``: (3,) in the frame of the hands, whose z points up. It is 0 where the object is wider than
-        ``widest`` metres, the angle between closing direction and normal beyond the cone of ``friction`` (its
-        tangent), or the object wider by ``bulge`` metres between the fingers above the pads.
+        ``centre_of_mass``: (3,) in the frame of the hands, whose z points up. The quality is 0 if the object is wider
+        than ``widest`` metres, if the angle between closing direction and normal exceeds the cone of ``friction`` (its
+        tangent), or if the object is wider by ``bulge`` metres between the fingers above the pads.
         """
         angle = np.arccos(np.clip(contacts.alignment, -1.0, 1.0))
         spread = np.clip(contacts.extent / (np.array(gripper.part.pad_size) / math.sqrt(12.0)), 0.0, 1.0)

@@ -13,10 +13,10 @@ from bestman_bt.messages import Handle, Pose
 
 
 def handle_motion(handle: Handle, distance: float) -> Pose:
-    """Return the rigid motion that carries the handle ``distance`` metres along its way, in the frame of ``handle``.
+    """Return the rigid motion that moves the handle by ``distance`` metres along its path, in the frame of ``handle``.
 
-    ``handle_motion(handle, d) @ pose`` is where what was at ``pose`` on the moving part is then. An arc where joint and
-    hinge are known, else the line in which the handle starts to move.
+    ``handle_motion(handle, d) @ pose`` is the pose of a point of the moving part after the motion. The path is an arc
+    if joint and hinge are known, else the initial line of motion.
     """
     if handle.joint == "revolute" and handle.hinge is not None and handle.hinge_direction is not None:
         axis = handle.hinge_direction
@@ -49,12 +49,12 @@ class HandPoses:
         return HandPoses(self.rotations[index], self.positions[index])
 
     def passes(self, points: int) -> list[slice]:
-        """Slices of the poses, so few at once that ``points`` points in their frames fit into memory."""
+        """Return slices of the poses, each small enough that ``points`` points in their frames fit into memory."""
         step = max(1, _PASS // max(points, 1))
         return [slice(start, start + step) for start in range(0, len(self), step)]
 
     def local(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """x, y and z of ``points`` (N, 3) in each tool frame, (K, N) each."""
+        """Return x, y and z of ``points`` (N, 3) in each tool frame, (K, N) each."""
         offsets = np.einsum("kij,ki->kj", self.rotations, self.positions)
         return tuple(self.rotations[:, :, axis] @ points.T - offsets[:, axis, None] for axis in range(3))
 
@@ -65,14 +65,17 @@ class HandPoses:
         return Pose.from_matrix(matrix)
 
     def shifted(self, distances: NDArray[np.float64], axis: int) -> HandPoses:
-        """Moved by ``distances`` (K,) along their own ``axis``: 0 across, 1 closing, 2 approach."""
+        """Return the poses moved by ``distances`` (K,), metres, along their own ``axis``: 0 across, 1 closing, 2
+        approach.
+        """
         return HandPoses(self.rotations, self.positions + self.rotations[:, :, axis] * distances[:, None])
 
 
 def hands_about(middles: NDArray[np.float64], closing: NDArray[np.float64], angles: NDArray[np.float64]) -> HandPoses:
-    """Hands at ``middles`` (P, 3) that close along unit ``closing`` (P, 3), turned about it by ``angles`` (A,).
+    """Return P * A hands at ``middles`` (P, 3) that close along unit ``closing`` (P, 3), rotated about it by ``angles``
+    (A,).
 
-    At angle 0 a hand comes from as far above as it can. P * A hands, those of one middle together.
+    At angle 0 the approach is as vertical as possible. The hands of one middle are adjacent.
     """
     down = np.array([0.0, 0.0, -1.0]) + closing * closing[:, 2:3]
     upright = np.linalg.norm(down, axis=1) < 1e-3
@@ -89,9 +92,9 @@ def hands_about(middles: NDArray[np.float64], closing: NDArray[np.float64], angl
 def different_hands(
     hands: HandPoses, order: NDArray[np.intp], count: int, apart: float, apart_angle: float
 ) -> list[int]:
-    """Return the first ``count`` of ``order`` (indices, best first) that are not near one taken before.
+    """Return the first ``count`` of ``order`` (indices, best first) that are not close to a hand chosen before.
 
-    Near: less than ``apart`` metres and less than ``apart_angle`` radians away.
+    Close: less than ``apart`` metres and less than ``apart_angle`` radians away.
     """
     chosen: list[int] = []
     for index in order:

@@ -18,17 +18,16 @@ from bestman_bt.robot_model.model import GripperModel
 
 @dataclass(frozen=True)
 class HandPlacement:
-    """Where the hand stands for a grasp.
+    """Clearances that determine the pose of the hand for a grasp.
 
     Metres.
 
     ``clearance``: between each finger and the object before closing; ``least_clearance``: the same for objects so wide
-    that the hand cannot open farther. ``max_depth``: of the tool frame below the object's top, less where the palm
-    would touch it; ``palm_clearance``: between palm and object.
-    ``support_clearance``: between fingers (from above) or hand (from the side) and the surface;
-    ``least_support_clearance``: the same from above, for objects so flat that the fingers would pass over them.
-    ``hand_half_thickness``: of the hand across the closing direction. ``approach_distance``: from pre-grasp to grasp.
-    ``lift_height``: from grasp to lift.
+    that the hand cannot open farther. ``max_depth``: of the tool frame below the object's top, less if the palm would
+    touch it; ``palm_clearance``: between palm and object. ``support_clearance``: between fingers (from above) or hand
+    (from the side) and the surface; ``least_support_clearance``: the same from above, for objects so flat that the
+    fingers would pass over them. ``hand_half_thickness``: of the hand across the closing direction.
+    ``approach_distance``: from pre-grasp to grasp. ``lift_height``: from grasp to lift.
     """
 
     clearance: Annotated[float, "m"] = 0.005
@@ -54,11 +53,13 @@ class HandPlacement:
         return np.minimum(gripper.max_width, widths + 4 * self.clearance)
 
     def reach(self, gripper: GripperModel) -> float:
-        """Return how far an object may stand out from the tool frame towards the palm."""
+        """Return the maximum distance, metres, by which an object may extend from the tool frame towards the palm."""
         return min(self.max_depth, gripper.part.finger_depth - self.palm_clearance)
 
     def top_height(self, top: float, support_height: float, gripper: GripperModel) -> float | None:
-        """z of the tool frame for a grasp from above an object with its top at ``top``, or None if too flat."""
+        """Return z of the tool frame, metres, for a top grasp of an object whose top is at ``top``, or None if it is
+        too flat.
+        """
         half_pad = gripper.part.pad_size[1] / 2
         lowest = support_height + half_pad + self.support_clearance
         least = support_height + half_pad + self.least_support_clearance
@@ -90,12 +91,11 @@ class HandPlacement:
 
 @dataclass(frozen=True)
 class HandSize:
-    """The measures of a hand that its GripperModel does not tell.
+    """Dimensions of a hand that are not part of its GripperModel.
 
-    Metres; the defaults hold for a Franka hand, the rest (opening, depth, pads) is in the GripperModel.
-
+    Metres; the defaults are those of a Franka hand. Opening, depth and pads are in the GripperModel.
     ``finger_thickness``: from the pad outwards. ``palm_size``: full (across, along) the closing direction.
-    ``palm_length``: behind the palm, with the room that the hand needs to come in on a straight line.
+    ``palm_length``: behind the palm, including the room for a straight approach.
     """
 
     finger_thickness: Annotated[float, "m"] = 0.024
@@ -123,7 +123,9 @@ class HandShape:
         return float(np.linalg.norm([palm[0] / 2, side, depth + self.size.palm_length]))
 
     def boxes(self, openings: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Centres and half sizes (K, 3, 3) of two fingers and the palm in the tool frame, for openings (K,)."""
+        """Return centres and half sizes (K, 3, 3) of two fingers and the palm in the tool frame, metres, for openings
+        (K,).
+        """
         thickness, palm = self.size.finger_thickness, self.size.palm_size
         pad_width, pad_height = self.gripper.part.pad_size
         depth, length = self._depth, self.size.palm_length
@@ -139,9 +141,10 @@ class HandShape:
     def clearances(
         self, hands: HandPoses, openings: NDArray[np.float64], points: NDArray[np.float64], enough: float = np.inf
     ) -> NDArray[np.float64]:
-        """Metres (K,) from each open hand to the nearest of ``points`` (N, 3); 0 where one lies inside it.
+        """Return the distance (K,), metres, from each open hand to the nearest of ``points`` (N, 3); 0 if one is inside
+        it.
 
-        ``enough``: the answer where there is no point, or none nearer.
+        ``enough``: upper limit of the result, also returned without points.
         """
         result = np.full(len(hands), enough)
         if not len(points):
@@ -160,7 +163,9 @@ class HandShape:
     def touches(
         self, hands: HandPoses, openings: NDArray[np.float64], points: NDArray[np.float64], margin: float
     ) -> NDArray[np.bool_]:
-        """Return whether one of ``points`` (N, 3) lies in a box of the open hand (K,), grown by ``margin`` metres."""
+        """Return whether one of ``points`` (N, 3) lies in a box of the open hand, enlarged by ``margin`` metres, (K,)
+        bool.
+        """
         result = np.zeros(len(hands), dtype=bool)
         centres, halves = self.boxes(openings)
         for part in hands.passes(len(points)):
@@ -176,7 +181,7 @@ class HandShape:
         return result
 
     def outline(self, hands: HandPoses, opening: float, step: float = 0.008) -> NDArray[np.float64]:
-        """Points (N, 3) about ``step`` metres apart on the boxes of the first of ``hands``, in its frame."""
+        """Return points (N, 3) about ``step`` metres apart on the boxes of the first of ``hands``, in its frame."""
         centres, halves = self.boxes(np.array([opening]))
         points = []
         for centre, half in zip(centres[0], halves[0], strict=True):
@@ -188,7 +193,7 @@ class HandShape:
         return outline
 
     def lowest(self, hands: HandPoses, openings: NDArray[np.float64]) -> NDArray[np.float64]:
-        """z (K,) of the lowest corner of each open hand, metres in the frame of the poses."""
+        """Return z (K,) of the lowest corner of each open hand, metres in the frame of the poses."""
         centres, halves = self.boxes(openings)
         row = hands.rotations[:, None, 2, :]
         heights = (row * centres).sum(axis=2) - (np.abs(row) * halves).sum(axis=2)

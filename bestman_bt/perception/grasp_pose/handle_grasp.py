@@ -30,18 +30,18 @@ class _Way:
 
 @dataclass(frozen=True)
 class HandleGrasp(GraspPlanner):
-    """Grasps of bars, knobs and lips. Raises PerceptionError for targets without a handle.
+    """Plans grasps of bars, knobs and lips. Raises PerceptionError for targets without a handle.
 
     Metres and radians.
 
-    ``bar_tilts``: of the approach about a bar, from straight at the front; ``knob_turns``: closing directions about a
-    knob; ``knob_tilts``: of the approach there; ``edge_tilts``: of the approach to a lip, a right angle is along the
-    front. ``tilt_weight``: share of the quality that a tilt of 45° costs.
-    ``along``: places along a bar or lip, as shares of what is free of it; ``end``: what feet take of a bar's ends.
-    ``front_clearance``: between open hand and front. ``back``: how far the tool frame may stay short of the handle.
-    ``lip``: from the handle's origin to the lip's free edge. What is assumed of a recess: ``recess_width`` beyond that
-    edge, ``recess_depth`` behind the lip, and ``pocket`` behind it from the origin on.
-    ``opened_by``: how far the handle has moved at ``lift``. ``surroundings_clearance``: of the open hand.
+    ``bar_tilts``: of the approach about a bar, from perpendicular to the front; ``knob_turns``: closing directions
+    about a knob; ``knob_tilts``: of the approach there; ``edge_tilts``: of the approach to a lip; π/2 is along the
+    front. ``tilt_weight``: fraction of the quality that a tilt of 45° costs. ``along``: positions along a bar or lip,
+    as fractions of its free part; ``end``: length of a bar's ends occupied by its feet. ``front_clearance``: between
+    open hand and front. ``back``: distance by which the tool frame may stop in front of the handle. ``lip``: from the
+    handle's origin to the lip's free edge. Assumed dimensions of a recess: ``recess_width`` beyond that edge,
+    ``recess_depth`` behind the lip, and ``pocket`` behind it from the origin on. ``opened_by``: distance by which the
+    handle has moved at ``lift``. ``surroundings_clearance``: of the open hand.
     """
 
     bar_tilts: Annotated[tuple[float, ...], "rad"] = tuple(math.radians(angle) for angle in (0, 20, -20, 40, -40))
@@ -63,9 +63,10 @@ class HandleGrasp(GraspPlanner):
     shape: HandSize = field(default_factory=HandSize)
 
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
-        """See GraspPlanner; ``support_height``: of the floor, or of what stands below the handle.
+        """Return the grasps of the target's handle, best first; ``support_height``: z of the floor or surface below the
+        handle.
 
-        Empty where the handle is too thick, or the hand finds no room before or behind it.
+        Empty if the handle is too thick, or the hand has no room in front of it or behind it.
         """
         handle = target.handle
         if handle is None:
@@ -172,9 +173,10 @@ class HandleGrasp(GraspPlanner):
 
 
 def free_sides(handle: Handle) -> tuple[float, ...]:
-    """On which sides of a lip, along y of the handle, its free edge is: towards the panel's nearer border, +1 or -1.
+    """Return the directions along y of the handle, +1 or -1, in which a lip's free edge may be: towards the panel's
+    nearer border.
 
-    Both, where the panel was not measured.
+    Both, if the panel was not measured.
     """
     if handle.panel is None:
         return (1.0, -1.0)

@@ -34,17 +34,15 @@ from bestman_bt.robot_model.model import GripperModel
 
 @dataclass(frozen=True)
 class AntipodalModel:
-    """Finds grasps on the model of an object.
+    """Plans grasps on the model of an object.
 
     Metres, radians.
 
-    ``samples``: about how many points the surface gets; ``contacts``: how many of them are tried as a first contact;
-    ``pairs``: how many of the pairs that they make are looked at.
-    ``friction``: of the cones, tangent of the half angle. ``turn``: between hands about one closing axis.
-    ``bulge``: by how much the object may be wider between the fingers above the pads. ``patch_depth``: how far the pads
-    give way.
-    ``surface_clearance``: between open hand and object; the palm keeps what ``hand`` says besides.
-    ``apart``, ``apart_angle``: two grasps nearer than both count as one.
+    ``samples``: approximate number of surface samples; ``contacts``: number of them tried as a first contact;
+    ``pairs``: number of their pairs that are evaluated. ``friction``: of the cones, tangent of the half angle.
+    ``turn``: angle between hands about one closing axis. ``bulge``: maximum excess width of the object between the
+    fingers above the pads. ``patch_depth``: compliance of the pads. ``surface_clearance``: between open hand and
+    object; the palm clearance is that of ``hand``. ``apart``, ``apart_angle``: grasps closer than both count as one.
     """
 
     samples: int = 2200
@@ -64,9 +62,9 @@ class AntipodalModel:
     def grasps(
         self, model: ObjectModel, gripper: GripperModel, rng: np.random.Generator, count: int = 64
     ) -> tuple[ObjectGrasp, ...]:
-        """Up to ``count`` different grasps of ``model``, best first; from all sides, since it may come to lie on any.
+        """Return up to ``count`` different grasps of ``model``, best first, from all sides, for any resting pose.
 
-        Empty where the gripper cannot take it. Raises PerceptionError for a model without collision shapes.
+        Empty if the gripper cannot grasp it. Raises PerceptionError for a model without collision shapes.
         """
         rough = solid_surface(model, 0.010)
         spacing = 0.010 * math.sqrt(max(len(rough.points), 1) / self.samples)
@@ -150,7 +148,7 @@ class _Contacts:
 
 @dataclass(frozen=True)
 class ModelBased(GraspPlanner):
-    """Grasps of a known object, by its shape or its model's own. Raises PerceptionError for targets without a model.
+    """Plans grasps of a known object from its shape or precomputed grasps. Raises PerceptionError without a model.
 
     Metres and radians.
 
@@ -179,7 +177,7 @@ class ModelBased(GraspPlanner):
     )
 
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
-        """Implement ``GraspPlanner``."""
+        """Return the free grasps of the model at the target's pose, best first; see ``GraspPlanner.plan``."""
         if target.model is None or target.frame_from_object is None:
             raise PerceptionError("ModelBased needs a target with a model; for an unknown object use AntipodalCloud")
         model, pose = target.model, target.frame_from_object

@@ -23,10 +23,10 @@ _CELL, _COLUMN_STEP = 0.005, 0.010
 
 
 def surroundings_of(target: GraspTarget, support_height: float, reach: float) -> NDArray[np.float64]:
-    """Points (N, 3) of other things within ``reach`` metres of the target's box, thinned.
+    """Return points (N, 3) of other objects within ``reach`` metres of the target's box, downsampled.
 
-    What was seen of them is taken to reach down to the support: the sides that the camera does not see. Points that
-    are not finite are left out; raises PerceptionError where the array is not (N, 3).
+    They are assumed to extend down to the support on the sides that the camera does not see. Points that are not finite
+    are left out. Raises PerceptionError if the array is not (N, 3).
     """
     if target.surroundings is None:
         return np.zeros((0, 3))
@@ -43,7 +43,7 @@ def surroundings_of(target: GraspTarget, support_height: float, reach: float) ->
 
 
 def columns_below(points: NDArray[np.float64], support_height: float, cell: float, step: float) -> NDArray[np.float64]:
-    """Points (M, 3) below the highest of ``points`` (N, 3) in each square ``cell``, down to the support."""
+    """Return points (M, 3) below the highest of ``points`` (N, 3) in each square ``cell``, down to the support."""
     order = np.argsort(-points[:, 2], kind="stable")
     _, first = np.unique(np.round(points[order, :2] / cell).astype(np.int64), axis=0, return_index=True)
     tops = points[order[np.sort(first)]]
@@ -82,14 +82,14 @@ def clear_candidates(
 
 @dataclass(frozen=True)
 class GraspRanking:
-    """Puts grasps in the order in which to try them.
+    """Sorts grasps into the order in which to try them.
 
     Metres and radians.
 
-    ``clearance``: room around the hand from which on more is no better; ``clearance_weight``: share of the score that a
-    hand without any room loses. ``enough``: reachable grasps after which those that cannot be better are not asked
-    about. The first ``different`` are at least ``apart`` or ``apart_angle`` from each other: where one fails, the next
-    one is another.
+    ``clearance``: room around the hand above which more does not improve the score; ``clearance_weight``: fraction of
+    the score that a hand without any clearance loses. ``enough``: number of reachable grasps after which worse ones are
+    not evaluated. The first ``different`` grasps are at least ``apart`` or ``apart_angle`` from each other, so that the
+    next try differs from a failed one.
     """
 
     clearance: float = 0.015
@@ -106,10 +106,11 @@ class GraspRanking:
         *,
         reachability_of_all: Callable[[Sequence[Pose]], Sequence[float]] | None = None,
     ) -> tuple[RankedGrasp, ...]:
-        """Best first; without those that cannot be reached. Equal input gives equal output.
+        """Return the reachable grasps, best first. Equal input gives equal output.
 
-        ``reachability``: of a grasp pose, 0 (unreachable) to 1, asked in the order of promise and no more often than
-        needed; ``reachability_of_all``: the same for many poses at once. None of both: all are taken to be reachable.
+        ``reachability``: function of a grasp pose, 0 (unreachable) to 1, called for the most promising first and only
+        as often as needed; ``reachability_of_all``: the same for many poses at once. With neither, all grasps count as
+        reachable.
         """
         room = [min(max(candidate.clearance, 0.0) / self.clearance, 1.0) for candidate in candidates]
         promise = np.array(
@@ -140,7 +141,7 @@ class GraspRanking:
 
 @dataclass(frozen=True, eq=False)
 class RankedGrasp:
-    """``score``: 0 to 1, quality times the shares for clearance and reachability; ``reachability`` as was answered."""
+    """A grasp with its rank. ``score``: 0 to 1, quality times the factors for clearance and ``reachability``."""
 
     candidate: GraspCandidate
     score: float

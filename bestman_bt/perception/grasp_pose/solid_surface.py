@@ -19,9 +19,10 @@ _GAP = 5e-4
 
 @dataclass(frozen=True, eq=False)
 class SolidSurface:
-    """``points``, ``normals``: (N, 3) samples of the union's surface in the object frame, metres, outward.
+    """A sampled surface. ``points``, ``normals``: (N, 3) samples of the union's surface in the object frame, metres,
+    outward.
 
-    ``triangles``: (F, 3, 3) corners of all parts. ``centre_of_mass``: (3,), of equal density.
+    ``triangles``: (F, 3, 3) corners of all parts. ``centre_of_mass``: (3,), for uniform density.
     """
 
     points: NDArray[np.float64]
@@ -32,10 +33,11 @@ class SolidSurface:
     def opposite(
         self, points: NDArray[np.float64], directions: NDArray[np.float64], last: bool = False
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Where rays from surface points (R, 3) along unit inward ``directions`` leave the solid.
+        """Return the points and outward normals (R, 3) where rays from surface points (R, 3) along unit inward
+        ``directions`` leave the solid.
 
-        The first exit, or with ``last`` the last one: beyond the hollow of a cup. Returns points and outward normals
-        (R, 3); NaN where a ray does not start inside.
+        This is the first exit, or with ``last`` the last one: beyond the hollow of a cup. NaN if a ray does not start
+        inside.
         """
         ends, normals = np.full(points.shape, np.nan), np.full(points.shape, np.nan)
         for i, (point, direction) in enumerate(zip(points, directions, strict=True)):
@@ -53,7 +55,7 @@ class SolidSurface:
 
 
 def solid_surface(model: ObjectModel, spacing: float) -> SolidSurface:
-    """Sample the collision shapes of ``model`` about every ``spacing`` metres; what lies inside another is left out."""
+    """Sample the collision shapes of ``model`` about every ``spacing`` metres, without samples inside another shape."""
     if not model.collision:
         raise PerceptionError(f"model {model.name!r} has no collision shapes: there is nothing to grasp")
     meshes = [_triangulated(placed.shape) for placed in model.collision]

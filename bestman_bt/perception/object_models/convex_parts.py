@@ -29,7 +29,7 @@ MOST_TRIANGLES = 12_000
 def simplified(mesh: Mesh, most: int = MOST_TRIANGLES, library: Literal["trimesh", "open3d"] = "trimesh") -> Mesh:
     """Return the mesh itself, or one of at most ``most`` triangles (Garland and Heckbert's quadric error metric, 1997).
 
-    ``library``: whose implementation. Raises MissingExtraError if its package is not installed.
+    ``library``: implementation to use. Raises MissingExtraError if its package is not installed.
     """
     if len(mesh.faces) <= most:
         return mesh
@@ -56,10 +56,10 @@ _DISAGREE = "the mesh cannot be closed: some of its triangles overlap, or do not
 
 
 def closed(mesh: Mesh) -> Mesh:
-    """Return the mesh with a fan of triangles over each hole, around the middle of its border; one without holes is
-    itself.
+    """Return the mesh with a fan of triangles over each hole, around the middle of its border; unchanged without holes.
 
-    Raises PerceptionError if that gives no closed surface: triangles overlap, cross or do not agree on a side.
+    Raises PerceptionError if the result is not a closed surface: triangles overlap, intersect or are oriented
+    inconsistently.
     """
     directed = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     there = {(int(a), int(b)) for a, b in directed}
@@ -132,10 +132,10 @@ class ConvexDecomposition:
     resolution: int = 1000
 
     def parts(self, mesh: Mesh) -> tuple[Mesh, ...]:
-        """Convex meshes that together fill ``mesh``, whose corners are joined where triangles meet.
+        """Return convex meshes that together fill ``mesh``, whose corners are joined where triangles meet.
 
-        Holes are closed first, and each body is cut on its own. Raises PerceptionError if the mesh cannot be closed
-        or encloses no volume. The same mesh gives the same parts.
+        Holes are closed first, and each body is decomposed separately. Raises PerceptionError if the mesh cannot be
+        closed or encloses no volume. The same mesh gives the same parts.
         """
         mesh = closed(mesh)
         if mesh.volume < 1e-4 * float(np.ptp(mesh.vertices, axis=0).max()) ** 3:

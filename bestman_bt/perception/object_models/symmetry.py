@@ -14,21 +14,22 @@ from scipy.spatial import cKDTree
 from bestman_bt.messages import Mesh
 
 ORDERS = (10, 8, 6, 4, 2)
-"""Orders that are tried, the highest first. Odd ones are none: their axis misses the middle of the bounding box."""
+"""Orders that are tried, highest first; odd ones are left out, because their axis does not pass through the middle of
+the bounding box.
+"""
 
 EXACT = 0.2
-"""Share of the tolerance within which a turn is no approximation of another one."""
+"""Fraction of the tolerance below which a rotation counts as exact, not as the approximation of another one."""
 
 
 @dataclass(frozen=True)
 class SymmetrySearch:
-    """Finds by which turns about z a surface falls on itself.
+    """Finds the rotations about z that map a surface onto itself.
 
-    ``tolerance``: metres that a turned surface may be off itself, anywhere.
-
-    ``roundness``: the same for turns by any angle, as a share of the radius: a prism of 12 sides or more (3.4 %)
-    counts as a cylinder drawn with few triangles, one of 10 sides (4.9 %) does not.
-    ``samples``: of the surface; ``tried``: how many of them, and as many corners, are turned and compared.
+    ``tolerance``: maximum deviation of the rotated surface, metres. ``roundness``: the same for rotations by any angle,
+    as a fraction of the radius: a prism of 12 sides or more (3.4 %) counts as a cylinder drawn with few triangles, one
+    of 10 sides (4.9 %) does not. ``samples``: of the surface; ``tried``: number of them, and of corners, that are
+    rotated and compared.
     """
 
     tolerance: float = 0.0015
@@ -37,10 +38,11 @@ class SymmetrySearch:
     tried: int = 3_000
 
     def order(self, mesh: Mesh) -> int:
-        """As ``ObjectModel.symmetry_order``: 0 any turn, 1 none, else 2, 4, 6, 8 or 10 turns about z look the same.
+        """Return ``ObjectModel.symmetry_order``: 0 for any rotation, 1 for none, else the number of equal rotations
+        about z: 2, 4, 6, 8 or 10.
 
-        ``mesh``: in metres, z up; the axis goes through the middle of its bounding box. The same mesh gives the
-        same order.
+        ``mesh``: in metres, z up; the axis passes through the middle of its bounding box. The same mesh gives the same
+        order.
         """
         vertices = mesh.vertices - (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
         surface = _Surface(vertices, mesh.faces, self)

@@ -34,11 +34,10 @@ class PoseEvidence:
 class ConfidenceModel:
     """Logistic regression on the evidence, fitted on rendered scenes (see docs/perception.md).
 
-    ``bias``: log-odds of a fit without fault. The others are added for each unit of what they weigh. ``unexplained``:
-    share of the points that are not on the model. ``floating``: share of its surface that the camera sees through.
-    ``hidden``: share of it that is not seen. ``rmse_ratio``: rms of the residuals beyond the noise, in multiples of
-    that. ``color``: distance of colours. ``outside``: share beyond the image's border; set by hand, since of what the
-    border cuts off nothing is known.
+    ``bias``: log-odds of a perfect fit; the others are weights. ``unexplained``: of the fraction of points that are not
+    on the model. ``floating``: of the fraction of its surface through which the camera sees. ``hidden``: of the
+    fraction of it that is not visible. ``rmse_ratio``: of the rms of the residuals beyond the noise, in multiples of
+    the noise. ``color``: of the colour distance. ``outside``: of the fraction beyond the image's border, set by hand.
     """
 
     bias: float = 5.5
@@ -50,7 +49,7 @@ class ConfidenceModel:
     color: float = -30.0
 
     def logit(self, evidence: PoseEvidence, color: float) -> float:
-        """log(p / (1 - p)) that model and pose are right."""
+        """Return the log-odds log(p / (1 - p)) that model and pose are correct."""
         ratio = max(0.0, evidence.rmse / evidence.noise - 1.0)
         return (
             self.bias
@@ -102,9 +101,9 @@ def judge(
 
 
 def color_distance(colors: NDArray[np.uint8], model_color: tuple[float, float, float]) -> float:
-    """Distance of chromaticities (rgb divided by its sum), which shading does not change, 0 to about 1.
+    """Return the distance of chromaticities (rgb divided by its sum), which are invariant to shading, 0 to about 1.
 
-    ``colors``: (N, 3). Added is 0.1 for each factor e by which the brightness is off beyond the first factor 2.
+    ``colors``: (N, 3). Adds 0.1 per factor e of brightness difference beyond a factor of 2.
     """
     seen = np.median(colors.astype(np.float64), axis=0) / 255.0 + 0.02
     wanted = np.array(model_color) + 0.02

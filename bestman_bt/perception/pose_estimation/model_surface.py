@@ -25,7 +25,9 @@ def model_palette(model: ObjectModel) -> NDArray[np.float64]:
 
 
 def color_distances(colors: NDArray[np.uint8], palette: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distances (N,) of the chromaticities of ``colors`` (N, 3) to the nearest in ``palette`` (K, 3), 0 to 1."""
+    """Return the distances (N,) of the chromaticities of ``colors`` (N, 3) to the nearest in ``palette`` (K, 3), 0 to
+    1.
+    """
     seen = colors.astype(np.float64) / 255.0 + _DARK
     seen /= seen.sum(axis=1, keepdims=True)
     wanted = palette + _DARK
@@ -38,8 +40,8 @@ def color_distances(colors: NDArray[np.uint8], palette: NDArray[np.float64]) -> 
 class ModelSurface:
     """A model at rest on a plane: z = 0 is the plane, x and y are those of the model's origin.
 
-    ``points``, ``normals``: (n, 3) samples, metres. ``rest_from_object``: how it lies. ``nearest``: (X, Y, Z) index of
-    the sample nearest to each cell of edge ``cell`` metres; ``origin``: lower corner of cell (0, 0, 0).
+    ``points``, ``normals``: (n, 3) samples, metres. ``rest_from_object``: pose of the object at rest. ``nearest``: (X,
+    Y, Z) index of the sample nearest to each cell of edge ``cell`` metres; ``origin``: lower corner of cell (0, 0, 0).
     """
 
     points: NDArray[np.float64]
@@ -60,7 +62,7 @@ class ModelSurface:
         return float(np.linalg.norm(np.ptp(self.points[:, :2], axis=0)))
 
     def nearest_samples(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
-        """Indices (...,) of the samples nearest to ``points`` (..., 3); farther than the margin only roughly."""
+        """Return the indices (...,) of the samples nearest to ``points`` (..., 3); approximate beyond the margin."""
         cells = ((points - self.origin) * (1.0 / self.cell)).astype(np.intp)
         np.clip(cells, 0, np.array(self.nearest.shape) - 1, out=cells)
         return self.nearest[cells[..., 0], cells[..., 1], cells[..., 2]]
@@ -93,7 +95,7 @@ def model_surface(
 
 
 def sample_shape(shape: Shape, spacing: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Samples and outward normals, (n, 3) each, about ``spacing`` metres apart, always the same ones."""
+    """Return samples and outward normals, (n, 3) each, about ``spacing`` metres apart; deterministic."""
     match shape:
         case Box():
             return _sample_box(np.array(shape.size), spacing)

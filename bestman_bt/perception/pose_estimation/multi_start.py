@@ -40,13 +40,13 @@ from bestman_bt.perception.view import View
 
 @dataclass(frozen=True)
 class StrayPoints:
-    """Finds points near a cluster that belong to the object.
+    """Finds points near a cluster that belong to the same object.
 
     Lengths in metres.
 
-    ``reach``: how far from the cluster's box strays are sought; ``link``: how far one is from the next, or from the
-    cluster, at most. ``color``: distance of chromaticities to the nearest colour of the model, at most. ``voxel``: one
-    point each. ``min_height``: above the plane.
+    ``reach``: search distance around the cluster's box; ``link``: maximum distance of a point from the next, or from
+    the cluster. ``color``: maximum chromaticity distance to the nearest colour of the model. ``voxel``: size of the
+    voxel filter. ``min_height``: above the plane.
     """
 
     reach: Annotated[float, "m"] = 0.07
@@ -58,7 +58,7 @@ class StrayPoints:
     def added_to(
         self, points: NDArray[np.float64], plane_view: View, palette: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """``points`` (N, 3) of a cluster, and points near it that have the model's colours and are linked to it.
+        """Return ``points`` (N, 3) of a cluster with nearby points that have the model's colours and are linked to it.
 
         All in the plane's frame. ``palette``: (K, 3), the model's colours.
         """
@@ -87,21 +87,21 @@ class StrayPoints:
 
 
 PLANE_HEIGHT_STD, PLANE_TILT_STD = 0.0003, 0.001
-"""Metres and radians: three times what rendered images show, whose noise is independent from pixel to pixel."""
+"""Metres and radians: three times the values from rendered images, whose noise is independent between pixels."""
 
 
 @dataclass(frozen=True)
 class MultiStart(Registration, PoseEstimator):
-    """Registers known models to a cluster from many starts and judges each fit against the whole image.
+    """Registers known models to a cluster from many starts and rates each fit on the whole image.
 
     Lengths in metres, angles in radians.
 
-    ``size_tolerance``: a model is not tried where its height or reach is off by more, or its colour distance is beyond
-    ``color_limit``. ``tipped``: also try objects that lie on their side. ``yaw_margin``: how much lower the logit of
-    confidence may be at a yaw that stays open, for models with a symmetry; those without have ``yaw`` and ``strays``.
-    ``floating_retry``, ``explained_retry``: where more than this share of the best fit floats, but more than that share
-    of the points lie on it, the model is also tried with its ends where the cluster ends, along axes in which it is
-    longer by ``hidden_length``.
+    ``size_tolerance``: a model is not tried if its height or extent differs by more, or if its colour distance exceeds
+    ``color_limit``. ``tipped``: whether to also try objects that lie on their side. ``yaw_margin``: how much lower the
+    logit of confidence may be at an ambiguous yaw, for models with a symmetry; those without use ``yaw`` and
+    ``strays``. ``floating_retry``, ``explained_retry``: if more than this fraction of the best fit floats, but more
+    than that fraction of the points are on it, the model is also tried with its ends at the cluster's ends, along axes
+    in which it is longer by ``hidden_length``.
     """
 
     size_tolerance: Annotated[float, "m"] = 0.022
@@ -121,7 +121,7 @@ class MultiStart(Registration, PoseEstimator):
         return SurfaceStore(self.spacing, self.tipped)
 
     def estimate(self, cluster: Cluster, models: Sequence[ObjectModel], view: View) -> tuple[PoseHypothesis, ...]:
-        """Implement ``PoseEstimator``."""
+        """Return the best pose of each model that could explain the cluster; see ``PoseEstimator.estimate``."""
         seen = SeenCluster.of(cluster, view, self)
         found = [best for model in models if (best := self._fit_model(model, seen)) is not None]
         found.sort(key=lambda hypothesis: -hypothesis.confidence)
@@ -233,7 +233,7 @@ class SeenCluster:
         return cls(cluster, view, plane_view, points, plane_view.viewpoint, noise)
 
     def may_be(self, surface: ModelSurface, tolerance: float) -> bool:
-        """Return whether height and reach fit; of what the image's border cuts off, more may be there than was seen."""
+        """Return whether height and extent fit; at the image border, the object may extend beyond the visible part."""
         box = self.cluster.bounding_box.shape
         assert isinstance(box, Box)
         top = float(np.percentile(self.points[:, 2], 98.0))
@@ -248,7 +248,7 @@ class SeenCluster:
 
 
 class SurfaceStore:
-    """Sampled surfaces of models, each made when it is first asked for."""
+    """A cache of sampled surfaces of models, computed on first use."""
 
     def __init__(self, spacing: float, tipped: bool) -> None:
         self._spacing = spacing
@@ -257,7 +257,7 @@ class SurfaceStore:
         self._turned: dict[ModelSurface, TurnedSurface] = {}
 
     def resting(self, model: ObjectModel) -> tuple[ModelSurface, ...]:
-        """Return the model standing and, where that is asked for, lying on its sides."""
+        """Return the model standing upright and, if configured, lying on its sides."""
         if model not in self._resting:
             quarter = math.pi / 2
             orientations = [Pose()]
@@ -276,9 +276,9 @@ class SurfaceStore:
 
 
 def covariance_in_frame(planar: NDArray[np.float64], frame_from_plane: Pose) -> NDArray[np.float64]:
-    """(6, 6), as in PoseHypothesis, from that of x, y, yaw (3, 3) on a plane.
+    """Return the covariance (6, 6) of a PoseHypothesis from that of x, y, yaw (3, 3) on a plane.
 
-    The plane's height and tilt are known better than ``PLANE_HEIGHT_STD`` and ``PLANE_TILT_STD``.
+    Height and tilt of the plane are at least as accurate as ``PLANE_HEIGHT_STD`` and ``PLANE_TILT_STD``.
     """
     covariance = np.zeros((6, 6))
     free = np.ix_((0, 1, 5), (0, 1, 5))

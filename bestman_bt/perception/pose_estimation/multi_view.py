@@ -42,10 +42,10 @@ class ViewObservation:
 
 @dataclass(frozen=True)
 class MultiView:
-    """Joins several views of one object: fits are fused, evidence about the yaw is multiplied. Objects stand upright.
+    """Combines several views of one upright object: fits are fused, evidence about the yaw is multiplied.
 
-    ``single``: of the registration in each view. ``camera_position_std``, metres, and ``camera_yaw_std``, radians:
-    how well the views' camera poses are known relative to each other.
+    ``single``: registration in each view. ``camera_position_std``, metres, and ``camera_yaw_std``, radians: uncertainty
+    of the views' camera poses relative to each other.
     """
 
     single: MultiStart = field(default_factory=MultiStart)
@@ -55,7 +55,7 @@ class MultiView:
     def estimate(
         self, observations: Sequence[ViewObservation], models: Sequence[ObjectModel]
     ) -> tuple[PoseHypothesis, ...]:
-        """Return the best pose of each model that could be what all ``observations`` show, most confident first.
+        """Return the best pose of each model that could explain all ``observations``, most confident first.
 
         Equal input gives equal output. Raises PerceptionError without an observation.
         """

@@ -13,14 +13,14 @@ from bestman_bt.perception.pose_estimation.model_surface import ModelSurface
 
 
 def into_model(points: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (N, 3) in the model frames of S poses (x, y, yaw): (S, N, 3)."""
+    """Transform points (N, 3) into the model frames of S poses (x, y, yaw), metres and radians; returns (S, N, 3)."""
     c, s = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
     dx, dy = points[:, 0] - poses[:, 0:1], points[:, 1] - poses[:, 1:2]
     return np.stack([c * dx + s * dy, c * dy - s * dx, np.broadcast_to(points[:, 2], dx.shape)], axis=2)
 
 
 def evenly(n: int, limit: int) -> NDArray[np.intp]:
-    """Indices of at most ``limit`` out of ``n`` things, evenly spread."""
+    """Return the indices of at most ``limit`` of ``n`` items, evenly spaced."""
     return np.arange(n) if n <= limit else np.linspace(0, n - 1, limit).astype(np.intp)
 
 
@@ -35,9 +35,10 @@ def nearest_offsets(
 def residual_rows(
     offsets: NDArray[np.float64], normals: NDArray[np.float64], points: NDArray[np.float64], spacing: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Residuals (M,), directions (M, 3), points (M, 3): distances to faces and, beyond a face's end, to the end.
+    """Return residuals (M,), directions (M, 3) and points (M, 3): distances to faces and, beyond a face's end, to the
+    end.
 
-    Without the second kind nothing would hold a box sideways where the camera sees only its front and top.
+    The distances to ends constrain a box sideways if the camera sees only its front and top.
     """
     along = (offsets * normals).sum(axis=1)
     sideways = offsets - along[:, None] * normals
@@ -59,10 +60,10 @@ def gauss_newton(
     scale: float,
     with_yaw: bool,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """One step for S poses: (S, 3) increments and (S, 3, 3) information (of unit noise).
+    """Return one Gauss-Newton step for S poses: (S, 3) increments and (S, 3, 3) information (of unit noise).
 
-    ``residuals``: (S, N) along ``normals`` (S, N, 3) at the points ``moved`` (S, N, 3) of the model frame.
-    With m = R(yaw)ᵀ (q - t): ∂m/∂t = -Rᵀ and ∂m/∂yaw = (m_y, -m_x, 0).
+    ``residuals``: (S, N) along ``normals`` (S, N, 3) at the points ``moved`` (S, N, 3) of the model frame. With m =
+    R(yaw)ᵀ (q - t): ∂m/∂t = -Rᵀ and ∂m/∂yaw = (m_y, -m_x, 0).
     """
     c, s = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
     nx, ny = normals[..., 0], normals[..., 1]
@@ -94,10 +95,10 @@ WALL = 0.003
 
 @dataclass(frozen=True, eq=False)
 class TurnedSurface:
-    """A surface compared with itself, turned by ``angles`` (K,) radians and moved where the two agree best.
+    """A surface compared with itself, rotated by ``angles`` (K,) radians and translated for the best agreement.
 
-    ``shifts``: (K, 2), metres: where the turned object's origin comes to lie. ``distances``: (K, N), metres, from each
-    sample of the surface to the turned one. ``telling``: (N,), the largest distance over all turns: 0 on the body of a
+    ``shifts``: (K, 2), metres: position of the rotated object's origin. ``distances``: (K, N), metres, from each sample
+    of the surface to the rotated one. ``telling``: (N,), the largest distance over all rotations: 0 on the body of a
     mug, which looks the same at every yaw, and large on its handle.
     """
 
@@ -117,7 +118,7 @@ class TurnedSurface:
         return self.shifts[self.nearest_turn(angle)]
 
     def nearest_turn(self, angle: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Indices among ``angles``."""
+        """Return the indices of the nearest ``angles``."""
         count = len(self.angles)
         return np.rint(angle / (2 * math.pi / count)).astype(np.intp) % count
 
@@ -162,7 +163,9 @@ def surface_distances(
     eye: NDArray[np.float64] | None = None,
     spacing: float = 0.003,
 ) -> NDArray[np.float64]:
-    """Metres (S, N) from ``points`` (N, 3) to the surface at the poses (S, 3): along its normal where it goes on."""
+    """Return the distances (S, N), metres, from ``points`` (N, 3) to the surface at the poses (S, 3), along its
+    normal.
+    """
     moved, nearest = _match(surface, points, poses, eye)
     offsets = moved - surface.points[nearest]
     along = (offsets * surface.normals[nearest]).sum(axis=2)

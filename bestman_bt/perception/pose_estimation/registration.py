@@ -32,14 +32,14 @@ class Registration:
 
     Lengths in metres, angles in radians.
 
-    ``spacing``: of surface samples. ``coarse_points``, ``fine_points``: of the cluster, at most. ``yaw_step``: between
-    starts; ``offsets``: of the starts from the cluster's centre, away from the camera (which sees only the near side).
-    ``coarse_iterations``, ``fine_iterations``: of Gauss-Newton; ``coarse_scale``, ``fine_scale``: residuals beyond
-    these count less (Cauchy). ``refined``: starts that are refined per model; ``yaw_separation``: how far apart their
-    yaws are at least. ``noise_base``, ``noise_quadratic``: of depth, as in CameraPart.
-    ``error_factor``, ``position_floor``, ``yaw_floor``: standard deviations are the residuals' times the factor
-    (neighbouring residuals are not independent: measured on rendered images) and at least the floor. The yaw of models
-    without symmetry hangs on few points: ``asymmetric_yaw_floor``.
+    ``spacing``: of surface samples. ``coarse_points``, ``fine_points``: maximum points of the cluster. ``yaw_step``:
+    between starts; ``offsets``: of the starts from the cluster's centre, away from the camera (which sees only the near
+    side). ``coarse_iterations``, ``fine_iterations``: of Gauss-Newton; ``coarse_scale``, ``fine_scale``: residuals
+    above these are down-weighted (Cauchy). ``refined``: starts that are refined per model; ``yaw_separation``: minimum
+    difference of their yaws. ``noise_base``, ``noise_quadratic``: depth noise, as in CameraPart. ``error_factor``,
+    ``position_floor``, ``yaw_floor``: standard deviations are those of the residuals times the factor (neighbouring
+    residuals are correlated: measured on rendered images) and at least the floor. ``asymmetric_yaw_floor``: for models
+    without symmetry, whose yaw depends on few points.
     """
 
     spacing: Annotated[float, "m"] = 0.003
@@ -61,7 +61,7 @@ class Registration:
     asymmetric_yaw_floor: Annotated[float, "rad"] = 0.017
 
     def depth_noise(self, points: NDArray[np.float64], eye: NDArray[np.float64]) -> float:
-        """Standard deviation, metres, expected at the distance of ``points`` (N, 3)."""
+        """Return the standard deviation, metres, expected at the distance of ``points`` (N, 3)."""
         distance = float(np.linalg.norm(points.mean(axis=0) - eye))
         return self.noise_base + self.noise_quadratic * max(0.0, distance - 0.4) ** 2
 
@@ -110,7 +110,7 @@ class Registration:
         start: NDArray[np.float64],
         turns: int,
     ) -> Fit:
-        """Fit to the samples that face the camera: of a thin wall only one side can have been measured."""
+        """Return the fit to the samples that face the camera: only one side of a thin wall can have been measured."""
         pose = start[None]
         some = points[evenly(len(points), self.fine_points)]
         # What faces the camera depends on the pose: it is found anew for the second half.
@@ -162,7 +162,8 @@ class Registration:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """``pose``: (3,), x, y, yaw in the plane's frame, metres and radians; ``covariance``: (3, 3) of it.
+    """A fitted pose on a plane. ``pose``: (3,), x, y, yaw in the plane's frame, metres and radians; ``covariance``: (3,
+    3) of it.
 
     ``residuals``: (N,), metres, of all points.
     """
@@ -185,10 +186,11 @@ class Fit:
 def end_aligned_poses(
     surface: ModelSurface, points: NDArray[np.float64], pose: NDArray[np.float64], least: float
 ) -> list[NDArray[np.float64]]:
-    """``pose`` (3,) moved along the model's x and y until an end of the model is where the points end.
+    """Return ``pose`` (3,) moved along the model's x and y until an end of the model coincides with an end of the
+    points.
 
-    Where something hides a part, registration does not know to which side the model goes on. Axes along which the
-    model is longer than the points by less than ``least`` metres are left alone.
+    If a part is hidden, registration cannot determine on which side the model continues. Axes along which the model is
+    longer than the points by less than ``least`` metres are ignored.
     """
     seen = into_model(points, pose[None])[0]
     options = []
@@ -203,7 +205,7 @@ def end_aligned_poses(
 
 
 def yaw_difference(angle: float, turns: int) -> float:
-    """Size of an angle modulo the symmetry, radians."""
+    """Return the size of an angle modulo the symmetry, radians."""
     if turns == 0:
         return 0.0
     span = 2 * math.pi / turns

@@ -30,10 +30,10 @@ from bestman_bt.perception.view import View
 
 @dataclass(frozen=True, eq=False)
 class SeenSpace:
-    """A rectangle of the image: at each pixel the smallest depth measured around it, metres.
+    """A rectangle of the image with the smallest depth measured around each pixel, metres.
 
-    ``nearest``: (h, w), infinite where nothing was measured. ``doubtful``: (h, w), something around it was not measured
-    and it has a colour of the model. ``corner``: (u, v) of the first pixel.
+    ``nearest``: (h, w), infinite without a measurement. ``doubtful``: (h, w), a neighbour has no measurement and a
+    colour of the model. ``corner``: (u, v) of the first pixel.
     """
 
     nearest: NDArray[np.float64]
@@ -41,10 +41,10 @@ class SeenSpace:
     corner: NDArray[np.intp]
 
     def excess(self, pixels: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how far (N,), metres, samples at ``pixels`` (N, 2) and ``depth`` (N,) hover in front of what was
-        measured.
+        """Return the distances (N,), metres, by which samples at ``pixels`` (N, 2) and ``depth`` (N,) are in front of
+        the measurements.
 
-        0 where they do not, and where that is not known.
+        0 if they are not, or if unknown.
         """
         finite = np.isfinite(pixels).all(axis=1)
         u, v = (np.rint(np.where(finite, pixels[:, axis], -1e6)).astype(np.intp) - self.corner[axis] for axis in (0, 1))
@@ -59,9 +59,9 @@ class SeenSpace:
 def seen_space(
     view: View, pixels: NDArray[np.float64], radius: int, palette: NDArray[np.float64], color: float
 ) -> SeenSpace:
-    """What was measured around ``pixels`` (N, 2), within ``radius`` pixels of each.
+    """Return the space measured around ``pixels`` (N, 2), within ``radius`` pixels of each.
 
-    ``palette``: (K, 3) rgb of the model, 0 to 1; ``color``: distance of chromaticities up to which one is the model's.
+    ``palette``: (K, 3) rgb of the model, 0 to 1; ``color``: maximum chromaticity distance of the model's colours.
     """
     k = view.image.intrinsics
     rows, columns = _window(pixels, radius, k)
@@ -90,17 +90,16 @@ def _window(pixels: NDArray[np.float64], radius: int, k: CameraIntrinsics) -> tu
 
 @dataclass(frozen=True)
 class YawSearch:
-    """Asks every yaw how well it explains a view.
+    """Computes how well each yaw explains a view.
 
     Lengths in metres.
 
-    ``points``: of the cluster, at most; ``slide_points``, ``iterations``, ``scale``: for sliding. ``telling``: samples
-    that move by more than this when the object turns are asked whether they would float, ``samples`` of them at most.
-    ``model_error``: added to the depth noise. ``cap``: the cost of one point or sample at most; ``floating_weight``:
-    of 9 mm² of floating surface, against a point.
-    ``position_error``: a sample floats only where no measured depth within this distance beside it is as near.
-    ``color``: distance of chromaticities up to which a pixel may show the model.
-    ``margin``: a yaw stays open where its log-likelihood is at most this much below the best.
+    ``points``: maximum points of the cluster; ``slide_points``, ``iterations``, ``scale``: for the translation at each
+    yaw. ``telling``: samples that move by more than this when the object rotates are tested for floating, at most
+    ``samples`` of them. ``model_error``: added to the depth noise. ``cap``: maximum cost of one point or sample;
+    ``floating_weight``: of 9 mm² of floating surface, relative to a point. ``position_error``: a sample floats only if
+    no measured depth within this distance is as near. ``color``: maximum chromaticity distance of pixels that may show
+    the model. ``margin``: a yaw is ambiguous if its log-likelihood is at most this much below the best.
     """
 
     points: int = 500
@@ -125,11 +124,10 @@ class YawSearch:
         palette: NDArray[np.float64],
         noise: float,
     ) -> YawProfile:
-        """Profile over the turns of ``turned``.
+        """Return the likelihood of each rotation of ``turned``.
 
-        ``points``: (N, 3) of the cluster, ``plane_view``: the view they come from, both in the plane's frame.
-        ``start``: (3,), x, y, yaw of one good fit. ``palette``: (K, 3), colours of the model. ``noise``: of depth,
-        metres.
+        ``points``: (N, 3) of the cluster, ``plane_view``: their view, both in the plane's frame. ``start``: (3,), x, y,
+        yaw of a good fit. ``palette``: (K, 3), colours of the model. ``noise``: of depth, metres.
         """
         yaws = start[2] + turned.angles
         c, s = math.cos(start[2]), math.sin(start[2])
@@ -199,8 +197,8 @@ class YawSearch:
 
 @dataclass(frozen=True, eq=False)
 class YawProfile:
-    """``yaws``: (K,) evenly spaced over the circle, radians in the plane's frame. ``positions``: (K, 2), metres, the
-    best place at each; ``log_likelihood``: (K,), up to a constant.
+    """Likelihood over the yaw. ``yaws``: (K,) evenly spaced over the circle, radians in the plane's frame.
+    ``positions``: (K, 2), metres, the best position at each; ``log_likelihood``: (K,), up to a constant.
     """
 
     yaws: NDArray[np.float64]
@@ -213,7 +211,7 @@ class YawProfile:
         return 2 * math.pi / len(self.yaws)
 
     def starts(self, margin: float, limit: int) -> list[NDArray[np.float64]]:
-        """Poses (3,) at the local maxima within ``margin`` of the best, best first, at most ``limit``."""
+        """Return poses (3,) at the local maxima within ``margin`` of the best, best first, at most ``limit``."""
         value = self.log_likelihood
         local = (value >= np.roll(value, 1)) & (value > np.roll(value, -1)) & (value >= value.max() - margin)
         local[int(value.argmax())] = True
@@ -221,7 +219,9 @@ class YawProfile:
         return [np.array([*self.positions[k], self.yaws[k]]) for k in best_first[:limit]]
 
     def open_yaws(self, margin: float, best: float, best_std: float) -> YawSet:
-        """Arcs of the yaws within ``margin`` of the best; the first holds the refined yaw ``best`` with its error."""
+        """Return the arcs of the yaws within ``margin`` of the best; the first contains the refined yaw ``best`` with
+        its error.
+        """
         count = len(self.yaws)
         taken = self.log_likelihood >= self.log_likelihood.max() - margin
         # A gap of one yaw is noise.

@@ -21,13 +21,13 @@ from bestman_bt.perception.segmentation.horizontal_plane import footprint, overl
 
 @dataclass(frozen=True)
 class FragmentMerging:
-    """Which smooth pieces are one thing. Lengths in metres.
+    """Rules for merging smooth fragments into objects. Lengths in metres.
 
-    ``merge_overlap``: two pieces are one thing where their footprints share this part of the smaller one.
-    ``hollow_depth``: how far the middle of a hollow inside lies behind its sides; ``rim_tolerance``: how much its rim's
-    height may differ from that of the wall before it. ``foot_height``: a piece whose lowest points are higher does not
-    stand on the surface; ``hidden_share``: of its lower border, from which on its foot counts as hidden.
-    ``contact_distance``: pieces with pixels side by side touch where the points are no farther apart.
+    ``merge_overlap``: minimum overlap of two footprints of one object, as a fraction of the smaller one.
+    ``hollow_depth``: minimum depth of the middle of a hollow below its sides; ``rim_tolerance``: maximum height
+    difference between its rim and the wall in front of it. ``foot_height``: a fragment whose lowest points are higher
+    does not stand on the surface; ``hidden_share``: fraction of its lower border above which its foot counts as hidden.
+    ``contact_distance``: maximum distance of points of touching fragments with adjacent pixels.
     """
 
     merge_overlap: float = 0.30
@@ -59,7 +59,7 @@ def merge_fragments(
     eye: NDArray[np.float64],
     p: FragmentMerging,
 ) -> NDArray[np.int32]:
-    """Labels (h, w) of whole things, from 1, for those of pieces.
+    """Return the labels (h, w) of objects, from 1, for the ``labels`` of fragments.
 
     ``local``: (h, w, 3) points with z above the surface, metres, NaN unknown; ``depth``: (h, w) metres along the
     optical axis, 0 unknown; ``eye``: (3,) the camera in the frame of ``local``.

@@ -22,9 +22,9 @@ from bestman_bt.perception.segmentation.base import Region, SupportPlane
 
 
 def footprint(xy: NDArray[np.float64], grow: float = 0.0) -> NDArray[np.float32]:
-    """Convex hull of points (N, 2), grown by ``grow``, all in metres: (K, 1, 2) millimetres.
+    """Return the convex hull of points (N, 2), enlarged by ``grow``, all in metres, as (K, 1, 2) millimetres.
 
-    OpenCV takes areas below 1e-6 for nothing, hence the millimetres.
+    Millimetres, because OpenCV treats areas below 1e-6 as empty.
     """
     if grow > 0.0:
         angles = np.arange(8) * math.pi / 4
@@ -36,7 +36,7 @@ def footprint(xy: NDArray[np.float64], grow: float = 0.0) -> NDArray[np.float32]
 
 
 def overlaps(footprints: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:
-    """(n, n) area that two footprints share, as a share of the smaller one; 1 on the diagonal."""
+    """Return the shared area (n, n) of each two footprints as a fraction of the smaller one; 1 on the diagonal."""
     n = len(footprints)
     areas = [cv2.contourArea(outline) for outline in footprints]
     lower = np.array([outline.min(axis=(0, 1)) for outline in footprints]).reshape(n, 2)
@@ -53,7 +53,7 @@ def overlaps(footprints: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:
 
 
 def inside_region(local: NDArray[np.float64], region: Region) -> NDArray[np.bool_]:
-    """Which points (..., 3) of the region's own frame lie in its box; NaN lies in none."""
+    """Return which points (..., 3) of the region's own frame lie in its box; NaN lies outside."""
     x, y, z = local[..., 0], local[..., 1], local[..., 2]
     half_x, half_y = region.size[0] / 2, region.size[1] / 2
     inside: NDArray[np.bool_] = (np.abs(x) <= half_x) & (np.abs(y) <= half_y)
@@ -62,12 +62,12 @@ def inside_region(local: NDArray[np.float64], region: Region) -> NDArray[np.bool
 
 @dataclass(frozen=True)
 class HorizontalPlane:
-    """Fits planes that are nearly horizontal to points. Lengths in metres, angles in radians.
+    """Fits nearly horizontal planes to points. Lengths in metres, angles in radians.
 
-    ``min_plane_points``: pixels that a surface must at least fill; at most about ``max_plane_points`` are used.
-    ``max_tilt``: of the plane. ``ransac_samples``, ``ransac_points``: triples tried, points that judge them;
-    ``ransac_distance``: of an inlier. ``lower_share``: of the points, and of what the plane covers, that another plane
-    further down needs to be the surface: what is largest then lies on it, a tray or a board.
+    ``min_plane_points``: minimum pixels of a surface; at most about ``max_plane_points`` are used. ``max_tilt``: of the
+    plane. ``ransac_samples``, ``ransac_points``: number of triples tried, and of points that rate them;
+    ``ransac_distance``: of an inlier. ``lower_share``: fraction of the points, and of the area of the largest plane,
+    that a lower plane needs to be the surface: the largest one is then an object on it, such as a tray.
     """
 
     min_plane_points: Annotated[int, "pixels"] = 1500
@@ -81,10 +81,9 @@ class HorizontalPlane:
     def find_plane(
         self, local: NDArray[np.float64], region: Region, rng: np.random.Generator, pixels_per_point: int = 1
     ) -> SupportPlane:
-        """Return the lowest plane through enough points (N, 3) of the region's own frame that lie near the expected
-        height.
+        """Return the lowest plane through enough points (N, 3) of the region's own frame near the expected height.
 
-        The result is in the frame of the region's pose. Raises NoSurfaceError, in words, where there is none.
+        The result is in the frame of the region's pose. Raises NoSurfaceError, with the reason, if no plane is found.
         """
         band = local[np.abs(local[:, 2]) <= region.tolerance]
         if len(band) * pixels_per_point < self.min_plane_points:
@@ -137,7 +136,8 @@ class HorizontalPlane:
     def fit_plane(
         self, points: NDArray[np.float64], rng: np.random.Generator, needed: int
     ) -> tuple[NDArray[np.float64] | None, int]:
-        """(a, b, c) of the nearly horizontal plane z = a x + b y + c with most of the points (N, 3), and their number.
+        """Return (a, b, c) of the nearly horizontal plane z = a x + b y + c with most of the points (N, 3), and their
+        number.
 
         None if fewer than ``needed`` points lie on it.
         """
@@ -168,7 +168,7 @@ class HorizontalPlane:
 
 
 def least_squares_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(a, b, c) of z = a x + b y + c through points (N, 3)."""
+    """Return (a, b, c) of z = a x + b y + c through points (N, 3), by least squares."""
     centre = points.mean(axis=0)
     x, y, z = (points - centre).T
     # Sums, not dot products: BLAS adds in another order with another number of threads.
@@ -211,7 +211,7 @@ def rectangle(
 
 
 def above_plane(points: NDArray[np.float64], plane: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vertical distances (...,) of points (..., 3) above the plane (a, b, c), metres."""
+    """Return vertical distances (...,) of points (..., 3) above the plane (a, b, c), metres."""
     above: NDArray[np.float64] = points[..., 2] - plane[0] * points[..., 0] - plane[1] * points[..., 1] - plane[2]
     return above
 

@@ -31,17 +31,16 @@ from bestman_bt.perception.view import View
 
 @dataclass(frozen=True)
 class PlaneDbscan(HorizontalPlane, Segmentation):
-    """One plane near the expected height; what is above its rectangle falls into clusters by distance.
+    """Finds one plane near the expected height, and clusters the points above its rectangle by distance.
 
     Lengths in metres, angles in radians; those of the plane as in HorizontalPlane.
 
-    ``min_height``: of things above the plane; three times the plane's rms where that is more.
-    ``edge_margin``: a strip along the surface's edge in which nothing is sought (there a wall may begin).
-    ``voxel``: edge length. ``cluster_distance``, ``core_points``: DBSCAN's eps and minPts, on voxels of half of eps.
-    ``min_cluster_points``: voxels. ``min_cluster_height``: how far a thing must rise.
-    ``height_weight``: of vertical distances in it: below 1, since rim and inside of a cup are seen far apart in height.
-    ``merge_overlap``: two clusters are one thing where their footprints, grown by ``merge_distance``, overlap by this
-    share of the smaller one.
+    ``min_height``: of objects above the plane; at least three times the plane's rms. ``edge_margin``: a strip along the
+    surface's edge that is not searched (a wall may begin there). ``voxel``: edge length. ``cluster_distance``,
+    ``core_points``: DBSCAN's eps and minPts, on voxels of half of eps. ``min_cluster_points``: voxels.
+    ``min_cluster_height``: minimum height of an object. ``height_weight``: weight of vertical distances; below 1,
+    because rim and inside of a cup are seen far apart in height. ``merge_overlap``: two clusters are merged if their
+    footprints, enlarged by ``merge_distance``, overlap by this fraction of the smaller one.
     """
 
     min_height: Annotated[float, "m"] = 0.008
@@ -56,7 +55,7 @@ class PlaneDbscan(HorizontalPlane, Segmentation):
     merge_overlap: float = 0.15
 
     def segment(self, view: View, region: Region, rng: np.random.Generator) -> SegmentedScene:
-        """Implement ``Segmentation``."""
+        """Segment the region by a plane and DBSCAN; see ``Segmentation.segment``."""
         surface_from_frame = region.frame_from_surface.inverse()
         local = view.seen_from(surface_from_frame).cloud(surface_from_frame.apply(region.corners()))
         local = local.selected(inside_region(local.points, region))
@@ -114,9 +113,9 @@ class PlaneDbscan(HorizontalPlane, Segmentation):
 
 
 def dbscan(points: NDArray[np.float64], distance: float, core_points: int) -> NDArray[np.int64]:
-    """DBSCAN on the occupied voxels of edge ``distance`` / 2: labels (N,) from 0, -1 for noise.
+    """Return labels (N,) from 0, -1 for noise, of DBSCAN on the occupied voxels of edge ``distance`` / 2.
 
-    A voxel is a core where at least ``core_points`` voxels, itself included, lie within ``distance``.
+    A voxel is a core if at least ``core_points`` voxels, itself included, lie within ``distance``.
     """
     _, voxel_of, counts = np.unique(
         np.floor(points / (distance / 2)).astype(np.int64), axis=0, return_inverse=True, return_counts=True
@@ -157,10 +156,10 @@ _UP = np.array([0.0, 0.0, 1e3])
 class Open3DDbscan(PlaneDbscan):
     """Normals, a seeded RANSAC plane, a voxel filter, an outlier filter and DBSCAN of Open3D (the extra ``open3d``).
 
-    Beside the parameters of PlaneDbscan: ``normal_radius``: of the points by which a normal is estimated.
-    ``max_normal_tilt``: points whose normals are farther from vertical are not of the surface. ``outlier_neighbours``,
-    ``outlier_ratio``: a point of a thing is dropped whose mean distance to that many neighbours is that many standard
-    deviations above the usual.
+    Besides the parameters of PlaneDbscan: ``normal_radius``: of the points from which a normal is estimated.
+    ``max_normal_tilt``: points with normals farther from vertical do not belong to the surface. ``outlier_neighbours``,
+    ``outlier_ratio``: a point is dropped if its mean distance to that many neighbours is that many standard deviations
+    above the mean.
     """
 
     normal_radius: Annotated[float, "m"] = 0.02

@@ -35,12 +35,13 @@ from bestman_bt.perception.view import View
 
 @dataclass(frozen=True)
 class DepthFragments:
-    """How a depth image is cut into smooth pieces. Lengths in metres.
+    """Parameters for splitting a depth image into smooth fragments. Lengths in metres.
 
-    ``jump``: of the depth from pixel to pixel, beyond the slope beside it. ``valley``: how deep one must be between
-    two points that lie ``valley_reach`` to its left and right (or above and below); beyond 1 m in proportion deeper.
-    ``smoothing``: differences of depth up to about this are taken for noise. ``min_fragment_pixels``: of a piece;
-    smaller ones join a neighbour. ``fill``: pixels over which a piece takes back what was cut away along its border.
+    ``jump``: depth difference between neighbouring pixels, beyond the local slope, that separates fragments.
+    ``valley``: depth of a separating valley between two points ``valley_reach`` to its left and right (or above and
+    below); scaled with the distance beyond 1 m. ``smoothing``: differences of depth up to about this count as noise.
+    ``min_fragment_pixels``: smaller fragments join a neighbour. ``fill``: pixels by which fragments grow back over
+    removed borders.
     """
 
     jump: Annotated[float, "m"] = 0.010
@@ -54,7 +55,7 @@ class DepthFragments:
 def depth_fragments(
     depth: NDArray[np.float32], mask: NDArray[np.bool_], focal_length: float, p: DepthFragments
 ) -> NDArray[np.int32]:
-    """Labels (h, w) of the pieces of ``depth`` (metres, 0 unknown) inside ``mask``: from 1; 0 is none.
+    """Return labels (h, w) of the fragments of ``depth`` (metres, 0 unknown) inside ``mask``, from 1; 0 is outside.
 
     ``focal_length``: pixels.
     """
@@ -142,14 +143,13 @@ _BORDER = 3
 
 @dataclass(frozen=True)
 class RegionGrowing(HorizontalPlane, DepthFragments, FragmentMerging, Segmentation):
-    """One plane near the expected height; what rises above its rectangle falls into things by jumps and valleys.
+    """Finds one plane near the expected height, and splits the points above it into objects at jumps and valleys.
 
-    Lengths in metres; others as in the classes from which they come.
+    Lengths in metres; others as in the base classes.
 
-    ``min_height``: of things above the plane; three times the plane's rms where that is more.
-    ``edge_margin``: a strip along the surface's edge in which nothing is sought (there a wall may begin).
-    ``voxel``: edge length of the cubes to which clusters are thinned. ``min_cluster_points``: voxels.
-    ``min_cluster_height``: how far a thing must rise.
+    ``min_height``: of objects above the plane; at least three times the plane's rms. ``edge_margin``: a strip along the
+    surface's edge that is not searched (a wall may begin there). ``voxel``: edge length of the voxel filter for
+    clusters. ``min_cluster_points``: voxels. ``min_cluster_height``: minimum height of an object.
     """
 
     min_plane_points: int = 800
@@ -160,7 +160,7 @@ class RegionGrowing(HorizontalPlane, DepthFragments, FragmentMerging, Segmentati
     min_cluster_height: Annotated[float, "m"] = 0.015
 
     def segment(self, view: View, region: Region, rng: np.random.Generator) -> SegmentedScene:
-        """Implement ``Segmentation``."""
+        """Segment the region by a plane and region growing; see ``Segmentation.segment``."""
         surface_from_frame = region.frame_from_surface.inverse()
         of_surface = view.seen_from(surface_from_frame)
         points, depth, (rows, columns) = of_surface.organised(surface_from_frame.apply(region.corners()))

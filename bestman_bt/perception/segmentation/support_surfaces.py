@@ -102,7 +102,8 @@ _AROUND = sorted(
 def plane_normals(
     depth: NDArray[np.float32], intrinsics: CameraIntrinsics, window: tuple[int, int]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Unit normals (H, W, 3) towards the camera, in the optical frame, and residuals (H, W): rms in metres of depth.
+    """Return unit normals (H, W, 3) towards the camera, in the optical frame, and residuals (H, W): rms in metres of
+    depth.
 
     ``depth``: (H, W) metres of the whole image. ``window``: (rows, columns), odd. Where the depth is unknown, or known
     in fewer than half of the window's pixels, the normal is NaN and the residual infinite.
@@ -160,17 +161,17 @@ class _Piece:
 
 @dataclass(frozen=True)
 class SupportSurfaces(HorizontalPlane):
-    """Finds all horizontal surfaces of a view, whatever their heights.
+    """Finds all horizontal surfaces of a view at any height.
 
     Lengths in metres, angles in radians; those of the planes as in HorizontalPlane.
 
-    ``min_height``: above the frame's origin: the floor is no support. ``min_size``: shorter and longer side of a
-    surface's rectangle; ``min_fill``: share of its rectangle that was seen or hidden by things on it.
+    ``min_height``: above the frame's origin: the floor does not count. ``min_size``: shorter and longer side of a
+    surface's rectangle; ``min_fill``: minimum fraction of its rectangle that was seen or hidden by objects on it.
     ``window``: (rows, columns) of the pixels for a normal, odd; ``max_normal_tilt``: of a pixel's noisy normal.
-    ``min_piece_points``: pixels of a piece. ``noise_base``, ``noise_quadratic``: of depth, as in CameraPart; a window
-    is flat up to ``max_residual`` times the noise. ``grow``: pixels by which a piece grows over its plane, since
-    windows reach over its edge. ``trim``: share of the points that noise takes beyond each end. ``join_height``,
-    ``join_gap``: two pieces at most so far apart can be one surface.
+    ``min_piece_points``: minimum pixels of a fragment. ``noise_base``, ``noise_quadratic``: depth noise, as in
+    CameraPart; a window is flat up to ``max_residual`` times the noise. ``grow``: pixels by which a fragment grows over
+    its plane, since windows extend over its edge. ``trim``: fraction of points cut off at each end against noise.
+    ``join_height``, ``join_gap``: maximum distances of two fragments of one surface.
     """
 
     min_plane_points: int = 400
@@ -191,7 +192,8 @@ class SupportSurfaces(HorizontalPlane):
     def find(self, view: View, rng: np.random.Generator) -> tuple[SupportPlane, ...]:
         """Return the surfaces, lowest first; x of each rectangle points away from the camera.
 
-        Equal input and generator state give equal output. Raises NoSurfaceError, in words, where there is none.
+        Equal input and generator state give equal output. Raises NoSurfaceError, with the reason, if no surface is
+        found.
         """
         points, depth, _ = view.organised()
         if not (depth > 0).any():
@@ -300,10 +302,10 @@ class SupportSurfaces(HorizontalPlane):
 def surface_regions(
     planes: Sequence[SupportPlane], height: float = 0.40, margin: float = 0.02, clearance: float = 0.05
 ) -> tuple[Region, ...]:
-    """One region per surface, for a Segmentation or a Detector: shelf board by shelf board.
+    """Return one region per surface, for a Segmentation or a Detector, for example for each board of a shelf.
 
-    ``height``: of the space above it that is searched; less where another surface is above: ``clearance`` metres below
-    that one's top, since boards are thick. ``margin``: metres around the seen rectangle.
+    ``height``: of the searched space above it, metres; limited to ``clearance`` metres below the next surface above.
+    ``margin``: metres around the visible rectangle.
     """
     regions = []
     for plane in planes:

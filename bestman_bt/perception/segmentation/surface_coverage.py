@@ -39,7 +39,9 @@ class SurfaceCoverage:
         object.__setattr__(self, "origin", frozen_array(self.origin, (2,), "SurfaceCoverage origin"))
 
     def disc(self, centre: NDArray[np.float64], radius: float) -> dict[int, float]:
-        """Shares of UNSEEN, FREE, OCCUPIED and ABSENT in the disc around ``centre`` (x, y[, z]) of the frame."""
+        """Return the fractions of UNSEEN, FREE, OCCUPIED and ABSENT in the disc around ``centre`` (x, y[, z]) of the
+        frame.
+        """
         plane_from_frame = self.frame_from_plane.inverse()
         x, y = plane_from_frame.apply(self._on_plane(centre))[:2]
         rows, columns = np.indices(self.cells.shape)
@@ -54,9 +56,10 @@ class SurfaceCoverage:
         return shares
 
     def free_discs(self, radius: float, near: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Centres (M, 3), metres in the frame, of discs that lie on free cells only, nearest to ``near`` first.
+        """Return the centres (M, 3), metres in the frame, of discs that lie on free cells only, nearest to ``near``
+        first.
 
-        ``near``: (2,) or (3,), a point of the frame. Empty (0, 3) where there is no room.
+        ``near``: (2,) or (3,), a point of the frame. Empty (0, 3) without free space.
         """
         padded = np.pad((self.cells == FREE).astype(np.uint8), 1)
         clearance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1] * self.resolution
@@ -79,10 +82,10 @@ class SurfaceCoverage:
 def surface_coverage(
     view: View, region: Region, scene: SegmentedScene, resolution: float = 0.01, tolerance: float = 0.008
 ) -> SurfaceCoverage:
-    """Sort the cells of the first plane, over the whole region.
+    """Classify the cells of the first plane, over the whole region.
 
-    ``scene``: segmented from ``view`` and ``region``. ``resolution``: of the cells, metres. ``tolerance``: a point this
-    close to the plane is on it, metres (three times the plane's rms where that is more).
+    ``scene``: segmented from ``view`` and ``region``. ``resolution``: of the cells, metres. ``tolerance``: maximum
+    distance of points on the plane, metres (at least three times the plane's rms).
     """
     plane = scene.planes[0]
     plane_from_frame = plane.frame_from_plane.inverse()
