@@ -49,7 +49,7 @@ class TruncatePath(InstantSkill):
 
 
 class TruncatePathLocal(InstantSkill):
-    """Keep the part of a path around the base: from ``distance_backward`` behind to ``distance_forward`` ahead of it."""
+    """Keep the part of a path from ``distance_backward`` behind the base to ``distance_forward`` ahead of it."""
 
     INPUT_PORTS: ClassVar = {
         **FRAMES,
