@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,7 +16,6 @@ from bestman_bt.engine.core.registry import NodeRegistry
 from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.core.tree import StateChanges, Tree
 from bestman_bt.engine.errors import EngineError, NodeError
-from bestman_bt.engine.graphics import current_states, render_svg
 from bestman_bt.engine.leaves.blackboard import WasEntryUpdated
 from bestman_bt.engine.loading import load_tree
 from bestman_bt.engine.models.foreign import open_tree
@@ -68,7 +68,12 @@ class SimulatedRun:
 
     def _repr_svg_(self) -> str:
         """Return the tree, coloured by the last results, for display in notebooks."""
-        return render_svg(self.tree, current_states(self.tree))
+        return self.tree._repr_svg_()
+
+    def _repr_html_(self) -> str:
+        """Return the outcome above the tree."""
+        words = f"{self.outcome} after {self.seconds:.2f} s, {self.ticks} ticks. {self.error}"
+        return f"<p>{escape(words)}</p>{self.tree._repr_html_()}"
 
     @property
     def order(self) -> list[str]:

@@ -7,6 +7,7 @@ import math
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from functools import cache
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +83,20 @@ class RunResult:
     def real_time_factor(self) -> float:
         """Simulated over wall time."""
         return self.sim_time_s / self.wall_time_s if self.wall_time_s > 0 else 0.0
+
+    def _repr_html_(self) -> str:
+        """Return a table of what matters, for display in notebooks."""
+        rows = {
+            "task": f"{self.task}, seed {self.seed}",
+            "outcome": str(self.outcome),
+            "note": self.unearned,
+            "why": "" if self.failure is None else f"{self.failure.named}: {self.failure.why}",
+            "judge": self.not_judged,
+            "measured": ", ".join(f"{name} {value:.3g}" for name, value in self.metrics.items()),
+            "time": f"{self.sim_time_s:.1f} s of the robot's clock, {self.wall_time_s:.1f} s of real time",
+        }
+        lines = [f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows.items() if text]
+        return f"<table>{''.join(lines)}</table>"
 
     def to_document(self) -> dict[str, Any]:
         """Return the JSON document, without NaN or infinity."""

@@ -189,6 +189,10 @@ class Tree:
 
         return render_svg(self, current_states(self))
 
+    def _repr_html_(self) -> str:
+        """Return the same, which scrolls where the tree is wider than the notebook."""
+        return f'<div style="overflow-x: auto">{self._repr_svg_()}</div>'
+
     def as_subtree(self) -> Node:
         """Return a SubTree node of this tree, for the children of a node made in Python."""
         from bestman_bt.engine.decorators.subtree import SubTree
