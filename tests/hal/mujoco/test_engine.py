@@ -9,9 +9,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from bestman_bt.messages import CameraIntrinsics, Cylinder, ObjectModel, PlacedShape, Pose
+from bestman_bt.messages import CameraIntrinsics, Cylinder, ObjectModel, PlacedShape, Pose, Pose2D
 from bestman_bt.robot_model.compose import load_robot_model
-from bestman_bt.scene.scene import PlacedObject
+from bestman_bt.scene.furniture_file import read_furniture
+from bestman_bt.scene.scene import PlacedFurniture, PlacedObject
 from hal.api import MobileBase
 from hal.conformance.room import empty_room
 from hal.simulation.bodies import SimulationError, Viewpoint
@@ -19,6 +20,7 @@ from hal.simulation.bodies import SimulationError, Viewpoint
 pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 
 from hal.mujoco.engine import WRITTEN, MujocoEngine, UnstableError
+from hal.mujoco.package import mujoco
 from hal.mujoco.parameters import MujocoParameters
 from hal.mujoco.robot import MujocoRobot
 
@@ -147,3 +149,23 @@ def test_an_object_is_drawn_before_white() -> None:
     assert picture.shape == (40, 60, 3)
     assert picture[20, 30, 0] > picture[20, 30, 1:].max() + 100
     assert (picture[[0, -1]] == 255).all()
+
+
+def test_dry_friction_slows_a_door_fully_and_never_drives_it() -> None:
+    at = Pose2D(2.0, 0.5, 0.6)
+    fridge = PlacedFurniture("fridge", read_furniture("fridge"), at, at, open={"upper_door": 0.6})
+    with MujocoRobot(load_robot_model("turtle"), dataclasses.replace(WORLD, furniture=(fridge,))) as robot:
+        engine = engine_of(robot)
+        body, joint = engine.built.articulations["fridge/upper_door"]
+        (dof,) = engine.model.joint("fridge/upper_door").dofadr
+        friction = fridge.model.articulations[0].friction
+        inertia = np.zeros((engine.model.nv, engine.model.nv))
+        mujoco.mj_fullM(engine.model, engine.data, inertia)
+        for braked in (0.0, 0.6, 0.8, 0.9):  # share of its speed that something else takes in a step
+            engine.data.qvel[dof] = -0.4
+            engine.data.qfrc_applied[dof] = braked * 0.4 * inertia[dof, dof] / robot.simulation.parameters.time_step
+            mujoco.mj_step(engine.model, engine.data)
+            engine.data.qfrc_applied[:] = 0.0
+            _, (speed,), (effort,) = engine.joint_states(body, [joint])
+            assert -0.4 < speed < 0.0
+            assert effort == pytest.approx(friction, rel=1e-3)
