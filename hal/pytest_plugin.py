@@ -13,18 +13,18 @@ import pytest
 
 SUITE = "hal.conformance"
 NOT_APPLICABLE, MISSING = "does_not_apply", "unsupported"
-"""Names of the properties by which tests tell what the report ends with."""
+"""Names of the test properties shown at the end of the report."""
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_load_initial_conftests(early_config: pytest.Config, args: list[str]) -> None:
-    """Add the suite's options where it is asked for, by its name or by its path."""
+    """Add the suite's options if it is selected, by name or by path."""
     if any(_names_the_suite(argument.partition("::")[0]) for argument in args):
         early_config.pluginmanager.import_plugin(f"{SUITE}.command_line")
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """List what does not apply to the robots under test, and what they declare missing."""
+    """List the inapplicable checks of the robots under test, and what they declare unsupported."""
     for title, name in (
         ("promises that do not apply", NOT_APPLICABLE),
         ("what the drivers declare missing", MISSING),

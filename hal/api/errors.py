@@ -7,7 +7,7 @@ from bestman_bt.messages import Failure, MotionErrorCode
 
 
 class PartError(RobotError):
-    """A part failed to do what was requested; ``failure``: the record for motions and reports."""
+    """Raised if a part failed to do what was requested; ``failure``: the record for motions and reports."""
 
     code: str = MotionErrorCode.FAULT
 
@@ -29,7 +29,7 @@ class NoDataError(PartError):
 
 
 class CommandRefusedError(PartError, ValueError):
-    """A command was refused and nothing moves: it is malformed, beyond a limit, or the robot is stopped."""
+    """Raised if a command is refused: it is malformed, beyond a limit, or the robot is stopped. Nothing moves."""
 
     code = MotionErrorCode.REFUSED
 

@@ -15,7 +15,7 @@ DRIVE_TIME = 1.0
 
 @each(MobileBase)
 def velocities_of_a_base_lapse(robot: Robot, base: MobileBase) -> None:
-    """The dead-man: without a new command the base stops by itself, and not before."""
+    """Check the command timeout: without a new command the base stops by itself, and not before."""
     description = base.model.part
     speed = description.max_vx / 2
     base.set_velocity(speed, 0.0, 0.0)
@@ -27,9 +27,9 @@ def velocities_of_a_base_lapse(robot: Robot, base: MobileBase) -> None:
 
 @each(MobileBase)
 def a_base_moves_in_its_own_frame(robot: Robot, base: MobileBase) -> None:
-    """x is ahead, y to the left, a positive turn counter-clockwise; velocity and odometry agree on metres and radians.
+    """Check directions and units: x ahead, y to the left, counter-clockwise positive; metres and radians.
 
-    It goes on as long as the command is repeated, and in the base frame wherever that points to in ``odom``.
+    The motion continues while the command is repeated, in the base frame at any heading in ``odom``.
     """
     limits = base.model.part
     asked = [(min(0.15, limits.max_vx / 2), 0.0, 0.0), (0.0, 0.0, min(0.5, limits.max_wz / 2))]
@@ -53,7 +53,7 @@ def a_base_moves_in_its_own_frame(robot: Robot, base: MobileBase) -> None:
 
 @each(MobileBase)
 def a_base_drives_and_turns_by_odometry(robot: Robot, base: MobileBase) -> None:
-    """Half a metre back and forth and a quarter turn, within 1 cm and 1 degree of its own odometry."""
+    """Check half a metre back and forth and a quarter turn, within 1 cm and 1 degree of the base's own odometry."""
     start = base.odometry()
     for command, argument, (x, theta) in (
         (base.move_backward, 0.5, (-0.5, 0.0)),
@@ -74,7 +74,7 @@ def a_base_drives_and_turns_by_odometry(robot: Robot, base: MobileBase) -> None:
 
 @each(MobileBase)
 def a_motion_of_a_base_can_be_cancelled(robot: Robot, base: MobileBase) -> None:
-    """A cancelled motion ends at once; the base comes to rest and takes the next command."""
+    """Check that a cancelled motion ends at once, and that the base comes to rest and accepts the next command."""
     motion = base.rotate(2.0)
     robot.clock.sleep(0.4)
     motion.cancel()

@@ -11,10 +11,10 @@ from hal.conformance.subject import Check, waits_for_sleeps
 
 
 def sleeping_takes_the_time_asked(robot: Robot) -> None:
-    """Many short sleeps take as long as a long one.
+    """Check that many short sleeps take as long as a long one.
 
-    Where time passes only in sleeps: to a step of it. Where it passes by itself: never less, and at least once in three
-    tries no more, as a busy machine wakes late.
+    If time passes only in sleeps: within one time step. Otherwise: never less, and in at least one of three tries not
+    more, because a busy machine wakes up late.
     """
     if waits_for_sleeps(robot.clock):
         passed, step = _short_sleeps(robot)
@@ -30,7 +30,7 @@ def sleeping_takes_the_time_asked(robot: Robot) -> None:
 
 
 def time_never_goes_back(robot: Robot) -> None:
-    """Nor does it stand still while the robot sleeps."""
+    """Check that the clock is monotonic and advances while the robot sleeps."""
     times = [robot.clock.now()]
     for _ in range(50):
         robot.clock.sleep(0.004)
@@ -41,7 +41,7 @@ def time_never_goes_back(robot: Robot) -> None:
 
 
 def impossible_sleeps_are_refused(robot: Robot) -> None:
-    """Negative, infinite and not-a-number durations."""
+    """Check that negative, infinite and not-a-number durations are refused."""
     for duration in (-0.1, math.inf, math.nan):
         try:
             robot.clock.sleep(duration)
@@ -51,9 +51,9 @@ def impossible_sleeps_are_refused(robot: Robot) -> None:
 
 
 def periodic_calls_come_on_time(robot: Robot) -> None:
-    """Ten a second, none early, none after the timer is cancelled.
+    """Check a periodic call at 10 Hz: never early, and not after the timer is cancelled.
 
-    Where time passes by itself, in at least one of three tries, as a busy machine calls late.
+    If time passes by itself, in at least one of three tries, because a busy machine calls late.
     """
     for _ in range(1 if waits_for_sleeps(robot.clock) else 3):
         wrong = _wrong_with_periodic_calls(robot)

@@ -23,7 +23,7 @@ EXAMPLE = "--driver my_package:MyRobot"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Which driver, and with what it is made."""
+    """Add the options that select the driver and its arguments."""
     group = parser.getgroup("conformance of a robot driver")
     group.addoption("--driver", metavar="MODULE:CLASS", help="the implementation of hal.api.Robot to test")
     group.addoption("--robot", default="diff_panda", metavar="NAME|FILE", help="the robot, or its YAML [diff_panda]")
@@ -32,7 +32,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Make the robot once, before anything runs: what is wrong with the options ends the session as a usage error."""
+    """Create the robot once, before the tests: invalid options end the session with a usage error."""
     options, folder = session.config.option, str(session.config.invocation_params.dir)
     if folder not in sys.path:
         sys.path.insert(0, folder)  # as for ``python -m pytest``: a driver beside the command is found

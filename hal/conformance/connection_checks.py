@@ -28,7 +28,7 @@ from hal.conformance.subject import BASES, GROUPS, Check, finish, first, nearby,
 
 
 def nothing_works_without_a_connection(robot: Robot) -> None:
-    """Reading and commanding raise NotConnectedError; stopping does no harm."""
+    """Check that reading and commanding raise NotConnectedError, and that stopping is harmless."""
     for group in parts_of(robot, JointGroup):
         require_refusal(group.positions, NotConnectedError, f"{group.name}.positions()", (group.name,))
         require_refusal(group.velocities, NotConnectedError, f"{group.name}.velocities()", (group.name,))
@@ -109,7 +109,7 @@ def a_robot_that_connects_again_stands_still(robot: Robot) -> None:
 
 
 def disconnecting_ends_motions(robot: Robot) -> None:
-    """A motion that was under way has failed, and says why; it cannot be cancelled any more."""
+    """Check that a running motion fails with a reason, and cannot be cancelled afterwards."""
     with robot:
         group = first(robot, JointGroup)
         motion = group.move_to(nearby(robot, group), 0.2)

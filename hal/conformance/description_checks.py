@@ -24,7 +24,7 @@ from hal.conformance.subject import BASES, GRIPPERS, GROUPS, Check, parts_of
 
 
 def the_description_can_be_read_before_connecting(robot: Robot) -> None:
-    """The model, the parts by their names, what cameras are."""
+    """Check the model, the names of the parts, and the properties of cameras."""
     require(robot.model is not None, "the robot model should be there before connect()")
     require(len(robot.parts) > 0, "a robot should have parts before connect()")
     for name, part in robot.parts.items():
@@ -34,14 +34,14 @@ def the_description_can_be_read_before_connecting(robot: Robot) -> None:
 
 
 def every_part_of_the_model_is_there_or_declared_missing(robot: Robot) -> None:
-    """A driver that cannot offer a part says so and why: ``unsupported``."""
+    """Check that a driver declares each part that it does not offer, with the reason: ``unsupported``."""
     declared = robot.unsupported
     silent = [name for name in robot.model.parts if name not in robot.parts and not declared.get(name)]
     require(not silent, f"the model lists {', '.join(silent)}, which the robot has not and does not declare missing")
 
 
 def joints_have_the_limits_of_the_model(robot: Robot) -> None:
-    """Names, order, and limits in radians or metres; nothing but efforts and speeds may be held lower."""
+    """Check names, order, and limits in radians or metres; only limits of efforts and speeds may be lower."""
     for group in parts_of(robot, JointGroup):
         told, model = group.model, robot.model.of(JointedModel).get(group.name)
         if model is None:
@@ -56,7 +56,7 @@ def joints_have_the_limits_of_the_model(robot: Robot) -> None:
 
 
 def a_base_is_as_the_model_says(robot: Robot) -> None:
-    """Speeds in m/s and rad/s, a footprint in metres, and a dead-man timeout."""
+    """Check speeds in m/s and rad/s, a footprint in metres, and a command timeout."""
     for base in parts_of(robot, MobileBase):
         described, model = base.model, robot.model.of(BaseModel).get(base.name)
         if model is None:
@@ -71,7 +71,7 @@ def a_base_is_as_the_model_says(robot: Robot) -> None:
 
 
 def a_gripper_is_as_the_model_says(robot: Robot) -> None:
-    """Widths in metres, speed in m/s, force in newtons."""
+    """Check widths in metres, speed in m/s, force in newtons."""
     for gripper in parts_of(robot, Gripper):
         described, model = gripper.model, robot.model.of(GripperModel).get(gripper.name)
         if model is None:
@@ -86,7 +86,7 @@ def a_gripper_is_as_the_model_says(robot: Robot) -> None:
 
 
 def frames_are_those_of_the_model(robot: Robot) -> None:
-    """Every sensor measures in a link of the URDF."""
+    """Check that every sensor measures in a link of the URDF."""
     links = {link.get("name") for link in ElementTree.fromstring(robot.model.urdf).iter("link")}
     frames = {camera.name: camera.optical_frame for camera in parts_of(robot, Camera)}
     others: list[Lidar | ForceTorque | Imu | Tactile] = [
@@ -101,7 +101,7 @@ def frames_are_those_of_the_model(robot: Robot) -> None:
 
 
 def an_unknown_part_is_refused_with_the_names_there_are(robot: Robot) -> None:
-    """Also a part of another kind."""
+    """Check that an unknown name, or a part of another type, is refused with the list of parts."""
     name, part = next(iter(robot.parts.items()))
     require_refusal(lambda: robot.part("no_such_part", JointGroup), UnknownPartError, "an unknown part", (name,))
     other = Camera if not isinstance(part, Camera) else JointGroup

@@ -9,7 +9,7 @@ from hal.conformance.subject import GRIPPERS, Check, each, finish
 
 @each(Gripper)
 def motions_of_grippers_can_be_cancelled(robot: Robot, gripper: Gripper) -> None:
-    """They end at once, and the fingers come to rest."""
+    """Check that cancelled motions end at once, and that the fingers come to rest."""
     motion = gripper.move(_other_end(gripper))
     robot.clock.sleep(0.1)
     require(not motion.done, "a motion over the whole range ended within 0.1 s")

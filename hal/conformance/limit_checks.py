@@ -15,7 +15,7 @@ from hal.conformance.subject import ARMS, BASES, GRIPPERS, GROUPS, Check, each, 
 
 @each(JointGroup)
 def joint_commands_beyond_limits_are_refused(robot: Robot, group: JointGroup) -> None:
-    """The message names part, joint, value and limit; nothing moves."""
+    """Check that the message names part, joint, value and limit, and that nothing moves."""
     before = group.positions()
     beyond = before.copy()
     beyond[0] = group.model.upper[0] + 0.5
@@ -33,7 +33,7 @@ def joint_commands_beyond_limits_are_refused(robot: Robot, group: JointGroup) ->
 
 @each(JointGroup)
 def malformed_joint_commands_are_refused(robot: Robot, group: JointGroup) -> None:
-    """Wrong shapes, not finite, none or two kinds of set-point, a speed scale out of range."""
+    """Check wrong shapes, values that are not finite, none or two kinds of set-point, and an invalid speed scale."""
     here = group.positions()
     broken = here.copy()
     broken[-1] = math.nan
@@ -64,7 +64,7 @@ def a_refused_command_does_not_disturb_the_motion_under_way(robot: Robot, group:
 
 @each(Arm)
 def trajectories_are_checked(robot: Robot, arm: Arm) -> None:
-    """Joints, limits, speeds, and the start."""
+    """Check that trajectories with wrong joints, limits, speeds or start are refused."""
     here, names = arm.positions(), arm.joint_names
     there = nearby(robot, arm)
 
@@ -86,7 +86,7 @@ def trajectories_are_checked(robot: Robot, arm: Arm) -> None:
 
 @each(Arm)
 def servo_refuses_jumps(robot: Robot, arm: Arm) -> None:
-    """A set-point that would need more than the velocity limits."""
+    """Check that a set-point beyond the velocity limits is refused."""
     jump = np.array(arm.positions())
     jump[0] += 0.5 if jump[0] < (arm.model.lower[0] + arm.model.upper[0]) / 2 else -0.5
     require_refusal(lambda: arm.servo(jump), CommandRefusedError, "a jump of 0.5 rad", (arm.name,))
@@ -94,7 +94,7 @@ def servo_refuses_jumps(robot: Robot, arm: Arm) -> None:
 
 @each(MobileBase)
 def base_commands_beyond_limits_are_refused(robot: Robot, base: MobileBase) -> None:
-    """Speeds above the description's, not finite ones, distances that are not above 0."""
+    """Check speeds above the model's, values that are not finite, and distances that are not above 0."""
     limits = base.model.part
     commands = {
         "vx": lambda: base.set_velocity(limits.max_vx * 1.1, 0.0, 0.0),

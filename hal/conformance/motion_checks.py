@@ -39,7 +39,7 @@ from hal.conformance.subject import (
 )
 
 BLOCKING, BLOCKING_OF_THE_MACHINE = 0.05, 0.15
-"""Seconds of the robot's time, and of the machine's, which others use too: what takes longer waits for something."""
+"""Seconds of the robot's clock, and of wall time, which a busy machine extends: a longer call counts as blocking."""
 ASKED = 5
 """How often a command is given to see whether it blocks: half of them may be held up by a busy machine."""
 REACTION = 0.15
@@ -49,18 +49,19 @@ COMMANDS_EACH = 200
 SMALL_TURN = 0.001
 """Radians or metres."""
 AT_ONCE, LONGEST_TURN = 0.002, 0.3
-"""Seconds: how often the motions are looked at, and what a small command may take on the average."""
+"""Seconds: period at which motions are polled, and maximum mean duration of a small command."""
 UNEVEN = 0.023
-"""Seconds between readings of a velocity that may ripple with its controller's period: no such period divides it."""
+"""Seconds between readings of a velocity that may oscillate with the controller's period; not a multiple of one."""
 READINGS_APART, READINGS_APART_IN_REAL_TIME = 4, 16
 """Over how many readings a speed is a mean: over two control periods of 20 Hz; where a busy machine may hold up a
 reading for as long as that, over more, and over twice as many where the motion is slow and lasts."""
 
 
 def joints_arrive_within_their_limits(robot: Robot) -> None:
-    """Every group reaches its target, at full and at quarter speed, and is never faster by more than 5 %.
+    """Check that every group reaches its target, at full and at quarter speed, and never exceeds its speed by more than
+    5 %.
 
-    Where time passes by itself, in at least one of three tries, as a busy machine reads late.
+    If time passes by itself, in at least one of three tries, because a busy machine reads late.
     """
     for group in _groups(robot):
         for scale, longer in ((1.0, 1), (0.25, 2)):
@@ -78,9 +79,9 @@ def _move_nearby(robot: Robot, group: JointGroup, scale: float) -> Iterator[Moti
 
 
 def commands_do_not_block(robot: Robot) -> None:
-    """A command returns before the motion has got anywhere, and so does a stop; most times out of five.
+    """Check that commands and stops return before the motion has progressed, in most of five tries.
 
-    By the robot's clock and by the machine's: where time passes only in sleeps, the first one tells only of sleeps.
+    Measured by the robot's clock and by wall time: if time passes only in sleeps, the robot's clock shows only sleeps.
     """
     commands: list[Callable[[], object]] = [
         partial(group.move_to, nearby(robot, group), 0.1) for group in _groups(robot)
@@ -97,7 +98,7 @@ def commands_do_not_block(robot: Robot) -> None:
 
 @each(JointGroup)
 def a_cancelled_motion_comes_to_rest(robot: Robot, group: JointGroup) -> None:
-    """Its status is CANCELED, and stays so."""
+    """Check that the status of a cancelled motion is CANCELED, permanently."""
     motion = group.move_to(nearby(robot, group), 0.5)
     robot.clock.sleep(0.2)
     motion.cancel()
@@ -107,7 +108,9 @@ def a_cancelled_motion_comes_to_rest(robot: Robot, group: JointGroup) -> None:
 
 
 def a_motion_is_cancelled_within_a_control_period(robot: Robot) -> None:
-    """The motion has ended when ``cancel`` returns; it travels only the braking distance within the limits."""
+    """Check that a motion has ended when ``cancel`` returns, and travels only the braking distance within the
+    limits.
+    """
     for group in _groups(robot):
         motion = group.move_to(nearby(robot, group, 0.8), 0.3)
         robot.clock.sleep(0.4)
@@ -125,7 +128,7 @@ def a_motion_is_cancelled_within_a_control_period(robot: Robot) -> None:
 
 
 def a_command_from_a_second_thread_is_obeyed(robot: Robot) -> None:
-    """While the first one sleeps by the robot's clock and reads; the motion arrives all the same."""
+    """Check that a motion commanded from a second thread arrives while the first one sleeps and reads."""
     group = first(robot, JointGroup)
     target = nearby(robot, group)
     with ThreadPoolExecutor(1) as second:
@@ -144,7 +147,7 @@ def a_command_from_a_second_thread_is_obeyed(robot: Robot) -> None:
 
 @each(JointGroup)
 def a_newer_command_takes_over(robot: Robot, group: JointGroup) -> None:
-    """The older motion is cancelled as superseded, the newer one arrives."""
+    """Check that the older motion is cancelled as superseded and the newer one arrives."""
     start = group.positions()
     older = group.move_to(nearby(robot, group), 0.5)
     robot.clock.sleep(0.2)
@@ -162,9 +165,9 @@ def a_newer_command_takes_over(robot: Robot, group: JointGroup) -> None:
 
 
 def a_part_at_rest_takes_the_next_command_at_once(robot: Robot) -> None:
-    """``COMMANDS_EACH`` small commands to each part, one right after another: a motion that has succeeded is over.
+    """Check ``COMMANDS_EACH`` small commands to each part, one right after another: a finished motion delays nothing.
 
-    Nothing of it is left that the next command would have to wait for. All parts at the same time, to save time.
+    All parts run at the same time, to save time.
     """
     turns = [_turns_of(part) for part in robot.parts.values() if isinstance(part, JointGroup | Gripper | MobileBase)]
     motions: dict[int, Motion[None] | None] = dict.fromkeys(range(len(turns)))
@@ -218,7 +221,7 @@ def _turns_of(part: JointGroup | Gripper | MobileBase) -> Iterator[Motion[None] 
 
 @each(JointGroup)
 def set_points_are_held(robot: Robot, group: JointGroup) -> None:
-    """Positions and velocities by ``command``; a velocity of zero stops."""
+    """Check that positions and velocities set by ``command`` hold; a velocity of zero stops."""
     target = nearby(robot, group, 0.1)
     group.command(positions=target)
     robot.clock.sleep(1.5)
@@ -238,9 +241,10 @@ def set_points_are_held(robot: Robot, group: JointGroup) -> None:
 
 @each(JointGroup)
 def velocities_are_the_rate_of_positions(robot: Robot, group: JointGroup) -> None:
-    """In the same unit, sign and order: what a joint does in half a second is what its velocity said.
+    """Check that velocities have the unit, sign and order of positions: the motion in half a second matches the
+    velocity.
 
-    Once in three tries: a busy machine may leave out readings for a while.
+    One of three tries suffices, because a busy machine may skip readings.
     """
     middle = (group.model.lower + group.model.upper) / 2
     wrong = ""
@@ -264,7 +268,9 @@ def velocities_are_the_rate_of_positions(robot: Robot, group: JointGroup) -> Non
 
 @each(JointGroup)
 def velocities_of_joints_lapse(robot: Robot, group: JointGroup) -> None:
-    """A quarter of a second after the last command, and the joints brake: the client may be gone."""
+    """Check that the joints brake a quarter of a second after the last velocity command, since the client may be
+    gone.
+    """
     middle = (group.model.lower + group.model.upper) / 2
     speed = np.where(group.positions() < middle, 1, -1) * np.minimum(0.1, group.model.velocity / 2)
     group.command(velocities=speed)
@@ -274,10 +280,10 @@ def velocities_of_joints_lapse(robot: Robot, group: JointGroup) -> None:
 
 @each(Arm)
 def trajectories_keep_the_limits_between_their_samples(robot: Robot, arm: Arm) -> None:
-    """Two samples, at rest at both: the mean speed is allowed, the speed half way between would be half as much more.
+    """Check a trajectory whose mean speed is allowed but whose speed half way between two samples is half as much more.
 
-    It arrives, more slowly, and is never faster than the limits by more than 5 %; where time passes by itself, in at
-    least one of three tries.
+    It has to arrive, more slowly, and never exceed the limits by more than 5 %; if time passes by itself, in at least
+    one of three tries.
     """
     _keep_the_limits(robot, arm, partial(_follow_nearby, robot, arm))
 
@@ -340,7 +346,7 @@ def trajectories_are_followed(robot: Robot, arm: Arm) -> None:
 
 @each(Arm)
 def set_points_are_streamed(robot: Robot, arm: Arm) -> None:
-    """At 20 Hz, slowly."""
+    """Check slow set-points streamed at 20 Hz."""
     start, end = arm.positions(), nearby(robot, arm, 0.1)
     for share in np.linspace(0.05, 1.0, 20):
         arm.servo(start + share * (end - start))

@@ -27,12 +27,12 @@ MakeRobot = Callable[[], Robot]
 
 
 class PromisesOfAConnectedRobot:
-    """Checks with one robot: it is connected once, and comes to rest after each check."""
+    """Checks that share one connected robot, which comes to rest after each of them."""
 
     @pytest.fixture(scope="class")
     @classmethod
     def connected_robot(cls, make_robot: MakeRobot) -> Iterator[Robot]:
-        """The robot under test."""
+        """Return the robot under test."""
         with make_robot() as robot:
             yield robot
 
@@ -49,7 +49,7 @@ class PromisesOfAConnectedRobot:
 
 
 class PromisesAboutConnecting:
-    """A robot of its own for each check, which connects it or not: no other client is connected meanwhile."""
+    """Checks of connecting; each has a robot of its own, and no other client is connected meanwhile."""
 
     @pytest.mark.parametrize("check", LIFE_CHECKS, ids=lambda check: check.name)
     def test_a_robot_keeps_its_promise_about_connections(
@@ -64,7 +64,7 @@ class PromisesAboutConnecting:
             robot.disconnect()
 
     def test_what_is_declared_missing_has_a_reason(self, make_robot: MakeRobot, record_property: Properties) -> None:
-        """And is listed when all is done."""
+        """Check that everything declared unsupported has a reason, and list it at the end."""
         robot = make_robot()
         for what, why in robot.unsupported.items():
             record_property(MISSING, f"{_title(robot)}: {what}: {why}")
@@ -73,7 +73,7 @@ class PromisesAboutConnecting:
 
 
 def skip_what_does_not_apply(check: Check, robot: Robot, record_property: Properties) -> None:
-    """Skip a check that does not apply to a robot, and put it on the list."""
+    """Skip a check that does not apply to a robot, and record it for the list."""
     why = check.why_not(robot)
     if why is not None:
         record_property(NOT_APPLICABLE, f"{_title(robot)}: {check.name}: {why}")

@@ -9,7 +9,7 @@ from hal.api import RobotError
 
 
 class ConformanceError(Error, AssertionError):
-    """An implementation of the Robotics API does not do what it owes."""
+    """Raised if an implementation violates a requirement of the Robotics API."""
 
 
 def require(holds: bool, sentence: str) -> None:
@@ -21,7 +21,7 @@ def require(holds: bool, sentence: str) -> None:
 def require_refusal(
     call: Callable[[], object], error: type[RobotError], what: str, words: tuple[str, ...] = ()
 ) -> None:
-    """``call`` has to raise ``error``, with all ``words`` in its message."""
+    """Require that ``call`` raises ``error`` with all ``words`` in its message."""
     try:
         call()
     except error as refusal:

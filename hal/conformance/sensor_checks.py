@@ -29,7 +29,7 @@ from hal.conformance.requirement import require, require_refusal
 from hal.conformance.subject import BASES, COMMANDS, GRIPPERS, GROUPS, Check, mass_on, parts_of
 
 OLDEST = 1.0
-"""Seconds that a reading may be old when it is asked for."""
+"""Maximum age of a reading when it is requested, seconds."""
 AHEAD = 0.01
 """Seconds that a stamp may be ahead of the robot's clock, for rounding."""
 FARTHEST = 100.0
@@ -42,13 +42,15 @@ EFFORT_MARGIN = 1.5
 SAME = 0.1
 """The share by which a lidar's own word may differ from the model: no two units are as near as that."""
 HAND_MARGIN, TOUCH = 2.0, (10.0, 3.0)
-"""What a wrist at rest may feel: so many times the weight that hangs on it, and newtons and newton metres more."""
+"""Limits of the wrench of a wrist at rest: a factor on the carried weight, and an offset in newtons and newton
+metres.
+"""
 HAND_LENGTH = 0.5
-"""Metres from a wrist to the centre of mass of what hangs on it, at most."""
+"""Maximum distance from a wrist to the centre of mass of its load, metres."""
 
 
 def joints_are_read_in_radians_metres_and_newtons(robot: Robot) -> None:
-    """Finite, one for each joint, within the limits; at rest the velocities say so."""
+    """Check that readings are finite, one per joint and within the limits; at rest, velocities are zero."""
     for group in parts_of(robot, JointGroup):
         readings = {"positions": group.positions(), "velocities": group.velocities(), "efforts": group.efforts()}
         for what, values in readings.items():
@@ -67,7 +69,7 @@ def joints_are_read_in_radians_metres_and_newtons(robot: Robot) -> None:
 
 
 def a_gripper_reads_metres(robot: Robot) -> None:
-    """The width is within the range that it describes."""
+    """Check that the width is within the range of the model."""
     for gripper in parts_of(robot, Gripper):
         width, closed, opened = gripper.width(), gripper.model.part.min_width, gripper.model.max_width
         inside = closed - 0.005 <= width <= opened + 0.005
@@ -88,7 +90,7 @@ def a_base_at_rest_stays_where_it_is(robot: Robot) -> None:
 
 
 def cameras_give_images_as_described(robot: Robot) -> None:
-    """Colour and depth of the described size, depth in metres."""
+    """Check that colour and depth have the model's size, with depth in metres."""
     for camera in parts_of(robot, Camera):
         image, k = camera.capture(), camera.intrinsics
         require(image.rgb.shape == (k.height, k.width, 3), f"{camera.name} gave an image of shape {image.rgb.shape}")
@@ -99,7 +101,7 @@ def cameras_give_images_as_described(robot: Robot) -> None:
 
 
 def lidars_give_ranges_within_theirs(robot: Robot) -> None:
-    """Metres, within the range that the scan tells; inf where nothing was hit. Range and angles are the model's."""
+    """Check that ranges are metres within the scan's limits, inf without a hit; limits and angles are the model's."""
     for lidar in parts_of(robot, Lidar):
         scan = lidar.scan()
         require(len(scan.ranges) > 0, f"{lidar.name} gave an empty scan")
@@ -117,7 +119,7 @@ def lidars_give_ranges_within_theirs(robot: Robot) -> None:
 
 
 def forces_are_those_of_the_hand(robot: Robot) -> None:
-    """Newtons and newton metres, three of each: at rest, not much more than the weight that hangs on the sensor."""
+    """Check force and torque, (3,) N and N m: at rest not much more than the weight that the sensor carries."""
     for sensor in parts_of(robot, ForceTorque):
         wrench = sensor.wrench()
         for what, values in (("force", wrench.force), ("torque", wrench.torque)):
@@ -144,7 +146,7 @@ def inertial_units_feel_gravity(robot: Robot) -> None:
 
 
 def pads_tell_forces_taxel_by_taxel(robot: Robot) -> None:
-    """Newtons: a pressure and a shear for each taxel, and how fast what is touched slides, m/s."""
+    """Check for each taxel a pressure and a shear, newtons, and the sliding speed of a touching object, m/s."""
     for pad in parts_of(robot, Tactile):
         reading, shape = pad.read(), np.shape(pad.read().pressure)
         right = len(shape) == 2 and np.shape(reading.shear) == (*shape, 2) and np.shape(reading.sliding) == (2,)
@@ -154,7 +156,7 @@ def pads_tell_forces_taxel_by_taxel(robot: Robot) -> None:
 
 
 def bumpers_tell_zones_that_they_have(robot: Robot) -> None:
-    """At least one; with nothing beside the robot, none is pressed."""
+    """Check that there is at least one zone, and that none is pressed without an obstacle."""
     for bumper in parts_of(robot, Bumper):
         require(len(bumper.zones) > 0, f"{bumper.name} has no zones")
         pressed = bumper.read().pressed
@@ -162,7 +164,7 @@ def bumpers_tell_zones_that_they_have(robot: Robot) -> None:
 
 
 def batteries_tell_their_charge(robot: Robot) -> None:
-    """A share of 0 to 1, and a voltage."""
+    """Check a charge from 0 to 1, and a voltage."""
     for battery in parts_of(robot, Battery):
         reading = battery.read()
         require(0.0 <= reading.charge <= 1.0, f"{battery.name} has a charge of {reading.charge}; 0 to 1 is possible")
@@ -171,7 +173,7 @@ def batteries_tell_their_charge(robot: Robot) -> None:
 
 
 def who_declares_commands_missing_takes_none(robot: Robot) -> None:
-    """Robots that declare commands missing must refuse them."""
+    """Check that a robot that declares commands unsupported refuses them."""
     if COMMANDS in robot.unsupported:
         for group in parts_of(robot, JointGroup):
             here = group.positions()
@@ -183,7 +185,7 @@ def who_declares_commands_missing_takes_none(robot: Robot) -> None:
 
 
 def readings_are_stamped(robot: Robot) -> None:
-    """With the robot's clock: never of the future, never a second old when they are asked for, and newer ones come."""
+    """Check stamps of the robot's clock: never in the future, less than a second old, and increasing."""
     for name, stamp in _stamped(robot):
         asked, first, now = robot.clock.now(), stamp(), robot.clock.now()
         words = f"{name} stamped {first:.3f}, it was asked at {asked:.3f} and answered at {now:.3f}"

@@ -28,7 +28,7 @@ def stop_brings_everything_to_rest(robot: Robot) -> None:
 
 
 def a_stopped_robot_refuses_commands(robot: Robot) -> None:
-    """All of them, until the stop is cleared."""
+    """Check that all commands are refused until the stop is cleared."""
     robot.stop()
     for group in parts_of(robot, JointGroup):
         here = group.positions()
@@ -54,7 +54,7 @@ def a_stopped_robot_refuses_commands(robot: Robot) -> None:
 
 
 def a_stop_stays_until_it_is_cleared(robot: Robot) -> None:
-    """Neither time nor the stop of a part clears it."""
+    """Check that neither time nor the stop of a part clears the robot's stop."""
     robot.stop()
     robot.clock.sleep(1.0)
     for part in robot.parts.values():
@@ -65,7 +65,7 @@ def a_stop_stays_until_it_is_cleared(robot: Robot) -> None:
 
 
 def stopping_twice_is_stopping_once(robot: Robot) -> None:
-    """Idempotent, also when nothing moves; one clear_stop() is enough."""
+    """Check that stopping is idempotent, also at rest; one clear_stop() is enough."""
     robot.stop()
     robot.stop()
     robot.clear_stop()
@@ -110,7 +110,7 @@ def _stream(robot: Robot) -> None:
 
 
 def stop_works_from_another_thread(robot: Robot) -> None:
-    """While the clock runs."""
+    """Check a stop from another thread while the clock runs."""
     motions = set_moving(robot)
     thread = threading.Thread(target=robot.stop)
     thread.start()

@@ -47,15 +47,15 @@ POLL = 0.05
 AGAIN = 0.05
 """Seconds after which a velocity of joints is commanded again."""
 IDLE = 0.02
-"""Seconds of the machine's time in which a clock of real time goes on, and a simulated one does not."""
+"""Wall time, seconds, in which a real-time clock advances and a simulated one does not."""
 REST_TIME = 0.5
-"""Seconds in which a robot comes to rest, and then stays so."""
+"""Seconds in which a robot must come to rest, and for which it must then stay at rest."""
 LAG = 0.5
 """Seconds by which readings of a robot in another process may lag on a busy machine."""
 REST_JOINT_SPEED = 0.01
 REST_BASE_SPEED = 0.01
 COMMANDS = "commands"
-"""What a robot declares missing that only tells and takes no commands, as one that plays a recording."""
+"""The feature that a robot declares unsupported if it accepts no commands, such as one that plays a recording."""
 MODEL_KINDS: Mapping[type[Part], tuple[type, ...]] = {
     Arm: (ArmModel,),
     JointGroup: (ArmModel, JointGroupModel),
@@ -74,9 +74,9 @@ MODEL_KINDS: Mapping[type[Part], tuple[type, ...]] = {
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that an implementation owes.
+    """One requirement on an implementation.
 
-    ``needs``: the kinds of part without which it does not apply. ``commands``: whether it commands anything.
+    ``needs``: kinds of parts without which it does not apply. ``commands``: whether it commands anything.
     """
 
     run: Callable[[Robot], None]
@@ -85,11 +85,11 @@ class Check:
 
     @property
     def name(self) -> str:
-        """The name of the function in words."""
+        """The name of the function, as words."""
         return self.run.__name__.replace("_", " ")
 
     def why_not(self, robot: Robot) -> str | None:
-        """Why it does not apply to a robot, by what that declares; None: it applies."""
+        """Return why the check does not apply to a robot, according to its declarations; None: it applies."""
         declared = robot.unsupported
         if self.name in declared:
             return declared[self.name]
@@ -103,7 +103,7 @@ class Check:
 
 
 def modelled(robot: Robot, kind: type[Part]) -> Iterator[str]:
-    """Names of the parts of a kind that the robot's model lists."""
+    """Yield the names of the model's parts of a kind."""
     descriptions = MODEL_KINDS.get(kind, ())
     yield from (name for name, part in robot.model.parts.items() if isinstance(part, descriptions))
 
@@ -135,7 +135,7 @@ def each(kind: type[PartType]) -> Callable[[Callable[[Robot, PartType], None]], 
 def waits_for_sleeps(clock: Clock) -> bool:
     """Return whether time passes only in sleeps, as in simulation, or by itself.
 
-    Each query lets the machine's time pass: a clock that shortens a sleep after one that was too long forgets that.
+    Wall time passes during each query, so that a clock that compensates for a long sleep has finished doing so.
     """
     before = clock.now()
     time.sleep(IDLE)
@@ -151,10 +151,11 @@ def finish(robot: Robot, motion: Motion[None], limit: float = 20.0) -> None:
 
 
 def nearby(robot: Robot, group: JointGroup, step: float = 0.3) -> NDArray[np.float64]:
-    """Positions at most ``step`` from the present ones, and at least half of it: off the posture ``home``, or back.
+    """Return positions (n,) between half of ``step`` and ``step`` from the current ones: away from the posture
+    ``home``, or back.
 
-    Away from there each joint goes to the side of its range where there is more room, so that checks in whatever order
-    and number keep near to a posture in which the robot touches nothing.
+    Away from ``home`` each joint moves to the side with more range, so that checks in any order and number stay near a
+    posture without contact.
     """
     present = group.positions()
     lower = group.model.lower
@@ -187,7 +188,7 @@ def keep_velocity(robot: Robot, group: JointGroup, velocities: NDArray[np.float6
 
 
 def what_moves(robot: Robot) -> list[str]:
-    """Arms, groups and bases that do not stand still, as the API defines it, with their velocities."""
+    """Return the moving arms, groups and bases with their velocities; rest is as the API defines it."""
     moving = []
     for group in parts_of(robot, JointGroup):
         velocities = group.velocities()
@@ -201,7 +202,7 @@ def what_moves(robot: Robot) -> list[str]:
 
 
 def require_rest(robot: Robot, after: str) -> None:
-    """The robot has to be at rest, its fingers too, and to stay so."""
+    """Require that the robot is at rest, including its fingers, and stays so."""
     robot.clock.sleep(REST_TIME)
     moving, last = what_moves(robot), robot.clock.now() + LAG
     while moving and robot.clock.now() < last:
@@ -226,7 +227,7 @@ def require_rest(robot: Robot, after: str) -> None:
 
 
 def mass_on(model: RobotModel, joints: tuple[str, ...]) -> float:
-    """Kilograms of all links that hang on one of these joints."""
+    """Return the mass of all links carried by one of these joints, kg."""
     masses = {
         str(link.get("name")): float(mass.get("value", 0.0))
         for link in ElementTree.fromstring(model.urdf).iter("link")

@@ -10,7 +10,7 @@ from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, Promise
 
 @pytest.fixture(scope="module")
 def make_robot(pytestconfig: pytest.Config) -> MakeRobot:
-    """Makes the robot that the options name."""
+    """Return a function that creates the robot given by the options."""
     return pytestconfig.stash[ROBOT_UNDER_TEST]
 
 

@@ -17,11 +17,11 @@ LONGEST_DRIFT = 1e-4
 
 
 class RemoteTime:
-    """Brings stamps of another clock to ours. The message that came the fastest counts as if it took no time.
+    """Converts stamps of another clock to ours; the fastest message counts as having no latency.
 
-    The least difference between arrival and stamp is the offset of the clocks (the minimum filter of Cristian,
-    "Probabilistic clock synchronization", 1989); it may grow again as clocks drift, no faster. Each source of messages
-    has one of its own: some stamp what they tell ahead, as AMCL does. Safe from any thread.
+    The smallest difference between arrival and stamp is the offset of the clocks (the minimum filter of Cristian,
+    "Probabilistic clock synchronization", 1989); it grows at most with the drift of clocks. Each source of messages
+    needs its own object, because some sources stamp messages ahead of time, as AMCL does. Thread-safe.
     """
 
     def __init__(self) -> None:
@@ -30,12 +30,14 @@ class RemoteTime:
         self._updated = 0.0
 
     def forget(self) -> None:
-        """The other clock may be another one from now on."""
+        """Discard the offset: the other clock may have changed."""
         with self._lock:
             self._offset = None
 
     def here(self, stamp: float, received: float) -> float:
-        """Time on our clock of what the other one stamped ``stamp`` and we received at ``received``, at most that."""
+        """Return the time on our clock of a ``stamp`` of the other one, received at ``received``; at most
+        ``received``.
+        """
         with self._lock:
             self._offset = self._offset_with(stamp, received)
             self._updated = max(self._updated, received)
@@ -53,13 +55,13 @@ class RemoteTime:
 
 
 FARTHEST_AHEAD, FARTHEST_BEHIND = 0.02, 0.4
-"""Seconds by which a message may be stamped later, or earlier, than it comes where clocks count as synchronised."""
+"""Maximum seconds by which a stamp may be ahead of, or behind, the arrival of its message with synchronised clocks."""
 
 
 class SynchronisedTime(RemoteTime):
-    """Stamps of a clock that PTP or NTP keeps with this machine's are believed, whatever a message's latency is.
+    """Uses stamps of a clock that PTP or NTP synchronises with this machine's, regardless of message latency.
 
-    ``ahead``: seconds by which the last message was stamped later than it came.
+    ``ahead``: seconds by which the last message's stamp was ahead of its arrival.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -73,7 +75,7 @@ class SynchronisedTime(RemoteTime):
 
 
 LONGEST_REORDERING = 0.05
-"""Seconds by which one source may stamp a message before the one that it sent earlier."""
+"""Maximum seconds by which the stamps of one source may decrease."""
 
 
 class StampOrder:
@@ -83,37 +85,39 @@ class StampOrder:
         self._last: float | None = None
 
     def forget(self) -> None:
-        """The next stamp is the first one."""
+        """Accept any stamp as the next one."""
         self._last = None
 
     def set_back(self, stamp: float) -> bool:
-        """Return whether the clock was set back between the last stamp that was noted and this one."""
+        """Return whether the clock was set back between the last recorded stamp and this one."""
         return self._last is not None and stamp < self._last - LONGEST_REORDERING
 
     def note(self, stamp: float) -> None:
-        """This is the last stamp."""
+        """Record the last stamp."""
         self._last = stamp
 
 
 LATE_TIME = 0.15
-"""Seconds that things have to come late before that counts."""
+"""Seconds of continuous lateness after which it counts."""
 
 
 class LatencyMonitor:
-    """``lag``: seconds by which the last message, or the last answer, was late. A single late one does not count."""
+    """Measures the latency of messages. ``lag``: latency of the last message or reply, seconds; single late ones are
+    ignored.
+    """
 
     def __init__(self) -> None:
         self.lag = 0.0
         self._since: float | None = None
 
     def forget(self) -> None:
-        """Nothing of what has come counts any more."""
+        """Discard all measurements."""
         self.lag, self._since = 0.0, None
 
     def late(self, longest_delay: float, now: float) -> float | None:
-        """By how much they have come late for a while, if that is more than ``longest_delay``, else None.
+        """Return by how many seconds messages have been late for a while, if more than ``longest_delay``, else None.
 
-        To be asked often: times are those at which it is asked.
+        Call it often: lateness is timed between calls.
         """
         if self.lag <= longest_delay:
             self._since = None
@@ -125,7 +129,7 @@ class LatencyMonitor:
 
 
 LONGEST_DEBT = 0.05
-"""Seconds by which a sleep that was too long shortens the next one, at most."""
+"""Maximum seconds by which a late sleep shortens the next one."""
 AT_ONCE = 0.005
 """Seconds within which the next sleep has to begin for that."""
 
@@ -144,7 +148,7 @@ class RealTimer(Timer):
         return self._start + (self._calls + 1) * self._period
 
     def run(self, now: float) -> None:
-        """Call once; what could not be called in time is left out, not made up for."""
+        """Call once; missed calls are skipped."""
         self._calls = max(self._calls + 1, int((now - self._start) / self._period + 1e-9))
         self._call()
 
@@ -163,11 +167,11 @@ class _OfThread(threading.local):
 
 
 class RealTimeClock(Clock):
-    """The machine's monotonic clock, from 0 at its making, or at ``start``, seconds of that clock.
+    """The machine's monotonic clock, starting at 0 or at ``start``, seconds of that clock.
 
-    As in simulation, periodic calls run while the thread that asked for them sleeps, never beside it, so that
-    controllers need no locks. A thread that computes instead of sleeping delays its periodic calls: what has to come
-    on time whatever happens (set-points, watchdogs) runs in threads of ``ControlLoop`` and takes no part in this.
+    As in simulation, periodic calls run while the thread that registered them sleeps, so that controllers need no
+    locks. A thread that computes instead of sleeping delays its periodic calls: time-critical work (set-points,
+    watchdogs) runs in threads of ``ControlLoop`` instead.
     """
 
     def __init__(self, start: float | None = None) -> None:
@@ -175,11 +179,11 @@ class RealTimeClock(Clock):
         self._own = _OfThread()
 
     def now(self) -> float:
-        """Seconds since the clock was made."""
+        """Return the seconds since the clock was created."""
         return time.monotonic() - self._start
 
     def sleep(self, duration: float) -> None:
-        """Wait; many short sleeps take as long as a long one. RuntimeError from within a periodic call."""
+        """Wait; many short sleeps take as long as a long one. Raises RuntimeError within a periodic call."""
         self._wait(duration, None)
 
     def wait(self, duration: float, wake: threading.Event) -> None:

@@ -32,10 +32,10 @@ PATIENCE = 3.0
 
 
 class ControllerLock:
-    """Holds the place of the only client of one controller from ``take`` to ``release``, or to the end of the process.
+    """The exclusive lock of one controller, held from ``take`` to ``release`` or to the end of the process.
 
-    A file lock (flock) in the user's runtime folder, which the kernel releases with the process, however that ends. The
-    file is named by a digest, so that the address stands nowhere in clear, and holds the number of the process.
+    A file lock (flock) in the user's runtime folder, which the kernel releases when the process ends. The file is named
+    by a digest, so that it does not reveal the address, and contains the process id.
     """
 
     def __init__(self, name: str, driver: str, address: str) -> None:
@@ -89,19 +89,18 @@ LONGEST_BRAKING = 0.6
 
 
 class Connection(ABC):
-    """A controller with the parts behind it. Making one does no work; ``parts`` can be read before ``connect()``.
+    """A controller with its parts. The constructor does no work; ``parts`` can be read before ``connect()``.
 
-    A vendor's class says how to open and close the wire, when it last heard of the controller, and which fault the
-    controller reports. It makes its parts of the classes in ``hal.hardware`` over channels of its own and loops that
-    drive them. Limits, the stop, the dead-man and the watchdog are above it and no concern of its.
+    A vendor's subclass defines how to open and close the connection, when the controller last replied, and which fault
+    it reports. It makes its parts from the classes in ``hal.hardware``, with its own channels and control loops.
+    Limits, the stop, the command timeout and the watchdog are implemented above it.
 
-    ``options_type``: frozen dataclass of the ``options`` in the robot's YAML. ``package``: the SDK, by the name that it
-    is imported by; ``extra``: of our package, which brings it. ``serves``: kind of part → how many of it have to, and
-    may, be behind one controller; empty: any parts. ``needs_address``: whether it has one. All these are checked when a
-    robot is read, before anything connects.
-    ``one_client``: whether its controller obeys any client, so that a second client must be refused here.
-    ``unsupported``: what of the Robotics API the controller cannot do, or a check of the conformance suite that it
-    cannot pass → why; conformance lists it.
+    ``options_type``: frozen dataclass of the ``options`` in the robot's YAML. ``package``: import name of the SDK;
+    ``extra``: our extra that installs it. ``serves``: kind of part → allowed numbers behind one controller; empty: any
+    parts. ``needs_address``: whether an address is required. All these are checked when a robot is read, before
+    anything connects. ``one_client``: whether the controller obeys any client, so that a second client must be refused
+    here. ``unsupported``: features of the Robotics API that the controller lacks, or conformance checks that it cannot
+    pass → reason; conformance lists them.
     """
 
     driver: ClassVar[str]
@@ -161,11 +160,11 @@ class Connection(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Close the wire; idempotent, also half way through ``open()``. Raises nothing."""
+        """Close the connection; idempotent, also during ``open()``. Raises nothing."""
 
     @abstractmethod
     def heard(self) -> float:
-        """Time of the clock at which the controller last gave a sign of life."""
+        """Return the clock time of the controller's last sign of life, seconds."""
 
     @abstractmethod
     def reported_fault(self) -> Failure | None:
@@ -181,8 +180,8 @@ class Connection(ABC):
     def held(self) -> str | None:
         """Return the required inspection before commands are accepted, as text, or None if it is released.
 
-        By a wire of its own: it is asked of a connection that is not open, also while another process has one.
-        Collisions, safety and power are the matter of people: ``open`` and ``recover`` fail with them.
+        Uses its own wire: it is called without an open connection, also while another process has one. Collisions,
+        safety and power require a person: ``open`` and ``recover`` fail for them.
         """
         return None
 
@@ -190,7 +189,7 @@ class Connection(ABC):
         """Release it after an inspection. Raises ConnectionFailedError if that cannot be done from here."""
 
     def identity(self) -> Identity:
-        """Which controller has answered; while connected."""
+        """Return the identity of the connected controller."""
         return Identity()
 
     def arm_facts(self) -> ArmFacts | None:
@@ -198,12 +197,12 @@ class Connection(ABC):
         return None
 
     def abandon(self) -> None:  # noqa: B027 - for wires that need it
-        """Drop a wire that was lost, at once: what it or the SDK still holds is not to act when it is back."""
+        """Drop a lost wire at once, so that pending commands of it or of the SDK do not act after a reconnection."""
 
     # The same for all
 
     def connect(self) -> None:
-        """Open the wire, start the loops; idempotent. ConnectionFailedError leaves nothing open."""
+        """Open the wire and start the loops; idempotent. Raises ConnectionFailedError, with everything closed."""
         if self.connected:
             return
         self._crash, self.remarks = None, ()
@@ -236,12 +235,12 @@ class Connection(ABC):
         self.connected = False
 
     def stop(self) -> None:
-        """Bring all parts to rest; at once, from any thread."""
+        """Bring all parts to rest at once; thread-safe."""
         for part in self.parts.values():
             part.stop()
 
     def fault(self) -> Failure | None:
-        """Why nothing behind this controller can be relied on now, else None."""
+        """Return the fault because of which the controller cannot be used now, else None."""
         if not self.connected:
             return None
         if self._crash is not None:
@@ -263,9 +262,9 @@ class Connection(ABC):
             self.abandon()
 
     def clear(self, noted: Failure | None) -> None:
-        """After a stop because of ``noted``: clear what the controller reports, or connect again where it was lost.
+        """Clear the controller's faults after a stop because of ``noted``, or reconnect if the connection was lost.
 
-        A wire that was lost for a while is reopened, even if it works again: the state may have changed since.
+        A wire that was lost for a while is reopened even if it works again: the state may have changed since.
         """
         if not self.connected:
             self.connect()
@@ -282,7 +281,7 @@ class Connection(ABC):
                 part.attach()
 
     def add_loop(self, name: str, rate: float, step: Callable[[float], None]) -> None:
-        """A loop that runs while connected, ``rate`` times a second."""
+        """Add a loop that calls ``step`` at ``rate`` Hz while connected."""
         self._loops.append(ControlLoop(f"{self.name} {name}", rate, step, self._crashed))
 
     def sdk(self, module: str) -> ModuleType:

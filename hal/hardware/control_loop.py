@@ -41,11 +41,11 @@ class Lateness:
 
 
 class ControlLoop:
-    """Calls ``step(elapsed)`` ``rate`` times a second, from ``start()`` to ``close()``.
+    """Calls ``step(elapsed)`` at ``rate`` Hz, from ``start()`` to ``close()``.
 
-    ``elapsed``: seconds since the last call began. A call that takes longer than its period delays the next one and
-    leaves out those that it ran over. What ``step`` raises ends the loop and is handed to ``crashed``. Where the system
-    allows it (``ulimit -r``), the thread has real-time priority, so that a busy machine does not delay it.
+    ``elapsed``: seconds since the last call began. A call that takes longer than its period delays the next one, and
+    missed calls are skipped. An exception of ``step`` ends the loop and is passed to ``crashed``. If the system allows
+    it (``ulimit -r``), the thread has real-time priority, so that a busy machine does not delay it.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class ControlLoop:
         self._thread.start()
 
     def close(self, timeout: float = 3.0) -> bool:
-        """End after the call under way; tell whether it has ended within ``timeout`` seconds. Idempotent."""
+        """End after the current call; return whether it has ended within ``timeout`` seconds. Idempotent."""
         self._closing.set()
         thread = self._thread
         if thread is None or thread is threading.current_thread():

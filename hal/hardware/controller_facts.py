@@ -18,7 +18,7 @@ from bestman_bt.robot_model.payload import flange_of, payload
 
 @dataclass(frozen=True)
 class Identity:
-    """Which controller that is; empty where it does not tell."""
+    """The identity of a controller; fields that it does not report are empty."""
 
     model: str = ""
     serial_number: str = ""
@@ -27,11 +27,11 @@ class Identity:
 
 @dataclass(frozen=True, eq=False)
 class ArmFacts:
-    """An arm as its controller knows it, or None if that is not told. SI units.
+    """The state of an arm in its controller; values that it does not report are None. SI units.
 
     ``positions``: (n,) of the joints. ``tool_pose``: of the controller's tool at these positions, in the ``base_frame``
-    of the robot's arm. ``tool_offset``: of that tool from the flange, the tip of the arm's part. ``joint_limits``:
-    (n, 2). ``payload``: kg at the flange. ``gravity``: (3,), its direction in the ``base_frame``.
+    of the robot's arm. ``tool_offset``: of that tool from the flange, the tip of the arm's part. ``joint_limits``: (n,
+    2). ``payload``: kg at the flange. ``gravity``: (3,), its direction in the ``base_frame``.
     """
 
     positions: NDArray[np.float64]
@@ -45,7 +45,7 @@ class ArmFacts:
 TOOL_TOLERANCE = 0.002
 """Metres."""
 PAYLOAD_TOLERANCE = 0.5
-"""Kilograms: cables and what else no URDF weighs."""
+"""Kilograms of cables and other parts that the URDF lacks."""
 MOUNTING_TOLERANCE = math.radians(5.0)
 
 
@@ -59,7 +59,7 @@ class ModelComparison:
 
 
 def compare_tool(model: RobotModel, arm: str, told: ArmFacts) -> ModelComparison | None:
-    """The controller's tool is the flange or the file's tool, or None if it does not tell."""
+    """Compare the controller's tool with flange and tool of the file; None if it is not reported."""
     if told.tool_offset is None:
         return None
     ours = _placed(model, model.of(ArmModel)[arm].tool_frame, flange_of(model, arm)).position
@@ -75,7 +75,7 @@ def compare_tool(model: RobotModel, arm: str, told: ArmFacts) -> ModelComparison
 
 
 def compare_payload(model: RobotModel, arm: str, told: ArmFacts) -> ModelComparison | None:
-    """The controller counts on the mass of the file's hand, or None if it does not tell."""
+    """Compare the controller's payload with the mass of the file's hand; None if it is not reported."""
     if told.payload is None:
         return None
     ours = payload(model, flange_of(model, arm)).mass
@@ -87,7 +87,7 @@ def compare_payload(model: RobotModel, arm: str, told: ArmFacts) -> ModelCompari
 
 
 def compare_mounting(model: RobotModel, arm: str, told: ArmFacts) -> ModelComparison | None:
-    """Gravity pulls the same way by the controller and by the file, or None if it does not tell."""
+    """Compare the controller's direction of gravity with that of the file; None if it is not reported."""
     if told.gravity is None:
         return None
     base = _placed(model, model.of(ArmModel)[arm].base_frame, model.base_frame)

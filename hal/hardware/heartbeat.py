@@ -18,16 +18,16 @@ from bestman_bt.runtime_folder import runtime_folder
 from hal.hardware.control_loop import take_real_time_priority
 
 PRIORITY = 2
-"""Of real time, where the system allows it: a busy machine is no dead process."""
+"""Real-time priority, if the system allows it, so that a busy machine does not look like a dead process."""
 RECONNECT_PERIOD = 20
 """Milliseconds between attempts to find an end again that was silent."""
 
 
 class Heartbeat:
-    """One end of a link between two processes. ``address``: of the other end; empty: this is the first one.
+    """One end of a mutual watchdog between two processes. ``address``: of the other end; empty: this is the first one.
 
-    ``longest_silence``: seconds without a sign of life after which the other end counts as silent. What was silent and
-    answers again is found again. Safe from any thread.
+    ``longest_silence``: seconds without a sign of life after which the other end counts as silent; it recovers with the
+    next one. Thread-safe.
     """
 
     def __init__(self, longest_silence: float, address: str = "") -> None:

@@ -20,7 +20,9 @@ POLL = 0.05
 
 @dataclass(frozen=True, eq=False)
 class WayBack:
-    """A motion of one part back into its range. ``joints``: those outside, from ``here`` to ``there``, (n,) each."""
+    """A motion of one part back into its range. ``joints``: those outside, to be moved from ``here`` to ``there``, (n,)
+    each.
+    """
 
     part: str
     joints: tuple[str, ...]
@@ -34,14 +36,14 @@ class WayBack:
 
 
 def admit_outside(robot: Robot) -> None:
-    """Joints outside of their range are taken when ``robot`` connects; before it does."""
+    """Allow ``robot`` to connect with joints outside their range; call it before ``connect()``."""
     for part in robot.parts.values():
         if isinstance(part, StreamedJointGroup):
             part.comes_into_limits = True
 
 
 def ways_back(robot: Robot) -> Iterator[WayBack]:
-    """For each part of a connected robot that has joints outside of their range."""
+    """Yield a motion for each part of a connected robot that has joints outside their range."""
     for name, part in robot.parts.items():
         if not isinstance(part, StreamedJointGroup):
             continue
@@ -55,7 +57,7 @@ def ways_back(robot: Robot) -> Iterator[WayBack]:
 
 
 def go_back(robot: Robot, way: WayBack) -> str:
-    """Move slowly; why it did not arrive, or nothing."""
+    """Execute the motion slowly; return why it did not arrive, or an empty text."""
     part = robot.part(way.part, StreamedJointGroup)
     motion = part.move_to(way.there, SPEED)
     while not motion.done:

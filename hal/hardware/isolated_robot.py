@@ -41,12 +41,12 @@ PROCESS = "robot process"
 
 
 class IsolatedRobot(Robot):
-    """As ``HardwareRobot``, which runs in a process of its own from ``connect()`` to ``disconnect()``.
+    """A ``HardwareRobot`` that runs in a process of its own from ``connect()`` to ``disconnect()``.
 
-    Both processes give each other signs of life. Should this one die or hang, the other one brings the robot to rest.
-    Should that one die, motions fail as DISCONNECTED and its controllers get no more set-points; where it hangs, or
-    does not answer a stop within ``STOP_TIME``, it is killed, to the same end. The robot then counts as stopped, with
-    that fault; ``connect()`` and ``clear_stop()`` begin another process.
+    Both processes exchange signs of life. If this one dies or hangs, the other one brings the robot to rest. If the
+    other one dies, motions fail as DISCONNECTED and its controllers get no more set-points; if it hangs, or does not
+    answer a stop within ``STOP_TIME``, it is killed, with the same result. The robot then counts as stopped, with that
+    fault; ``connect()`` and ``clear_stop()`` start another process.
     """
 
     clock: RealTimeClock  # the other process stamps readings by the same one
@@ -103,16 +103,16 @@ class IsolatedRobot(Robot):
             self.clock.cancel_timers()
 
     def stop(self) -> None:
-        """Bring all parts to rest and latch; safe from any thread, whatever else is being asked.
+        """Bring all parts to rest and latch the stop; thread-safe, also during other calls.
 
-        It takes ``STOP_TIME`` at most: a process that does not answer by then is killed, see ``faults``.
+        Takes at most ``STOP_TIME``: a process that does not answer by then is killed, see ``faults``.
         """
         self._description.stop()
         with suppress(NotConnectedError):  # it was lost: nothing moves any more
             self._client.stop(Call(ROBOT, "stop"))
 
     def keep_black_box_in(self, folder: Path | None) -> None:
-        """The other process writes it, also where this one is gone."""
+        """Let the other process write the black box, also after the end of this one."""
         self._black_box_in = folder
         with suppress(NotConnectedError):
             if self._client.open:
@@ -125,7 +125,7 @@ class IsolatedRobot(Robot):
             self._client.stop(Call(ROBOT, "set_speed", (self.speed,)))
 
     def clear_stop(self) -> None:
-        """Accept commands again; raises as ``HardwareRobot.clear_stop``. Connects again where the process was lost."""
+        """Accept commands again; reconnects if the process was lost. Raises as ``HardwareRobot.clear_stop``."""
         stops = self._description.stops
         if self._client.lost is not None:
             self.connect()
@@ -145,7 +145,7 @@ class IsolatedRobot(Robot):
 
     @property
     def stopped_at(self) -> float | None:
-        """When all parts were last told to stop, seconds of the clock; of this connection."""
+        """The clock time of the last stop of all parts in this connection, seconds."""
         answer = self._asked("stopped_at", lambda: self._description.stopped_at)
         return float(answer) if answer is not None else None
 
@@ -156,7 +156,7 @@ class IsolatedRobot(Robot):
         return dict(self._asked("noted_faults", lambda: {PROCESS: lost} if lost is not None else {}))
 
     def diagnostics(self) -> dict[str, str]:
-        """Short texts by subject; no addresses."""
+        """Return diagnostic texts by subject, without addresses."""
         texts: dict[str, str] = self._asked("diagnostics", self._description.diagnostics)
         lost = self._client.lost
         return texts if lost is None else {**texts, PROCESS: str(lost)}
@@ -180,10 +180,10 @@ class IsolatedRobot(Robot):
 
 
 class RpcClient:
-    """The wires to the other process: one for stops and cancels, one for the robot, one for each part.
+    """The connections to the other process: one for stops and cancels, one for the robot, one for each part.
 
-    A request to one part, such as an image, blocks no other part. ``lost``: why the process that was there is there
-    no more, although no caller has disconnected; ``when_lost`` is told of it at once. Safe from any thread.
+    A request to one part, such as an image, does not block other parts. ``lost``: why the process has ended without a
+    disconnect; ``when_lost`` is then called at once. Thread-safe.
     """
 
     def __init__(self, parts: tuple[str, ...], when_lost: Callable[[Failure], None]) -> None:
@@ -225,7 +225,7 @@ class RpcClient:
         self._exchange(self._wires[ROBOT], replace(setup, heartbeat=self._heartbeat.address), math.inf)
 
     def close(self) -> None:
-        """End the process: it ends with its wires; what still moved has failed."""
+        """Close the connections, which ends the process; motions still running fail."""
         with self._losing:
             wires, self._wires = self._wires, {}
             process, self._process = self._process, None
@@ -248,7 +248,9 @@ class RpcClient:
         self._fail_motions("the robot was disconnected")
 
     def call(self, call: Call, part: str = "") -> Any:
-        """Ask, and wait for the answer; what the other side raised is raised here. ``part``: whose motion is asked."""
+        """Send a request and wait for the reply; exceptions of the other side are raised here. ``part``: part of the
+        motion.
+        """
         return self._ask(part or str(call.target), call)
 
     def stop(self, call: Call) -> Any:
@@ -310,14 +312,14 @@ class RpcClient:
 
 
 class WireEndedError(RobotError):
-    """The other end of a wire is gone, or this one was closed."""
+    """Raised if the other end of a wire is gone, or this one was closed."""
 
 
 class RpcConnection:
-    """One question at a time, asked by a thread of its own.
+    """A connection with one request at a time, handled in its own thread.
 
-    An interrupt of the thread that waits, as Ctrl-C is of the main thread, leaves no question half asked and no answer
-    for the next question: the exchange ends all the same, and its answer is dropped.
+    If the waiting thread is interrupted, for example by Ctrl-C, the exchange is completed and its reply is discarded,
+    so that requests and replies stay in step.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -328,7 +330,7 @@ class RpcConnection:
         self._thread.submit(lambda: None).result()
 
     def ask(self, question: Any) -> Future[Any]:
-        """Return the answer to come. Raises WireEndedError if the other process is gone."""
+        """Return the future reply. Raises WireEndedError if the other process is gone."""
         try:
             return self._thread.submit(self._exchange, question)
         except RuntimeError as error:  # closed meanwhile

@@ -39,16 +39,15 @@ FOUND_AGAIN_TIME = 1.0
 
 
 class HardwareRobot(Robot):
-    """The robot of a model's ``connections``; it has the parts that are behind one of them.
+    """The robot of a model's ``connections``, with the parts behind them.
 
-    Any fault of any controller, but of one that only looks, stops all parts and latches: the motions behind the faulty
-    one fail with its code and the vendor's, all others are cancelled as stopped. ``clear_stop()`` clears faults,
-    and connects again what was lost.
+    A fault of any controller, except one that only has sensors, stops and latches all parts: motions of the faulty
+    controller fail with its code and the vendor's, all others are cancelled as stopped. ``clear_stop()`` clears faults
+    and reconnects lost controllers.
 
-    ``world``, ``seed`` and ``gui`` are those of simulated drivers, which this one has no use for. ``connections``: the
-    controllers by name. ``stopped_at``: when all parts were last told to stop, seconds of the clock; kept by
-    ``clear_stop()``; None: never. ``planner``: signs of life of the program that commands the robot from another
-    process; where it is silent, the robot stops.
+    ``world``, ``seed`` and ``gui`` are for simulated drivers and have no effect here. ``connections``: the controllers
+    by name. ``stopped_at``: clock time of the last stop of all parts, seconds; kept by ``clear_stop()``; None: never.
+    ``planner``: heartbeat of the commanding program in another process; the robot stops when it is silent.
     """
 
     clock: RealTimeClock
@@ -97,7 +96,9 @@ class HardwareRobot(Robot):
     # Life
 
     def connect(self) -> None:
-        """Connect all controllers, or none: ConnectionFailedError says which one failed and why; idempotent."""
+        """Connect all controllers, or none; idempotent. Raises ConnectionFailedError naming the failed one and the
+        reason.
+        """
         if self._watchdog is not None:
             return
         if not self.connections:
@@ -125,11 +126,11 @@ class HardwareRobot(Robot):
         self.clock.cancel_timers()
 
     def stop(self, fault: Failure | None = None) -> None:
-        """Bring all parts to rest and latch, because of ``fault``; safe from any thread, at once in effect."""
+        """Bring all parts to rest and latch the stop, because of ``fault``; thread-safe, effective at once."""
         self._stop(fault)
 
     def keep_black_box_in(self, folder: Path | None) -> None:
-        """Waits until the robot rests after a stop of a moment ago."""
+        """Set the folder of the black box; waits until the robot rests after a recent stop."""
         time.sleep(self._recorder.due_in)
         self._recorder.keep_in(folder)
 
@@ -139,11 +140,11 @@ class HardwareRobot(Robot):
         return self._latch.stops
 
     def clear_stop(self, since: int | None = None) -> None:
-        """Accept commands again; clears what controllers report and connects again what was lost.
+        """Accept commands again; clears faults of controllers and reconnects lost ones.
 
-        ConnectionFailedError, and the robot stays stopped, where that is not possible, and where it was stopped again
-        meanwhile, which may take seconds; ``since``: or since it had been stopped so many times. What only looks and
-        cannot be connected again stays among ``faults``.
+        Raises ConnectionFailedError, with the robot still stopped, if that fails or if the robot was stopped again
+        meanwhile; ``since``: number of stops to compare with, by default the current one. Controllers that only have
+        sensors and cannot be reconnected stay among ``faults``.
         """
         with self._lock:
             stops = self._latch.stops if since is None else since
@@ -180,7 +181,7 @@ class HardwareRobot(Robot):
         return dict(self._faults)
 
     def diagnostics(self) -> dict[str, str]:
-        """Short texts by subject; no addresses."""
+        """Return diagnostic texts by subject, without addresses."""
         texts = {
             "implementation": "hardware",
             "connected": "yes" if self._watchdog is not None else "no",
@@ -197,11 +198,11 @@ class HardwareRobot(Robot):
         return texts
 
     def identities(self) -> dict[str, Identity]:
-        """Which controllers have answered, by connection; while connected."""
+        """Return the identities of the connected controllers, by connection."""
         return {name: connection.identity() for name, connection in self.connections.items()}
 
     def arm_facts(self, arm: str) -> ArmFacts | None:
-        """Return an arm as its controller knows it, or None if that tells nothing. While connected."""
+        """Return the state of an arm in its connected controller, or None if it is not reported."""
         return next(c for c in self.connections.values() if arm in c.parts).arm_facts()
 
     # Private

@@ -41,9 +41,9 @@ that none may lose the processor to a busy machine meanwhile."""
 
 @dataclass(frozen=True)
 class ServerSetup:
-    """What the process is told first. ``clock_start``: of the monotonic clock, which all processes share.
+    """The first message to the process. ``clock_start``: of the monotonic clock, which all processes share.
 
-    ``heartbeat``: address of the signs of life that both processes give each other; empty: there are none.
+    ``heartbeat``: address for the mutual signs of life; empty: none are exchanged.
     """
 
     model: RobotModel
@@ -53,7 +53,7 @@ class ServerSetup:
 
 @dataclass(frozen=True)
 class Call:
-    """``method`` of a part, of the robot, or (``poll``, ``cancel``) of the motion with that number."""
+    """A call of ``method`` of a part, of the robot, or (``poll``, ``cancel``) of the motion with that number."""
 
     target: str | int
     method: str
@@ -63,7 +63,7 @@ class Call:
 
 @dataclass(frozen=True)
 class MotionNumber:
-    """Stands for a motion that goes on in the other process."""
+    """The number of a motion that runs in the other process."""
 
     number: int
 
@@ -78,7 +78,7 @@ class MotionReport:
 
 
 class RobotServer:
-    """Does what is asked of one robot."""
+    """Executes the calls for one robot."""
 
     def __init__(self, setup: ServerSetup) -> None:
         self._heartbeat = Heartbeat(setup.model.safety.heartbeat, setup.heartbeat) if setup.heartbeat else None
@@ -132,7 +132,7 @@ class RobotServer:
 
 
 def plug_ins(model: RobotModel) -> list[str]:
-    """``module=file`` of all Python files of users that bring a kind of part or a vendor's driver of this robot."""
+    """Return ``module=file`` of all users' Python files that provide a kind of part or a driver of this robot."""
     classes = [type(part) for part in model.parts.values()]
     classes += [CONNECTIONS.resolve(settings.driver) for settings in model.connections.values()]
     own = dict.fromkeys(cls.__module__ for cls in classes if cls.__module__.partition(".")[0] not in OURS)
@@ -150,7 +150,7 @@ def _load(name: str, file: str) -> None:
 
 
 def main() -> None:
-    """Serve all wires until that for the whole robot ends."""
+    """Serve all connections until that for the whole robot ends."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)  # they are for the program that plans; it ends the wires
     numbers = [word for word in sys.argv[1:] if word.isdigit()]

@@ -17,7 +17,7 @@ Reading = TypeVar("Reading")
 
 
 SAME_LENS = 0.01
-"""Share by which a camera's own lens may differ from the robot file's before that is told."""
+"""Relative difference between a camera's lens and the robot file's above which a remark is reported."""
 OTHER_LENS = 0.1
 """Share of the focal length from which on it is another camera."""
 
@@ -38,7 +38,7 @@ def lens_differences(told: CameraIntrinsics, file: CameraIntrinsics) -> tuple[st
 
 
 def is_another_camera(told: CameraIntrinsics, file: CameraIntrinsics) -> str:
-    """Why the camera is not the one of the robot file; empty where it is."""
+    """Return why the camera does not match the robot file; empty if it does."""
     if (told.width, told.height) != (file.width, file.height):
         return f"tells images of {told.width} x {told.height}, the robot model says {file.width} x {file.height}"
     for name, its, written in (("", told.fx, file.fx), ("vertical ", told.fy, file.fy)):
@@ -48,10 +48,10 @@ def is_another_camera(told: CameraIntrinsics, file: CameraIntrinsics) -> str:
 
 
 class HardwareSensor(ControlledPart, Generic[Reading]):
-    """A sensor behind a controller; nothing of it moves, and nothing is read of a controller that was lost.
+    """A sensor behind a controller; reading it fails while the controller is lost.
 
-    ``read``: brings the latest reading, or an image that was taken after it was asked for; it may wait, and raises
-    NoDataError where there is none.
+    ``read``: returns the latest reading, or an image captured after the request; may wait, and raises NoDataError
+    without a reading.
     """
 
     def __init__(self, name: str, model: PartConfig, latch: StopLatch, read: Callable[[], Reading]) -> None:
@@ -65,11 +65,11 @@ class HardwareSensor(ControlledPart, Generic[Reading]):
         return self._read()
 
     def attach(self) -> None:
-        """The controller has connected."""
+        """Handle the connection of the controller."""
         self._connection.open()
 
     def detach(self) -> None:
-        """The controller disconnects."""
+        """Handle the disconnection of the controller."""
         self._connection.close()
 
     @property
@@ -78,15 +78,15 @@ class HardwareSensor(ControlledPart, Generic[Reading]):
         return True
 
     def fail(self, fault: Failure) -> None:
-        """There is no motion to fail; readings do."""
+        """Do nothing: sensors have no motions; readings fail instead."""
         self._connection.fail_motion(fault)
 
     def stop(self) -> None:
-        """A sensor has nothing to stop."""
+        """Do nothing: a sensor does not move."""
 
 
 class HardwareCamera(HardwareSensor[RGBDImage], Camera):
-    """A camera; its connection replaces the robot model's ``intrinsics`` by those that the device tells."""
+    """A camera; its connection replaces the robot model's ``intrinsics`` by those that the device reports."""
 
     def __init__(self, name: str, model: CameraPart, latch: StopLatch, read: Callable[[], RGBDImage]) -> None:
         super().__init__(name, model, latch, read)

@@ -9,14 +9,14 @@ from bestman_bt.robot_model.connection_config import StopInputConfig, host_and_p
 from hal.parts.part_connection import ConnectionFailedError
 
 RUN, STOP = b"run", b"stop"
-"""What a datagram says."""
+"""Contents of the datagrams."""
 LONGEST = 64
 BEGINNING = 2.0
 """Seconds within which it has to say ``run`` when the robot is connected."""
 
 
 class StopInput:
-    """Hears datagrams that say ``run`` or ``stop``. Silence is a stop: a wire that breaks must not let a robot go on.
+    """Receives datagrams ``run`` or ``stop``. Silence counts as a stop, so that a broken wire stops the robot.
 
     ``look`` is called every few milliseconds, by one thread.
     """

@@ -21,20 +21,20 @@ from hal.simulation.engine import Engine
 
 Array = NDArray[np.float64]
 NOT_DRAWN = 0.01
-"""Metres before the lens in which nothing is drawn."""
+"""Near clipping distance of the renderer, metres."""
 STILL = (0.0, 0.0, 0.0)
 APPROACH_GAIN = 0.3
-"""Share of what a joint lacks to its position that a motor of ``approach`` makes up in a step."""
+"""Fraction of a joint's position error that a motor of ``approach`` corrects per step."""
 WRITTEN = {"qpos": "resets", "qvel": "resets", "xfrc_applied": "tampering", "qfrc_applied": "tampering"}
-"""As what it is counted where a program has written into MuJoCo's data between two steps."""
+"""The kind under which writes to MuJoCo's data between two steps are counted."""
 LEAST_FRICTION = 1e-5
-"""MuJoCo's own least; less is no number in its solver."""
+"""MuJoCo's minimum friction; its solver does not accept less."""
 
 
 class MujocoEngine(Engine):
-    """One model and its data. A motor is a servo of speed with bounded effort, which MuJoCo integrates implicitly.
+    """A MuJoCo model with its data. Motors are velocity servos with bounded effort, integrated implicitly.
 
-    Its stiffness fits what it moves, so that it halves an error of speed in a step and does not chatter at its bound.
+    A servo's gain is matched to its load, so that it halves a speed error per step and does not oscillate at its bound.
     """
 
     def __init__(self, model: RobotModel, world: World, parameters: MujocoParameters) -> None:
@@ -103,7 +103,7 @@ class MujocoEngine(Engine):
             raise UnstableError(text)
 
     def close(self) -> None:
-        """Free the graphics."""
+        """Free the renderer."""
         self._renderer.close()
 
     def _keep_state(self) -> None:
@@ -123,7 +123,7 @@ class MujocoEngine(Engine):
     def track(
         self, joints: Sequence[int], positions: Array, velocities: Array, efforts: Sequence[float], gain: float
     ) -> None:
-        """Towards set-points that are near."""
+        """Track close set-points with position servos; see ``Engine.track``."""
         slots = [self._slots[joint] for joint in joints]
         self._target[slots] = self._reference[slots] = positions
         self._feed[slots], self._gain[slots] = velocities, gain
@@ -131,7 +131,7 @@ class MujocoEngine(Engine):
         self._bound(slots, efforts)
 
     def approach(self, joint: int, position: float, speed: float, effort: float) -> None:
-        """Towards a set-point that moves at the speed, and waits where the motor has its full effort."""
+        """Move towards a set-point that advances at ``speed``, and waits while the motor has its maximum effort."""
         slot = self._slots[joint]
         here = self.data.qpos[self._at[slot]]
         goes_on = np.isfinite(self._stride[slot]) and (position - here) * (self._reference[slot] - here) > 0.0
@@ -144,7 +144,7 @@ class MujocoEngine(Engine):
         self._bound([slot], [effort])
 
     def turn(self, body: int, joints: Sequence[int], speeds: Sequence[float], efforts: Sequence[float]) -> None:
-        """Servos of speed for the robot; what stands still of the scene is held by dry friction."""
+        """Run velocity servos for the robot; in the scene, dry friction holds joints at rest."""
         slots = [self._slots[joint] for joint in joints]
         self._feed[slots], self._gain[slots] = speeds, 0.0
         if body == self.built.robot:
@@ -155,11 +155,11 @@ class MujocoEngine(Engine):
         self._bound(slots, np.where(still, 0.0, efforts))
 
     def exert(self, joints: Sequence[int], efforts: Array) -> None:
-        """Beside the motors."""
+        """Apply efforts in addition to the motors."""
         self._own["qfrc_applied"][self._dofs[[self._slots[joint] for joint in joints]]] += efforts
 
     def push(self, body: int, link: int, force: Vector, point: Vector) -> None:
-        """At the centre of mass, with the moment about it."""
+        """Apply the force at the centre of mass, with the moment about it."""
         at = body if link < 0 else link
         self._own["xfrc_applied"][at] += (*force, *np.cross(np.subtract(point, self.data.xipos[at]), force))
 
@@ -170,7 +170,7 @@ class MujocoEngine(Engine):
     # What is true
 
     def joint_states(self, body: int, joints: Sequence[int]) -> JointStates:
-        """Efforts are those of the motors, in the scene with the dry friction of the joints."""
+        """Return joint states; efforts are those of the motors, in the scene with the dry friction of the joints."""
         slots = [self._slots[joint] for joint in joints]
         data, dofs = self.data, self._dofs[slots]
         efforts = data.actuator_force[slots]
@@ -181,13 +181,13 @@ class MujocoEngine(Engine):
         return data.qpos[self._at[slots]].tolist(), data.qvel[dofs].tolist(), efforts.tolist()
 
     def body_pose(self, body: int) -> tuple[Vector, Quaternion]:
-        """The centre of mass of all but the robot is where the frame is."""
+        """Return the pose of the body's frame, which is at the centre of mass, except for the robot."""
         data = self.data
         w, x, y, z = data.xquat[body].tolist()
         return tuple((data.xipos if body == self.built.robot else data.xpos)[body].tolist()), (x, y, z, w)
 
     def body_velocity(self, body: int) -> tuple[Vector, Vector]:
-        """That by which the latest step has moved it."""
+        """Return the velocity that moved the body in the latest step."""
         start = self._free.get(body)
         if start is None:
             return STILL, STILL
@@ -206,7 +206,7 @@ class MujocoEngine(Engine):
         return Pose(self.data.xpos[at].copy(), np.array([x, y, z, w]))
 
     def link_motions(self, body: int, links: Collection[int]) -> Sequence[LinkMotion]:
-        """MuJoCo computes velocities at the beginning of a step: recomputed for reads after it."""
+        """Return link motions after the step; MuJoCo's velocities are those before it, so they are recomputed."""
         if self._moved:
             mujoco.mj_comPos(self.model, self.data)
             mujoco.mj_comVel(self.model, self.data)
@@ -369,7 +369,7 @@ class MujocoEngine(Engine):
         self.model.pair_friction[pairs] = np.maximum(share * self._pair_friction[pairs], LEAST_FRICTION)
 
     def constraint_count(self) -> int:
-        """Couplings of the robot's own joints."""
+        """Return the number of constraints: the couplings of the robot's joints."""
         return int(self.data.eq_active.sum())
 
     def constants(self) -> Mapping[str, tuple[Any, ...]]:
@@ -392,7 +392,7 @@ class MujocoEngine(Engine):
 
 
 class UnstableError(SimulationError):
-    """The physics has come to values that mean nothing: the run ends, and never as a success."""
+    """Raised if the simulation is numerically unstable: the run ends and never counts as a success."""
 
     code = "simulation_unstable"
 

@@ -9,12 +9,14 @@ from hal.simulation.parameters import SimulationParameters
 
 @dataclass(frozen=True)
 class MujocoParameters(SimulationParameters):
-    """``contact_time``: seconds in which an overlap is pushed out. ``friction_stiffness``: of friction, as a multiple
-    of that of pressure (``impratio``): what is held creeps the less, the larger it is. ``gear_time``: seconds in which
-    coupled fingers come together. ``support_friction``: of the furniture that the friction of objects is meant for:
-    MuJoCo takes one of the two coefficients of a contact where Bullet takes their product. Spinning frictions: metres.
-    ``wheel_armature``: inertia of a wheel's motor at the wheel, as a share of that of what the wheel drives. MuJoCo
-    solves contacts without the stiffness of the servos: a wheel that is light beside its servo slides as on rollers.
+    """Parameters of MuJoCo.
+
+    ``contact_time``: seconds in which an overlap is resolved. ``friction_stiffness``: stiffness of friction relative to
+    pressure (``impratio``): larger values reduce creeping of held objects. ``gear_time``: time constant of coupled
+    fingers, seconds. ``support_friction``: of the furniture for which the friction of objects is tuned: MuJoCo takes
+    one of the two coefficients of a contact, Bullet their product. Spinning frictions: metres. ``wheel_armature``:
+    inertia of a wheel's motor at the wheel, as a fraction of the inertia that the wheel drives. MuJoCo solves contacts
+    without the stiffness of the servos: a wheel that is light relative to its servo slips.
     """
 
     step_rate: float = 480.0

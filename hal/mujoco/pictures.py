@@ -22,7 +22,7 @@ def render_object(
     width: int = 480,
     height: int = 480,
 ) -> NDArray[np.uint8]:
-    """Shapes and their colours before white: (height, width, 3) uint8."""
+    """Render shapes with their colours on white: (height, width, 3) uint8."""
     shapes = Shapes(MujocoParameters())
     shapes.light()
     body = shapes.body(shapes.spec.worldbody, "object", Pose())

@@ -22,7 +22,7 @@ NO_RENDERER = (
 )
 
 FAR = 30.0
-"""Metres: how far pictures for people show things."""
+"""Far clipping distance of pictures, metres."""
 
 
 def _graphics(width: int, height: int) -> Any:
@@ -33,7 +33,7 @@ def _graphics(width: int, height: int) -> Any:
 
 
 class Renderer:
-    """Draws the data of one simulation; the graphics are started for the first picture."""
+    """Renders one simulation; the graphics context is created for the first image."""
 
     def __init__(self, model: Any, data: Any) -> None:
         self._model, self._data = model, data
@@ -45,7 +45,7 @@ class Renderer:
         self._option.geomgroup[[SOLID_AND_SEEN, SEEN]] = 1
 
     def close(self) -> None:
-        """Free the graphics; idempotent."""
+        """Free the graphics context; idempotent."""
         if self._gl is not None:
             self._gl.make_current()
             self._context.free()
@@ -55,9 +55,10 @@ class Renderer:
     def pinhole(
         self, map_from_optical: Pose, k: CameraIntrinsics, near: float, far: float, segments: bool = False
     ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-        """Colour (H, W, 3), or in its place what ``segments`` says, and depth (H, W) metres, ``far`` where nothing is.
+        """Render colour (H, W, 3), or ``segments`` instead, and depth (H, W), metres, ``far`` without a hit.
 
-        MuJoCo draws square pixels: where those of ``k`` are not, it draws more or fewer columns, and the nearest count.
+        MuJoCo renders square pixels: if those of ``k`` are not square, more or fewer columns are rendered and the
+        nearest used.
         """
         width = max(1, round(k.width * k.fy / k.fx))
         rotation = map_from_optical.rotation
@@ -78,7 +79,7 @@ class Renderer:
         return image, depth
 
     def view(self, viewpoint: Viewpoint, width: int, height: int, segments: bool = False) -> NDArray[np.uint8]:
-        """Return a picture for people with shadows, white where nothing is, (H, W, 3), or what ``segments`` says."""
+        """Render a picture with shadows on a white background, (H, W, 3), or ``segments`` instead."""
         eye, target = np.array(viewpoint.eye), np.array(viewpoint.target)
         forward = (target - eye) / np.linalg.norm(target - eye)
         side = np.cross(forward, (0.0, 0.0, 1.0))
@@ -93,7 +94,7 @@ class Renderer:
         return image if segments else np.where(depth[..., None] < 0.999 * FAR, image, np.uint8(255))
 
     def geoms(self, colors: NDArray[np.uint8]) -> NDArray[np.intp]:
-        """Which geom each pixel of an image of segments shows, -1 for none."""
+        """Return the geom shown by each pixel of a segmentation image, -1 for none."""
         coded = colors.astype(np.intp) @ np.array([1, 1 << 8, 1 << 16])
         geoms = np.full(self._scene.ngeom + 1, -1)
         for geom in self._scene.geoms[: self._scene.ngeom]:

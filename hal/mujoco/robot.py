@@ -26,11 +26,11 @@ class MujocoRobot(SimulatedRobot):
 
     @classmethod
     def refused_parts(cls, model: RobotModel) -> Mapping[str, str]:
-        """Bases on legs."""
+        """Return the parts that MuJoCo does not simulate: bases on legs."""
         return dict.fromkeys(model.of(LeggedBaseModel), LEGS)
 
     def build(self, model: RobotModel, world: World, gui: bool) -> MujocoEngine:
-        """Raises SimulationError for a window, which MuJoCo does not show here, and for what it cannot simulate."""
+        """Build the engine. Raises SimulationError for a window, which is not supported, and for unsupported models."""
         if gui:
             raise SimulationError("MuJoCo runs without a window here: leave --gui out, or take the driver pybullet")
         return MujocoEngine(model, world, self._parameters)

@@ -35,11 +35,11 @@ FLOOR_COLOR: Color = (0.62, 0.58, 0.53, 1.0)
 WALKER_COLOR: Color = (0.85, 0.45, 0.20, 1.0)
 LINK_COLOR: Color = (0.8, 0.8, 0.8, 1.0)
 SOLID_AND_SEEN, SEEN, SOLID = 0, 1, 3
-"""Groups of geoms: what collides and is in pictures, what is in pictures alone, what collides alone."""
+"""Groups of geoms: colliding and visible, only visible, only colliding."""
 ROBOT, SCENE = 1, 2
 """Bits of collision: the robot's links collide with the scene and not with each other."""
 ROBOT_NAME = "robot/"
-"""What the names of the robot's links begin with in the model."""
+"""Prefix of the robot's links in the model."""
 STIFF = [0.99, 0.99, 0.001, 0.5, 2.0]
 """Of dry friction: below it a door creeps by a tenth of a millimetre a second.
 
@@ -52,9 +52,10 @@ REACH = 30.0
 
 @dataclass
 class Built:
-    """A compiled model, where it starts, and what its numbers mean. ``fingers``: geoms; ``objects``: object → geoms.
+    """A compiled model, its initial state, and the meaning of its indices. ``fingers``: geoms; ``objects``: object →
+    geoms.
 
-    ``loads``: kilograms m² or kilograms that a motor moves, beyond what MuJoCo knows of its joint, by joint.
+    ``loads``: inertia or mass that a motor moves beyond MuJoCo's value for its joint, kg m² or kg, by joint.
     """
 
     model: Any
@@ -86,7 +87,7 @@ class Shapes:
     meshes: dict[tuple[Any, ...], str] = field(default_factory=dict)
 
     def light(self) -> None:
-        """For pictures: a lamp at the camera, and one from the left behind that casts shadows."""
+        """Add the lights for pictures: at the camera, and from the left behind with shadows."""
         self.spec.visual.quality.offsamples = 0
         headlight = self.spec.visual.headlight
         headlight.ambient, headlight.diffuse, headlight.specular = [0.5] * 3, [0.35] * 3, [0.0] * 3
@@ -106,7 +107,9 @@ class Shapes:
         contact: _Contact | None,
         bit: int = SCENE,
     ) -> list[str]:
-        """Shapes on a body, and their names. Without ``contact``, they are only seen; without colours only touched."""
+        """Add shapes to a body and return their names. Without ``contact``, they are only visible; without colours,
+        only colliding.
+        """
         names = []
         for part, color in zip(parts, colors or [LINK_COLOR] * len(parts), strict=True):
             name = f"{body.name}#{len(list(body.geoms))}"
@@ -156,7 +159,7 @@ class Shapes:
 
 @dataclass(kw_only=True)
 class WorldBuilder(Shapes):
-    """Fills a specification of MuJoCo's, and compiles it. Raises SimulationError naming what MuJoCo cannot simulate."""
+    """Builds and compiles a MuJoCo specification. Raises SimulationError naming unsupported elements."""
 
     robot: RobotModel
     scene: World
@@ -167,7 +170,7 @@ class WorldBuilder(Shapes):
     object_geoms: dict[str, float] = field(default_factory=dict)
 
     def build(self) -> Built:
-        """Everything, at the start posture."""
+        """Return the compiled world at the start posture."""
         spec, parameters = self.spec, self.parameters
         spec.compiler.degree = False
         spec.compiler.balanceinertia = True

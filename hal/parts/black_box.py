@@ -27,7 +27,7 @@ ROWS = 1000
 """Of a block."""
 MOST_REASONS = 200
 MOST_FILES = 20
-"""Of one run."""
+"""Maximum number of files per run."""
 
 
 @dataclass(eq=False)

@@ -287,7 +287,7 @@ class MotionProfile:
         return self._time_left < 0.0
 
     def remainder(self) -> str:
-        """The remaining distance or angle, in words."""
+        """Return the remaining distance or angle, as text."""
         return f"{self._remaining:.3f} {'rad' if self._turn else 'm'} are left when they should be done"
 
     def velocity(self, odometry: Pose2D, elapsed: float) -> Twist2D:

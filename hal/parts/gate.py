@@ -52,7 +52,7 @@ class ToolLimits:
         return self.box is not None or self.top_speed is not None
 
     def outside(self, positions: Array) -> str | None:
-        """Return where the tool or the elbow would leave the workspace, in words, or None."""
+        """Return where the tool or the elbow would leave the workspace, as text, or None."""
         box = self.box
         if box is None:
             return None

@@ -28,10 +28,10 @@ def body_urdf(
     visual: Sequence[tuple[PlacedShape, Color]],
     folder: Path,
 ) -> str:
-    """One rigid body; ``mass`` in kg (0: fixed). Meshes are written into ``folder`` as OBJ; of one that collides
-    pybullet takes the convex hull.
+    """Return the URDF of a rigid body; ``mass`` in kg (0: fixed). Meshes are written into ``folder`` as OBJ.
 
-    Pybullet derives the inertia from the collision shapes, about the body's frame.
+    PyBullet uses the convex hull of colliding meshes, and derives the inertia from the collision shapes, about the
+    body's frame.
     """
     robot = ElementTree.Element("robot", name=name)
     link = ElementTree.SubElement(robot, "link", name=name)
@@ -128,7 +128,7 @@ def _link_name(piece: str, articulation: Articulation) -> str:
 
 
 def furniture_urdf(name: str, model: FurnitureModel, folder: Path) -> str:
-    """Furniture with its articulations closed; meshes are written into ``folder``."""
+    """Return the URDF of furniture with closed doors and drawers; meshes are written into ``folder``."""
     colored = list(zip(model.parts, model.colors, strict=True))
     robot = ElementTree.fromstring(body_urdf(name, 0.0, model.parts, colored, folder))
     for articulation in model.articulations:

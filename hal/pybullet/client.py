@@ -45,7 +45,7 @@ RESETS = frozenset(
 )
 CONSTRAINTS = frozenset({"createConstraint", "createSoftBodyAnchor"})
 READS = ("get", "ray", "save", "render", "startStateLogging", "performCollisionDetection")
-"""What the names of functions that tell of the world begin with."""
+"""Prefixes of functions that read the state of the world."""
 OWN = frozenset(
     {"getJointState", "getJointStates", "getJointStateMultiDof", "getJointStatesMultiDof", "getDynamicsInfo"}
 )
@@ -66,11 +66,11 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {name: value for name, value in vars
 
 
 class PhysicsClient:
-    """One physics server of its own; pybullet's functions are its attributes, without ``physicsClientId``.
+    """A separate physics server; pybullet's functions are its attributes, without ``physicsClientId``.
 
-    Once the ledger is sealed (the scene is built), every call that is not ``ALLOWED`` is counted in it: resets,
-    constraints, tampering (motors of the robot, too, which are commanded through the Robotics API) and reads of ground
-    truth. Joint states of ``robot``, a body, are encoders and free; every other pose is ground truth.
+    After the ledger is sealed (the scene is built), every call that is not ``ALLOWED`` is counted in it: resets,
+    constraints, tampering (including motors of the robot, which are commanded through the Robotics API) and reads of
+    ground truth. Joint states of the body ``robot`` are encoders and not counted; all other poses are ground truth.
     """
 
     def __init__(self, ledger: Ledger | None = None) -> None:
@@ -83,7 +83,7 @@ class PhysicsClient:
     def connect(self, gui: bool = False) -> None:
         """Start a physics server.
 
-        Raises SimulationError if there is none to be had, MissingExtraError without pybullet.
+        Raises SimulationError if it cannot be started, MissingExtraError without pybullet.
         """
         mode = pybullet.GUI if gui else pybullet.DIRECT
         self.id = _FUNCTIONS["connect"](mode)
@@ -100,7 +100,7 @@ class PhysicsClient:
         self._bound.clear()
 
     def free(self) -> PhysicsClient:
-        """Another client of this server, whose calls are not counted if it is taken before the truth is closed."""
+        """Return another client of this server, whose calls are not counted if it is created before ``close_truth``."""
         if self.ledger.truth_closed:
             return self
         client = PhysicsClient(self.ledger)
@@ -108,7 +108,7 @@ class PhysicsClient:
         return client
 
     def note(self, name: str, arguments: tuple[Any, ...] = (), keywords: dict[str, Any] | None = None) -> None:
-        """Count a call, if it is one that an honest run does not make."""
+        """Count a call if it is not allowed in an audited run."""
         body = arguments[0] if arguments else (keywords or {}).get("bodyUniqueId")
         if name not in ALLOWED and not (name in OWN and body == self.robot):
             self.ledger.note(kind_of(name), name)
@@ -137,11 +137,10 @@ _watched: dict[int, PhysicsClient] = {}
 
 
 class RawCallGuard:
-    """Counts for one robot, from ``install`` to ``remove``, the calls that do not come from its client.
+    """Counts the calls, from ``install`` to ``remove``, that do not come from the robot's client.
 
-    It sees calls that name its physics server, by keyword or as their last argument, or that mean it by default (server
-    0). What
-    it cannot see (functions taken before this package was imported) the watchers see by its effects.
+    It detects calls that name its physics server, by keyword or as last argument, or by default (server 0). Effects of
+    calls that it cannot detect (functions imported before this package) are found by the monitors.
     """
 
     def __init__(self, client: PhysicsClient) -> None:
@@ -152,7 +151,7 @@ class RawCallGuard:
         _watched[self._server] = self._client
 
     def remove(self) -> None:
-        """Count no more; idempotent."""
+        """Stop counting; idempotent."""
         _watched.pop(self._server, None)
 
 

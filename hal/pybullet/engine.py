@@ -22,18 +22,19 @@ from hal.simulation.engine import Engine
 Array = NDArray[np.float64]
 DEFAULT_FILTER, EVERYTHING = 1, -1
 NUDGE = 1e-4
-"""Metres: at rare poses TinyRenderer draws nothing, a black frame; a tenth of a millimetre further on it draws."""
+"""Shift of the camera, metres, if TinyRenderer returns a black frame, as it does at rare poses."""
 ATTEMPTS = 4
 NOT_DRAWN = 0.01
-"""Metres before the lens in which nothing is drawn. What is nearer than the camera's own ``near`` is in the picture,
-and hides what is behind it, but has no depth."""
+"""Near clipping distance, metres. Objects closer than the camera's own ``near`` are visible and occlude, but have no
+depth.
+"""
 FRICTIONS = (1, 7)
-"""Where lateral and spinning friction are in what pybullet tells of a body."""
+"""Indices of lateral and spinning friction in pybullet's dynamics info."""
 ENGINE_KEYS = ("fixedTimeStep", "gravityAccelerationX", "gravityAccelerationY", "gravityAccelerationZ")
 
 
 class PyBulletEngine(Engine):
-    """A physics server of its own. ``client``: for programs that use pybullet's functions; those are counted."""
+    """A separate PyBullet server. ``client``: for programs that call pybullet's functions; calls are counted."""
 
     def __init__(
         self, client: PhysicsClient, model: RobotModel, world: World, parameters: PhysicsParameters, gui: bool = False
@@ -67,7 +68,7 @@ class PyBulletEngine(Engine):
     def track(
         self, joints: Sequence[int], positions: Array, velocities: Array, efforts: Sequence[float], gain: float
     ) -> None:
-        """Bullet's position motors."""
+        """Track set-points with Bullet's position motors; see ``Engine.track``."""
         self._free.setJointMotorControlArray(
             self.built.robot,
             joints,
@@ -97,15 +98,15 @@ class PyBulletEngine(Engine):
         )
 
     def exert(self, joints: Sequence[int], efforts: Array) -> None:
-        """Torques add to what motors exert."""
+        """Add torques to those of the motors."""
         self._free.setJointMotorControlArray(self.built.robot, joints, pybullet.TORQUE_CONTROL, forces=efforts.tolist())
 
     def push(self, body: int, link: int, force: Vector, point: Vector) -> None:
-        """For one step, as Bullet does."""
+        """Apply the force for one step."""
         self._free.applyExternalForce(body, link, force, point, pybullet.WORLD_FRAME)
 
     def joint_states(self, body: int, joints: Sequence[int]) -> JointStates:
-        """Bullet also tells forces of reaction, when asked to."""
+        """Return joint states, with reaction forces if enabled."""
         if not joints:
             return (), (), ()
         positions, velocities, _, efforts = zip(*self._free.getJointStates(body, joints), strict=True)
@@ -122,7 +123,9 @@ class PyBulletEngine(Engine):
         return velocity
 
     def link_pose(self, body: int, link: int) -> Pose:
-        """Bullet tells the centre of mass of a root link, and where the others' frames were before the step."""
+        """Return the pose of a link's frame; Bullet returns the centre of mass for the root, and poses before the step
+        for others.
+        """
         if link >= 0:
             position, quaternion = self._free.getLinkState(body, link, computeForwardKinematics=1)[4:6]
             return Pose(np.array(position), np.array(quaternion))
@@ -137,7 +140,7 @@ class PyBulletEngine(Engine):
     def contacts(
         self, body: int | None = None, link: int | None = None, other: int | None = None
     ) -> Sequence[ContactPoint]:
-        """Bullet's points, without their first field, a flag."""
+        """Return Bullet's contact points without their first field, a flag."""
         which = {"bodyA": body, "linkIndexA": link, "bodyB": other}
         found = self._free.getContactPoints(**{key: value for key, value in which.items() if value is not None})
         return [ContactPoint._make(point[1:]) for point in found]
@@ -198,7 +201,7 @@ class PyBulletEngine(Engine):
         return np.where(mask >= 0, mask & ((1 << 24) - 1), -1), np.where(mask >= 0, (mask >> 24) - 1, -1)
 
     def put(self, body: int, position: Sequence[float], quaternion: Sequence[float]) -> None:
-        """Reset, and wake what Bullet has put to sleep."""
+        """Reset the pose, and wake sleeping bodies."""
         self._free.resetBasePositionAndOrientation(body, position, quaternion)
         self._free.resetBaseVelocity(body, [0.0] * 3, [0.0] * 3)
         self._free.changeDynamics(body, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP)
@@ -213,21 +216,21 @@ class PyBulletEngine(Engine):
         return values[FRICTIONS[0]], values[FRICTIONS[1]]
 
     def set_friction(self, body: int, sliding: float, spinning: float) -> None:
-        """Bullet keeps the friction of the contacts that there are: they have to be found afresh."""
+        """Set the friction, and refresh existing contacts, which Bullet keeps with the old one."""
         self._free.changeDynamics(body, -1, lateralFriction=sliding, spinningFriction=spinning)
         self.forget_contacts(body, -1)
 
     def forget_contacts(self, body: int, link: int) -> None:
-        """Setting the filter that it has anyway makes Bullet forget and find again what a link touches."""
+        """Refresh the contacts of a link, by setting its unchanged collision filter."""
         self._free.setCollisionFilterGroupMask(body, link, DEFAULT_FILTER, EVERYTHING)
 
     def constraint_count(self) -> int:
-        """Gears of the robot among them."""
+        """Return the number of constraints, including gears of the robot."""
         count: int = self._free.getNumConstraints()
         return count
 
     def constants(self) -> Mapping[str, tuple[Any, ...]]:
-        """Gravity, time step, and what Bullet tells of the dynamics of each link."""
+        """Return gravity, time step, and the dynamics info of each link."""
         values = self._free.getPhysicsEngineParameters()
         constants: dict[str, tuple[Any, ...]] = {key: (values[key],) for key in ENGINE_KEYS}
         constants["the number of bodies"] = (self._free.getNumBodies(),)

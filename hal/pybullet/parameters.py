@@ -9,9 +9,11 @@ from hal.simulation.parameters import SimulationParameters
 
 @dataclass(frozen=True)
 class PhysicsParameters(SimulationParameters):
-    """``object_sleep_speed``: objects that stay slower (m/s, rad/s) for two seconds are left out of the solver until
-    something that moves touches them. Stiffness in N/m, damping in N s/m, forces in N; ``erp``: share of an error that
-    a step corrects.
+    """Parameters of PyBullet.
+
+    ``object_sleep_speed``: objects slower than this (m/s, rad/s) for two seconds are left out of the solver until a
+    moving body touches them. Stiffness in N/m, damping in N s/m, forces in N; ``erp``: fraction of an error corrected
+    per step.
     """
 
     solver_iterations: int = 50

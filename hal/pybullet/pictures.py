@@ -19,7 +19,7 @@ from hal.simulation.camera import smooth
 
 
 def projection_matrix(k: CameraIntrinsics, near: float, far: float) -> list[float]:
-    """OpenGL's projection (column-major) for a pinhole; TinyRenderer samples pixel (u, v) at (u, H - 1 - v)."""
+    """Return the OpenGL projection (column-major) of a pinhole; TinyRenderer samples pixel (u, v) at (u, H - 1 - v)."""
     matrix = np.zeros((4, 4))
     matrix[0, 0], matrix[1, 1] = 2.0 * k.fx / k.width, 2.0 * k.fy / k.height
     matrix[0, 2] = 1.0 - 2.0 * k.cx / k.width
@@ -49,7 +49,7 @@ def photo(client: PhysicsClient, viewpoint: Viewpoint, width: int, height: int) 
 
 
 def view_matrices(viewpoint: Viewpoint, aspect: float) -> dict[str, Any]:
-    """Arguments of ``getCameraImage``; ``aspect``: width by height."""
+    """Return the arguments of ``getCameraImage``; ``aspect``: width by height."""
     return {
         "viewMatrix": pybullet.computeViewMatrix(viewpoint.eye, viewpoint.target, [0.0, 0.0, 1.0]),
         "projectionMatrix": pybullet.computeProjectionMatrixFOV(viewpoint.field_of_view, aspect, viewpoint.near, 30.0),
@@ -62,7 +62,7 @@ def render_object(
     width: int = 480,
     height: int = 480,
 ) -> NDArray[np.uint8]:
-    """Shapes and their colours before white: (height, width, 3) uint8."""
+    """Render shapes with their colours on white: (height, width, 3) uint8."""
     client = PhysicsClient()
     client.connect()
     try:

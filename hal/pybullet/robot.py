@@ -23,6 +23,6 @@ class PyBulletRobot(SimulatedRobot):
     client: PhysicsClient
 
     def build(self, model: RobotModel, world: World, gui: bool) -> PyBulletEngine:
-        """Start a physics server and fill it. Raises SimulationError if there is none to be had."""
+        """Start and fill a physics server. Raises SimulationError if it cannot be started."""
         self.client = PhysicsClient()
         return PyBulletEngine(self.client, model, world, self._parameters, gui)

@@ -33,10 +33,9 @@ FrameRate = Annotated[int, Field(ge=1, le=90)]
 class RealSenseOptions:
     """Options of ``driver: realsense``; images have the size of the robot model's camera.
 
-    Without images for ``image_time`` the camera counts as lost, which stops nothing but what waits for one.
-    ``serial``: which camera, where there are several. ``recording``: a file that the RealSense viewer or SDK has
-    recorded, played in a loop in place of a camera. ``frame_rate``: images per second. ``image_time``: seconds to
-    wait for one.
+    Without images for ``image_time`` the camera counts as lost; only readers of images are affected. ``serial``:
+    selects one of several cameras. ``recording``: a file recorded by the RealSense viewer or SDK, played in a loop
+    instead of a camera. ``frame_rate``: images per second. ``image_time``: seconds to wait for an image.
     """
 
     serial: str = ""
@@ -46,18 +45,18 @@ class RealSenseOptions:
 
 
 POLLS = 3.0
-"""How many times per frame the SDK is asked for one."""
+"""Number of times per frame that the SDK is polled."""
 FIRST_FRAME_TIME = 5.0
 LEAST_DISTORTION = 0.01
 """Coefficients that are smaller move no point of an image by a pixel or so."""
 
 
 class RealSenseConnection(Connection):
-    """Streams all the time; depth is registered when an image is requested.
+    """Streams continuously; depth is registered when an image is requested.
 
-    Frames are stamped by the camera, in the machine's time or its own, and may change from one to the other while they
-    come (``rs2_timestamp_domain``); a recording's count by when they are played. Images carry the lens that the device
-    tells; where that differs from the robot file's, ``remarks`` says so.
+    Frames are stamped by the camera, in the machine's time or its own, and the domain may change during streaming
+    (``rs2_timestamp_domain``); frames of a recording are stamped when played. Images carry the device's intrinsics; if
+    these differ from the robot file's, ``remarks`` says so.
     """
 
     driver: ClassVar[str] = "realsense"
@@ -124,21 +123,21 @@ class RealSenseConnection(Connection):
                 pipeline.stop()
 
     def heard(self) -> float:
-        """When the last frame came."""
+        """Return the time of the last frame."""
         return self._heard
 
     @property
     def longest_silence(self) -> float:
-        """A frame that is left out is no fault."""
+        """Seconds without a frame that count as silence; a dropped frame does not."""
         longest: float = max(self.limits.watchdog, self.options.image_time)
         return longest
 
     def reported_fault(self) -> Failure | None:
-        """Nothing: what the SDK raises ends the loop, which is a fault by itself."""
+        """Return None: exceptions of the SDK end the loop, which is a fault already."""
         return None
 
     def recover(self) -> None:
-        """There is nothing to clear."""
+        """Do nothing: a camera has no faults to clear."""
 
     def _poll(self, elapsed: float) -> None:
         frames = self._pipeline.poll_for_frames()
@@ -182,9 +181,9 @@ class RealSenseConnection(Connection):
 
 
 def realsense_sdk(load: Callable[[str], ModuleType]) -> ModuleType:
-    """Return the SDK; ``load`` imports a module, and raises ConnectionFailedError where it cannot.
+    """Return the SDK; ``load`` imports a module, and raises ConnectionFailedError if it cannot.
 
-    Slim systems have no libusb: the one that the extra brings is loaded first, under the name that the SDK looks for.
+    Minimal systems have no libusb: that of the extra is loaded first, under the name that the SDK expects.
     """
     libusb = load("libusb_package").get_library_path()
     if libusb is not None:

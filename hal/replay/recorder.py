@@ -35,11 +35,11 @@ DEFAULT_TIME_STEP = 1.0 / 240.0
 
 
 class RecordedRobot(Robot):
-    """``robot``, connected, with everything that goes through it written to ``path`` until ``close``.
+    """A wrapper of a connected ``robot`` that records all readings and commands to ``path`` until ``close``.
 
-    One line of JSON each, compressed: first the description of the parts; then readings, commands, and how the motions
-    ended. Joints, grippers and speeds are looked at besides; in simulation, what has noise or adds up is not, so that a
-    run is the same without this. Where a line cannot be written, ``failed`` is told and the recording is over.
+    The file has one line of JSON each, compressed: first the description of the parts, then readings, commands, and how
+    motions ended. Joints, grippers and speeds are also sampled; in simulation, sensors with noise or state are not, so
+    that recording does not change the run. If a line cannot be written, ``failed`` is called and recording ends.
     """
 
     def __init__(self, robot: Robot, path: Path, failed: Callable[[OSError], None] = lambda error: None) -> None:

@@ -35,22 +35,21 @@ SAME_MOMENT = 1e-6
 IMAGE_WAIT = 2.0
 """Seconds by which an image may be taken earlier in the program than in the recording."""
 STREAM_PAUSE = 0.5
-"""Seconds without velocities or set-points after which the next one begins a stream of its own."""
+"""Seconds without velocities or set-points after which the next one begins a new stream."""
 STREAM_SLACK = 1.0
 """Seconds by which a stream may begin later in the program than in the recording."""
 LONGEST_GAP = 5.0
-"""Seconds that a reading may be from the moment it is asked for; it is told as if it was made then."""
+"""Maximum seconds between a request and the recorded reading that is returned for it."""
 
 
 class ReplayRobot(Robot):
-    """Plays the ``recording`` of a run: a run folder, or the file in it. Time is simulated: as fast as it is asked for.
+    """Replays the ``recording`` of a run: a run folder, or the file in it. Time is simulated.
 
-    A motion that agrees with the next one recorded of its part is accepted, and ends as that one did; the recording
-    then goes on from there, so that a program that thinks longer or shorter stays with it. Any other is refused, in
-    words.
-    Velocities and set-points are accepted where such were given, and change nothing; where the program begins to send
-    them, the recording goes on from where such began, and where it takes an image, from where the next one was taken.
-    ``world``, ``seed`` and ``gui`` are those of simulated drivers, which this one has no use for.
+    A motion equal to the next recorded motion of its part is accepted and ends as recorded; the recording then
+    continues from there, so that different computation times do not matter. Any other motion is refused with an
+    explanation. Velocities and set-points are accepted where they were recorded, without effect; at the start of a
+    stream, or at an image, the recording continues from the next recorded one. ``world``, ``seed`` and ``gui`` are for
+    simulated drivers and have no effect here.
     """
 
     def __init__(
@@ -75,7 +74,7 @@ class ReplayRobot(Robot):
 
     @cached_property
     def tape(self) -> Tape:
-        """The recording. Raises ReplayError saying why there is none."""
+        """The recording. Raises ReplayError if it is missing or damaged."""
         return read_tape(self._recording)
 
     @cached_property
@@ -85,7 +84,7 @@ class ReplayRobot(Robot):
 
     @property
     def unsupported(self) -> Mapping[str, str]:
-        """Commands other than those of the recording."""
+        """Return the unsupported features: commands other than those of the recording."""
         return {"commands": "a recording takes the commands that it holds, and no others"}
 
     @property
@@ -117,7 +116,7 @@ class ReplayRobot(Robot):
             self.clock.cancel_timers()
 
     def stop(self) -> None:
-        """End motions and refuse commands; the recording goes on."""
+        """End motions and refuse commands; the recording continues."""
         self._stopped = True
         self._end_motions(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
 
@@ -126,7 +125,7 @@ class ReplayRobot(Robot):
         self._stopped = False
 
     def diagnostics(self) -> dict[str, str]:
-        """Short texts by subject."""
+        """Return diagnostic texts by subject."""
         return {
             "implementation": "replay",
             "connected": "yes" if self._connected else "no",
@@ -249,7 +248,7 @@ class ReplayRobot(Robot):
 
 
 class ReplayedMotion(Motion[None]):
-    """Ends as the recorded one did, when that did."""
+    """A motion that ends as and when the recorded one did."""
 
     def __init__(self, part: str, robot: ReplayRobot, command: RecordedCommand) -> None:
         super().__init__(part)

@@ -33,7 +33,9 @@ _TYPES: dict[str, type] = {
 
 
 def to_json(value: Any) -> Any:
-    """Dataclasses of ``bestman_bt.messages`` and ``hal.api``, arrays, enumerations, tuples and plain values."""
+    """Return dataclasses of ``bestman_bt.messages`` and ``hal.api``, arrays, enumerations, tuples and plain values as
+    JSON.
+    """
     if isinstance(value, np.ndarray):
         packed = base64.b64encode(zlib.compress(np.ascontiguousarray(value).tobytes(), 1)).decode("ascii")
         return {"array": packed, "dtype": str(value.dtype), "shape": list(value.shape)}
@@ -72,7 +74,7 @@ def from_json(document: Any) -> Any:
 
 
 def error_to_json(error: RobotError) -> dict[str, str]:
-    """Its class, its words and the vendor's code; the line that it is written to names the part."""
+    """Return class, message and vendor's code of an error; the part is in the line that contains it."""
     code = error.failure.vendor_code if isinstance(error, PartError) else ""
     return {"error": type(error).__name__, "words": str(error), **({"vendor_code": code} if code else {})}
 
@@ -87,15 +89,15 @@ def error_from_json(document: dict[str, str]) -> RobotError:
 
 TAPE_NAME = "readings.jsonl.gz"
 LARGEST_ARRAY = 64 << 20
-"""Bytes of one array."""
+"""Maximum bytes of one array."""
 SMALL_TAPE, MOST_TIMES = 64 << 20, 100
 """Characters that a tape may unfold to in any case, and how many times its size: readings are packed 2 to 20 times."""
 MALFORMED = (ValueError, TypeError, LookupError, AttributeError, binascii.Error, zlib.error)
-"""What a line that is no line of a tape may raise when it is taken apart."""
+"""Exceptions that parsing an invalid line may raise."""
 
 
 class ReplayError(ConnectionFailedError):
-    """A recording that cannot be played, with its file and, where one is to blame, the line."""
+    """Raised for a recording that cannot be played; the message names the file and the line, if known."""
 
 
 @dataclass
@@ -106,21 +108,21 @@ class Readings:
     told: list[dict[str, Any]] = field(default_factory=list)
 
     def at(self, moment: float, tolerance: float) -> tuple[float, dict[str, Any]]:
-        """Return the newest until ``moment`` (and ``tolerance`` seconds more), or the first one if that is later."""
+        """Return the newest reading at ``moment`` (plus ``tolerance`` seconds), or the first one if it is later."""
         index = max(0, bisect.bisect_right(self.times, moment + tolerance) - 1)
         return self.times[index], self.told[index]
 
     def after(self, moment: float) -> float | None:
-        """When the first one after ``moment`` was told."""
+        """Return the time of the first reading after ``moment``."""
         index = bisect.bisect_right(self.times, moment)
         return self.times[index] if index < len(self.times) else None
 
 
 @dataclass
 class RecordedCommand:
-    """``arguments``, ``keywords``: decoded. ``refusal``: as JSON, None if it was accepted.
+    """A recorded command. ``arguments``, ``keywords``: decoded. ``refusal``: as JSON, None if it was accepted.
 
-    ``end``: when its motion ended and how, or None if it has none, or it went on to the end of the recording.
+    ``end``: when and how its motion ended; None without a motion, or if it ran until the end of the recording.
     """
 
     time: float
@@ -133,9 +135,10 @@ class RecordedCommand:
 
 @dataclass(frozen=True)
 class Tape:
-    """``parts``: name → kind and description. ``readings``, ``commands``: by part and method. Seconds of the robot.
+    """A recording. ``parts``: name → kind and description. ``readings``, ``commands``: by part and method. Seconds of
+    the robot's clock.
 
-    ``cut``: its end is missing, as of a run that was killed.
+    ``cut``: whether its end is missing, as after a killed run.
     """
 
     robot: str
@@ -148,15 +151,15 @@ class Tape:
     cut: bool = False
 
     def stream_starts(self, key: tuple[str, str], pause: float) -> list[float]:
-        """When commands of one method of one part began to come, after none for ``pause`` seconds."""
+        """Return the times at which commands of one method of one part began, after a pause of ``pause`` seconds."""
         times = [command.time for command in self.commands.get(key, [])]
         return [time for before, time in zip([-math.inf, *times], times, strict=False) if time - before > pause]
 
 
 def read_tape(path: Path) -> Tape:
-    """Return the tape in a run folder, or a file. Raises ReplayError saying why there is none, or where it is damaged.
+    """Return the tape in a run folder, or a file. Raises ReplayError if it is missing or damaged.
 
-    A run that was killed ends in mid-line or without the file's end: that is played up to there, and ``cut`` says so.
+    The recording of a killed run may end in mid-line: it is played up to there, and ``cut`` is set.
     """
     file = path / TAPE_NAME if path.is_dir() else path
     try:

@@ -32,12 +32,12 @@ Register = Annotated[int, Field(ge=0, le=65535)]
 class RobotiqOptions:
     """Options of ``driver: robotiq``.
 
-    ``protocol``: ``urcap``, the socket of its URCap at the UR's address, or ``modbus``, Modbus TCP.
-    ``open_position``, ``closed_position``: the gripper's own numbers where the fingers are fully open and closed.
-    ``least_force``, ``least_speed``: what its numbers 0 mean; 255 are the part's ``max_force`` and ``max_speed``.
-    ``device``, ``command_register``, ``status_register``: of Modbus; a gateway to the serial gripper has 9, 1000, 2000.
-    ``rate``: hertz of its readings. ``timeout``: seconds that it may take to answer once; ``longest_delay``: for long.
-    ``activate_holding``: whether a hand that may hold something is activated again all the same, which drops it.
+    ``protocol``: ``urcap``, the socket of its URCap at the UR's address, or ``modbus``, Modbus TCP. ``open_position``,
+    ``closed_position``: register values with the fingers fully open and closed. ``least_force``, ``least_speed``:
+    values for 0; 255 stands for the part's ``max_force`` and ``max_speed``. ``device``, ``command_register``,
+    ``status_register``: of Modbus; a gateway to the serial gripper has 9, 1000, 2000. ``rate``: of the readings, Hz.
+    ``timeout``: seconds for a single reply; ``longest_delay``: seconds that replies may be late for a while.
+    ``activate_holding``: whether to activate a hand that may hold an object, which drops it.
     """
 
     protocol: Literal["urcap", "modbus"] = "urcap"
@@ -70,7 +70,9 @@ WORDS = {
     15: "it has released automatically",
 }
 HARMLESS = frozenset({0, 5, 9})
-"""None; an order that came during the activation; and a pause of ours, which the next round trip ends."""
+"""Fault numbers without consequences: none; a command during activation; and a pause of ours, which ends with the next
+round trip.
+"""
 
 
 def fault_of(status: RobotiqStatus) -> Failure | None:
@@ -91,11 +93,11 @@ ACTIVATION_TIME = 10.0
 RESET_TIME = 0.5
 """Seconds between the reset and the activation, as ``rq_reset`` of Robotiq's URCap waits."""
 LEAST_MOVE = 2
-"""Of its own numbers: how far fingers go that move."""
+"""Minimum change of the position register that counts as a motion."""
 
 
 class RobotiqChannel(GripperChannel):
-    """Speaks over a wire that is open; what is not answered closes it, because later replies would be out of step."""
+    """Communicates over an open wire; a missing reply closes it, because later replies would be out of step."""
 
     def __init__(self, name: str, model: GripperModel, options: RobotiqOptions, clock: Clock) -> None:
         self._name, self._model, self._options, self._clock = name, model, options, clock
@@ -120,15 +122,16 @@ class RobotiqChannel(GripperChannel):
         self.activate()
 
     def close(self) -> None:
-        """Close the wire; what is held stays held. Idempotent."""
+        """Close the wire; a held object stays held. Idempotent."""
         wire, self._wire = self._wire, None
         if wire is not None:
             wire.close()
 
     def activate(self) -> None:
-        """Activate the gripper unless it is active and well; ConnectionFailedError, too, where that would drop a thing.
+        """Activate the gripper unless it is active without a fault. Raises ConnectionFailedError, also if this would
+        drop an object.
 
-        During an activation the fingers open and close. They hold by themselves without power.
+        During an activation the fingers open and close. They are self-locking without power.
         """
         self._asked = None
         deadline = time.monotonic() + ACTIVATION_TIME
@@ -144,7 +147,7 @@ class RobotiqChannel(GripperChannel):
         self._await(lambda: fault_of(self._told()) is None, deadline)
 
     def refresh(self) -> None:
-        """Read the status in one round trip; without an answer the last one stays."""
+        """Read the status in one round trip; without a reply the last one stays valid."""
         status = self._exchange(lambda wire: wire.status())
         if status is not None:
             self._moved = self._moved or abs(status.position - self._from) >= LEAST_MOVE
@@ -176,7 +179,7 @@ class RobotiqChannel(GripperChannel):
         return GripperReading(float(np.clip(width, model.part.min_width, model.max_width)), held)
 
     def send(self, width: float, force: float, speed: float) -> None:
-        """Go to a width."""
+        """Send a target width."""
         options, model = self._options, self._model
         share = (model.max_width - width) / (model.max_width - model.part.min_width)
         position = round(options.open_position + share * (options.closed_position - options.open_position))
@@ -233,7 +236,7 @@ def _byte(value: float, least: float, most: float) -> int:
 
 
 class RobotiqConnection(Connection):
-    """One gripper. Connecting activates it; its fingers may close and open meanwhile."""
+    """A Robotiq gripper. Connecting activates it; its fingers may close and open meanwhile."""
 
     driver: ClassVar[str] = "robotiq"
     package: ClassVar[str] = "pymodbus"
@@ -258,15 +261,15 @@ class RobotiqConnection(Connection):
         self.add_loop("gripper", self.options.rate, self._cycle)
 
     def close(self) -> None:
-        """Close the wire; what is held stays held."""
+        """Close the wire; a held object stays held."""
         self._channel.close()
 
     def heard(self) -> float:
-        """When the gripper last answered."""
+        """Return the time of the gripper's last reply."""
         return self._channel.heard
 
     def reported_fault(self) -> Failure | None:
-        """Its fault number, or a link that is too slow."""
+        """Return the failure for its fault number, or for a link that is too slow."""
         return self._channel.fault or self._channel.slowness
 
     def recover(self) -> None:

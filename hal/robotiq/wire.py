@@ -17,11 +17,11 @@ ACTIVATE, GO = 1 << 0, 1 << 3
 
 @dataclass(frozen=True)
 class RobotiqStatus:
-    """What the gripper tells, in its own numbers.
+    """The gripper's status registers.
 
-    ``activation``: 3 once it is active. ``object``: 0 moving, 1 and 2 stopped by an object while opening and closing,
-    3 at its target; it means something only while it ``goes`` to where it was asked. ``echo``: the position that it was
-    last asked for; ``position``: 0 open, 255 closed.
+    ``activation``: 3 once it is active. ``object``: 0 moving, 1 and 2 stopped by an object while opening and closing, 3
+    at its target; only valid while it ``goes`` to its target. ``echo``: the last requested position; ``position``: 0
+    open, 255 closed.
     """
 
     activation: int
@@ -57,7 +57,7 @@ class RobotiqWire(ABC):
 
     @abstractmethod
     def go(self, position: int, speed: int, force: int) -> None:
-        """Go to a position."""
+        """Send a target position."""
 
     @abstractmethod
     def halt(self) -> None:
@@ -85,7 +85,7 @@ class URCapWire(RobotiqWire):
             wire.close()
 
     def status(self) -> RobotiqStatus:
-        """Six questions, sent together."""
+        """Return the status from six requests, sent together."""
         names = ("STA", "OBJ", "FLT", "PRE", "POS", "GTO")
         self._send("".join(f"GET {name}\n" for name in names))
         state, felt, fault, echo, position, goes = (self._value(name) for name in names)
@@ -100,7 +100,7 @@ class URCapWire(RobotiqWire):
         self._set(ACT=1)
 
     def go(self, position: int, speed: int, force: int) -> None:
-        """Go to a position."""
+        """Send a target position."""
         self._set(POS=position, SPE=speed, FOR=force, GTO=1)
 
     def halt(self) -> None:
@@ -200,7 +200,7 @@ class ModbusWire(RobotiqWire):
         self._write()
 
     def go(self, position: int, speed: int, force: int) -> None:
-        """Go to a position."""
+        """Send a target position."""
         self._bytes = [ACTIVATE | GO, 0, 0, position, speed, force]
         self._write()
 

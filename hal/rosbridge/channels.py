@@ -14,11 +14,11 @@ from hal.rosbridge.options import RosbridgeOptions
 
 Array = NDArray[np.float64]
 REACH_PERIODS = 1.5
-"""Within how many periods of ours the controller is to reach a set-point: longer than one, so that it never pauses."""
+"""Number of periods in which the controller has to reach a set-point: more than one, so that it never pauses."""
 
 
 class RosBase(BaseChannel):
-    """Publishes ``Twist`` or ``TwistStamped``; a base of ROS lets velocities lapse by itself, as this stack's do."""
+    """Publishes ``Twist`` or ``TwistStamped``; the controller in ROS has a command timeout, as here."""
 
     def __init__(
         self, link: RosLink, topic: str, options: RosbridgeOptions, odometry: TopicStream[BaseReading]
@@ -86,7 +86,7 @@ class TransformOdometry:
 
 
 def joint_reading(ros_names: tuple[str, ...], message: Message) -> JointReading | None:
-    """The joints of these names in ``sensor_msgs/JointState``, or None if the message is about others."""
+    """Return the joints of these names in ``sensor_msgs/JointState``, or None if the message has other joints."""
     found = decoding.joints(message, ros_names)
     return JointReading(*(np.array(column) for column in found)) if found is not None else None
 

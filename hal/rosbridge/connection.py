@@ -37,9 +37,9 @@ from hal.rosbridge.options import TOPICS, RosbridgeOptions
 
 
 class RosCamera:
-    """Depth has to be registered to colour, and both to have the size that the robot model says.
+    """A camera; depth must be registered to colour, and both must have the size of the robot model.
 
-    ``info``: the camera's own description, which comes all the time and shows that the camera is alive.
+    ``info``: CameraInfo, which is published continuously and shows that the camera is alive.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class RosCamera:
         return tuple(f"{self._name} tells {number}, which is used" for number in lens_differences(told, file))
 
     def take(self) -> RGBDImage:
-        """Return an image whose colour and depth were both taken after this was called.
+        """Return an image whose colour and depth were both captured after the call.
 
         Raises NoDataError saying what is missing.
         """
@@ -113,7 +113,9 @@ MANY = 99
 INFO_PERIOD = 0.1
 """Seconds between descriptions of a camera: how often it shows that it is alive."""
 STALE_TIME = 0.05
-"""Seconds beyond the watchdog's after which one silent topic counts; where all are silent, the watchdog is first."""
+"""Seconds beyond the watchdog's time after which one silent topic counts; if all are silent, the watchdog acts
+first.
+"""
 SENSOR_PERIODS = 4.0
 """Periods of a sensor after which its last reading counts as none."""
 SENSORS: Mapping[str, tuple[Any, str, Any, str, str]] = {
@@ -122,14 +124,14 @@ SENSORS: Mapping[str, tuple[Any, str, Any, str, str]] = {
     "imu": (HardwareImu, "readings", decoding.imu, "sensor_msgs", "Imu"),
     "battery": (HardwareBattery, "state", decoding.battery, "sensor_msgs", "BatteryState"),
 }
-"""Kind of part that only tells → its class, its stream, how that is decoded, and what its messages are."""
+"""Kind of sensor → class, stream, decoder, and message type."""
 
 
 class RosbridgeConnection(Connection):
     """A mobile base, joints, cameras, lidars, other sensors and batteries behind one rosbridge server.
 
-    Odometry and joint states are watched: where they come late, or stay away while other messages come, nothing may
-    move. What other sensors told is refused once it is too old. Images are asked for one at a time.
+    Odometry and joint states are monitored: if they are late or missing while other messages arrive, motion is refused.
+    Readings of other sensors are refused once they are too old. Images are requested one at a time.
     """
 
     driver: ClassVar[str] = "rosbridge"
@@ -142,7 +144,7 @@ class RosbridgeConnection(Connection):
     }
 
     def make_parts(self) -> dict[str, Part]:
-        """Return the parts of ``settings.parts``. Raises ConnectionFailedError for streams that it does not know."""
+        """Return the parts of ``settings.parts``. Raises ConnectionFailedError for unknown streams."""
         options: RosbridgeOptions = self.options
         self._stale_after = self.limits.watchdog + STALE_TIME
         self._link = RosLink(self.name, self.clock)
@@ -173,7 +175,7 @@ class RosbridgeConnection(Connection):
         return {name: makers[kinds[name]][1](name) for name in self.settings.parts}
 
     def open(self) -> None:
-        """Connect, and wait until every topic has told something."""
+        """Connect, and wait for the first message of every topic."""
         options: RosbridgeOptions = self.options
         settings = self.settings
         for stream, _, _ in self._streams:
@@ -205,11 +207,13 @@ class RosbridgeConnection(Connection):
         self._link.close()
 
     def heard(self) -> float:
-        """When the last message came."""
+        """Return the arrival time of the last message."""
         return self._link.heard
 
     def reported_fault(self) -> Failure | None:
-        """The websocket was closed, a message is malformed, or what the base and joints tell is late or old."""
+        """Return a failure if the websocket was closed, a message is malformed, or data of base or joints are late or
+        old.
+        """
         if not self._link.connected:
             return Failure(MotionErrorCode.DISCONNECTED, f"the rosbridge of {self.name} has closed the connection")
         if self._link.complaint:
@@ -239,7 +243,7 @@ class RosbridgeConnection(Connection):
             time.sleep(0.02)
 
     def abandon(self) -> None:
-        """The wire may still hold velocities."""
+        """Drop the connection, which may still contain velocities."""
         self._link.abandon()
 
     # Private

@@ -26,7 +26,7 @@ MILLIMETRES, METRES = "16UC1", "32FC1"
 
 
 def stamp(header: Message) -> float:
-    """Seconds of ROS time, of either version; 0 without a stamp."""
+    """Return seconds of ROS time, of either version; 0 without a stamp."""
     at = header["stamp"]
     if "sec" in at:
         return float(at["sec"]) + 1e-9 * float(at["nanosec"])
@@ -34,21 +34,21 @@ def stamp(header: Message) -> float:
 
 
 def pose(position: Message, orientation: Message) -> Pose2D:
-    """Seen from above."""
+    """Return the planar part of a pose."""
     x, y, z, w = (float(orientation[axis]) for axis in "xyzw")
     heading = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return Pose2D(float(position["x"]), float(position["y"]), heading)
 
 
 def odometry(message: Message) -> BaseReading:
-    """``nav_msgs/Odometry``; its twist is in the frame of the base."""
+    """Decode ``nav_msgs/Odometry``; its twist is in the base frame."""
     at, twist = message["pose"]["pose"], message["twist"]["twist"]
     velocity = Twist2D(float(twist["linear"]["x"]), float(twist["linear"]["y"]), float(twist["angular"]["z"]))
     return BaseReading(pose(at["position"], at["orientation"]), velocity)
 
 
 def transform(message: Message, parent: str, child: str) -> tuple[float, Pose2D] | None:
-    """Stamp and pose of ``child`` in ``parent`` in a ``tf2_msgs/TFMessage``, or None if that is not in it."""
+    """Return stamp and pose of ``child`` in ``parent`` in a ``tf2_msgs/TFMessage``, or None if it is not in it."""
     for entry in message["transforms"]:
         names = (entry["header"]["frame_id"].lstrip("/"), entry["child_frame_id"].lstrip("/"))
         if names == (parent, child):
@@ -58,7 +58,7 @@ def transform(message: Message, parent: str, child: str) -> tuple[float, Pose2D]
 
 
 def laser_scan(message: Message, at: float) -> LaserScan:
-    """``sensor_msgs/LaserScan``; what is not finite arrives as null, what is out of range is no hit."""
+    """Decode ``sensor_msgs/LaserScan``; non-finite ranges arrive as null, those out of range count as no hit."""
     ranges = np.array([math.inf if value is None else value for value in message["ranges"]], dtype=float)
     lower, upper = float(message["range_min"]), float(message["range_max"])
     ranges[~((ranges >= lower) & (ranges <= upper))] = np.inf
@@ -67,19 +67,19 @@ def laser_scan(message: Message, at: float) -> LaserScan:
 
 
 def wrench(message: Message, at: float) -> Wrench:
-    """``geometry_msgs/WrenchStamped``."""
+    """Decode ``geometry_msgs/WrenchStamped``."""
     force, torque = ([float(message["wrench"][what][axis]) for axis in "xyz"] for what in ("force", "torque"))
     return Wrench(np.array(force), np.array(torque), at)
 
 
 def imu(message: Message, at: float) -> ImuReading:
-    """``sensor_msgs/Imu``."""
+    """Decode ``sensor_msgs/Imu``."""
     turning, pushing = ([float(message[what][axis]) for axis in "xyz"] for what in _IMU_FIELDS)
     return ImuReading(np.array(turning), np.array(pushing), at)
 
 
 def battery(message: Message, at: float) -> BatteryReading:
-    """``sensor_msgs/BatteryState``, whose current is negative where it is drawn; what it does not measure is null."""
+    """Decode ``sensor_msgs/BatteryState``, whose current is negative when discharging; unmeasured values are null."""
     charge, voltage, current = (message[what] for what in ("percentage", "voltage", "current"))
     if charge is None or voltage is None:
         raise ValueError("a battery should tell its charge and voltage")
@@ -88,9 +88,10 @@ def battery(message: Message, at: float) -> BatteryReading:
 
 
 def joints(message: Message, names: Sequence[str]) -> tuple[list[float], list[float], list[float]] | None:
-    """Positions, velocities, efforts of ``names`` in a ``sensor_msgs/JointState``, or None if one is not in it.
+    """Return positions, velocities and efforts of ``names`` in a ``sensor_msgs/JointState``, or None if one is not in
+    it.
 
-    What a message does not tell counts as 0.
+    Missing values count as 0.
     """
     order = {name: index for index, name in enumerate(message["name"])}
     if any(name not in order for name in names):
@@ -103,7 +104,7 @@ def joints(message: Message, names: Sequence[str]) -> tuple[list[float], list[fl
 
 
 def intrinsics(message: Message) -> CameraIntrinsics:
-    """``sensor_msgs/CameraInfo``; ROS 1 writes its matrices with capitals."""
+    """Decode ``sensor_msgs/CameraInfo``; ROS 1 names its matrices in capitals."""
     k = message["k"] if "k" in message else message["K"]
     return CameraIntrinsics(
         int(message["width"]), int(message["height"]), float(k[0]), float(k[4]), float(k[2]), float(k[5])
@@ -111,13 +112,14 @@ def intrinsics(message: Message) -> CameraIntrinsics:
 
 
 def color_image(message: Message) -> NDArray[np.uint8]:
-    """``sensor_msgs/CompressedImage`` (JPEG or PNG): (H, W, 3) uint8, red first."""
+    """Decode ``sensor_msgs/CompressedImage`` (JPEG or PNG): (H, W, 3) uint8, RGB."""
     image = _unpacked(base64.b64decode(message["data"]), cv2.IMREAD_COLOR, message["format"])
     return np.ascontiguousarray(image[:, :, ::-1])
 
 
 def depth_image(message: Message) -> NDArray[np.float32]:
-    """``sensor_msgs/CompressedImage`` of compressed_depth_image_transport: (H, W) float32 metres, 0 where unknown.
+    """Decode ``sensor_msgs/CompressedImage`` of compressed_depth_image_transport: (H, W) float32 metres, 0 where
+    unknown.
 
     16UC1 holds millimetres; 32FC1 holds ``a / depth + b``, with a and b in the header.
     """

@@ -23,11 +23,12 @@ Value = TypeVar("Value")
 
 
 class TopicStream(Generic[Value]):
-    """One topic. ``decode(message, stamp)`` gives its value, None if the message is about something else.
+    """The latest value of a topic. ``decode(message, stamp)`` returns the value, None if the message is about something
+    else.
 
-    ``ros_time``: shared by the streams of a part, whose stamps are compared. ``longest_age``: seconds after which the
-    newest value counts as none. ``header``: of a message; None: it is about something else. ``frame``: the ``frame_id``
-    of the newest value. Written by the link's thread, read by any.
+    ``ros_time``: shared by the streams of a part, whose stamps are compared. ``longest_age``: seconds after which a
+    value is too old. ``header``: of a message; None: it is about something else. ``frame``: the ``frame_id`` of the
+    newest value. Written by the link's thread, read by any.
     """
 
     def __init__(
@@ -49,7 +50,7 @@ class TopicStream(Generic[Value]):
         self._lateness = LatencyMonitor()
 
     def take(self, message: Message, received: float) -> None:
-        """A message has come; raises what ``decode`` raises."""
+        """Process a message. Raises what ``decode`` raises."""
         header = self._header(message)
         if header is None:
             return
@@ -76,7 +77,7 @@ class TopicStream(Generic[Value]):
         self.forget_time()
 
     def forget_time(self) -> None:
-        """ROS's clock may be another one from now on."""
+        """Discard the clock offset: ROS's clock may have changed."""
         self._lateness.forget()
         self._order.forget()
         self._ros_time.forget()
@@ -92,7 +93,7 @@ class TopicStream(Generic[Value]):
         return newest[0]
 
     def latest(self) -> Value:
-        """Return the newest value, however old: for who watches its age apart. Raises NoDataError if there is none."""
+        """Return the newest value, however old, for callers that check its age. Raises NoDataError if there is none."""
         newest = self._newest
         if newest is None:
             raise NoDataError(f"{self.part}: nothing has come on {self.topic} yet")
@@ -130,7 +131,7 @@ class TopicStream(Generic[Value]):
 
 TRANSPORT = "asyncio"
 Handler = Callable[[Mapping[str, Any], float], None]
-"""Takes a message and when it came; KeyError, TypeError, ValueError: it is malformed."""
+"""Receives a message and its arrival time; raises KeyError, TypeError or ValueError for a malformed message."""
 
 
 class RosLink:
@@ -169,7 +170,7 @@ class RosLink:
         return self._ros is not None and bool(self._ros.is_connected)
 
     def subscribe(self, topic: str, message_type: str, handler: Handler, period: float = 0.0) -> Callable[[], None]:
-        """Have ``handler`` called with each message, or one every ``period`` seconds; gives back what ends that."""
+        """Call ``handler`` with each message, or with one per ``period`` seconds; returns a function that ends this."""
         assert self._sdk is not None
 
         def take(message: Mapping[str, Any]) -> None:
@@ -194,7 +195,7 @@ class RosLink:
         self._publishers[topic] = publisher
 
     def publish(self, topic: str, message: Mapping[str, Any]) -> None:
-        """Send; where the wire is gone, nothing is sent, and the watchdog notices."""
+        """Publish a message; without a connection, nothing is sent, and the watchdog detects it."""
         publisher = self._publishers.get(topic)
         if publisher is not None and self.connected:
             publisher.publish(message)
@@ -212,7 +213,7 @@ class RosLink:
             ros.factory.on_ready(lambda protocol: protocol.send_close())
 
     def abandon(self) -> None:
-        """Drop the wire at once: what it still holds is not to arrive."""
+        """Drop the connection at once, so that pending messages do not arrive."""
         ros = self._ros
         if ros is not None and ros.is_connected:
             ros.factory.on_ready(

@@ -25,7 +25,7 @@ TOPICS: Mapping[str, Mapping[str, str]] = {
     "imu": {"readings": "/{part}/data"},
     "battery": {"state": "/battery_state"},
 }
-"""Kind of part → its streams → where they are if nothing is said."""
+"""Kind of part → its streams → their default topics."""
 
 Rate = Annotated[Frequency, Field(le=200.0)]
 
@@ -34,17 +34,15 @@ Rate = Annotated[Frequency, Field(le=200.0)]
 class RosbridgeOptions:
     """Options of ``driver: rosbridge``.
 
-    ``topics``: part → stream → topic, where it is not the usual one (``TOPICS``). ``joints``: joint of the robot model
-    → its name in ROS, where that differs. ``ros``: version of ROS; it decides how message types are called.
-    ``odometry``: whether poses come as ``nav_msgs/Odometry`` or as the transform from ``odom_frame`` to ``base_frame``,
-    ROS's names of frames. ``frames``: part → ROS's name of the frame that its messages are in, where that is not the
-    robot model's; they are compared at connecting.
-    ``clock``: ``synchronised`` with this machine's by PTP or NTP, so that stamps are believed, or ``estimated`` of each
-    part by its fastest message, whose own latency stays unknown.
-    ``stamped_velocity``: the base takes ``TwistStamped``. ``rate``: hertz of velocities and of
-    set-points. ``longest_delay``: seconds that readings may come late for a while. ``image_time``: seconds to wait for
-    an image. ``pairing``: seconds between the stamps of a colour and of a depth image that belong together.
-    ``secure``: TLS. ``connect_timeout``: seconds.
+    ``topics``: part → stream → topic, if not the default (``TOPICS``). ``joints``: joint of the robot model → its name
+    in ROS, if different. ``ros``: version of ROS, which determines the names of message types. ``odometry``: whether
+    poses arrive as ``nav_msgs/Odometry`` or as the transform from ``odom_frame`` to ``base_frame``, frame names in ROS.
+    ``frames``: part → frame name of its messages in ROS, if different from the robot model's; they are compared when
+    connecting. ``clock``: ``synchronised`` with this machine's by PTP or NTP, so that stamps are used directly, or
+    ``estimated`` for each part from its fastest message, whose own latency stays unknown. ``stamped_velocity``: whether
+    the base takes ``TwistStamped``. ``rate``: of velocities and set-points, Hz. ``longest_delay``: seconds that
+    readings may be late for a while. ``image_time``: seconds to wait for an image. ``pairing``: maximum seconds between
+    the stamps of matching colour and depth images. ``secure``: TLS. ``connect_timeout``: seconds.
     """
 
     topics: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
