@@ -8,20 +8,18 @@ from dataclasses import dataclass
 from typing import Literal
 
 Body = Literal["fingers", "robot", "object", "furniture", "floor", "wall", "walker", "other"]
-"""``fingers``: links of a gripper that take things; ``robot``: any other link."""
+"""``fingers``: gripper links that grasp; ``robot``: any other link."""
 
 
 @dataclass(frozen=True)
 class ContactIncident:
-    """Two bodies pressed on each other with more than 1 N, with gaps of less than a quarter of a second.
+    """A contact of two bodies with more than 1 N and gaps of less than a quarter of a second.
 
     ``first``: the robot's link, or the object that it held. ``second``: the other body, or a link of another arm of the
-    robot. ``kinds``: what these two are.
-    ``leaf``: the door or drawer, ``furniture/name``, where the second is one. Times in simulated seconds,
-    ``peak_force`` in newtons.
-    ``by_walker``: a walker, or a door that a script moves, came into the robot, whose body did not move towards it
-    faster than 2 cm/s just before they touched, nor by more than 1 cm as long as they did; every other contact is the
-    robot's doing.
+    robot. ``kinds``: of both bodies. ``leaf``: the door or drawer, ``furniture/name``, if the second body is one. Times
+    in simulated seconds, ``peak_force`` in newtons. ``by_walker``: a walker, or a door moved by a script, moved into
+    the robot, whose body did not move towards it faster than 2 cm/s just before the contact, nor by more than 1 cm
+    during it; all other contacts are attributed to the robot.
     """
 
     first: str
@@ -57,7 +55,7 @@ class DisturbanceEvent:
     """An intervention on an object, door or drawer ``name``, from ``stamp`` to ``until`` (s).
 
     ``put``: set down at ``pose`` (x, y, z and quaternion xyzw of its centre of mass, in the map). ``slip``: without
-    friction, until it has come to rest. ``push``: a hand shuts it. ``text``: the same in words.
+    friction, until it has come to rest. ``push``: a hand shuts it. ``text``: its description.
     """
 
     stamp: float
@@ -70,13 +68,12 @@ class DisturbanceEvent:
 
 @dataclass(frozen=True)
 class AuditRecord:
-    """Everything seen since the scene was built.
+    """All findings since the scene was built.
 
-    ``calls``: calls of the engine that are not allowed then, by function name; ``resets``, ``constraints``,
-    ``truth_reads`` and ``tampering`` are their sums by kind. ``missed_looks``: how often the
-    monitor should have looked and was not let. The findings come from watching, whatever the cause. ``disturbances``:
-    what the scene's script did, such as people who walk. ``events``: those that were forgiven; whose they were, the
-    monitor does not know.
+    ``calls``: forbidden calls of the engine, by function name; ``resets``, ``constraints``, ``truth_reads`` and
+    ``tampering`` are their sums by kind. ``missed_looks``: skipped observations of the monitor. The findings come from
+    observation, regardless of the cause. ``disturbances``: actions of the scene's script, such as walking people.
+    ``events``: interventions that were excused; the monitor does not know who caused them.
     """
 
     duration: float
@@ -100,9 +97,9 @@ class AuditRecord:
 
 
 class DisturbanceLog:
-    """``events``: what was done; none is ever removed. ``log``: their effects, as text.
+    """Announced interventions. ``events``: all of them; none is ever removed. ``log``: their effects, as text.
 
-    An event may rest, before its time is over: then nothing is forgiven for it.
+    A suspended event excuses nothing, even before its time is over.
     """
 
     def __init__(self) -> None:
@@ -111,7 +108,7 @@ class DisturbanceLog:
         self._resting: set[DisturbanceEvent] = set()
 
     def announce(self, event: DisturbanceEvent) -> None:
-        """Something is done now."""
+        """Add an intervention that begins now."""
         self.events += (event,)
 
     def tell(self, event: Finding) -> None:
@@ -132,9 +129,9 @@ class DisturbanceLog:
 
 
 class Ledger:
-    """Counts by kind and by function, from the moment on at which the scene is built (``seal``).
+    """Counts calls by kind and by function, from ``seal`` on, when the scene is built.
 
-    Until ``close_truth``, the parts of the simulation and the evaluation take what they need without being counted.
+    Until ``close_truth``, parts of the simulation and the evaluation may open readers whose calls are not counted.
     """
 
     def __init__(self) -> None:
@@ -143,7 +140,7 @@ class Ledger:
         self.calls: Counter[str] = Counter()
 
     def seal(self) -> None:
-        """The scene is built: count from now on."""
+        """Start counting: the scene is built."""
         self._sealed = True
 
     def close_truth(self) -> None:

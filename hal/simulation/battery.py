@@ -15,11 +15,11 @@ from hal.simulation.simulation import Simulation
 
 
 class SimulatedBattery(SimulatedSensor[BatteryReading], Battery):
-    """Loses what idle electronics and motors draw in every step; nothing is won back from braking motors.
+    """Loses the power of electronics and motors in every step; braking motors do not recover energy.
 
-    A motor draws its mechanical power, by the drives' efficiency, and the heat of its windings, which grows with the
-    square of its torque. Current and voltage are those of the mean power since the reading before. ``fault``
-    makes it fail as a sensor.
+    A motor draws its mechanical power divided by the drives' efficiency, and the heat of its windings, proportional to
+    its squared torque. Current and voltage are those of the mean power since the previous reading. ``fault`` makes it
+    fail as a sensor.
     """
 
     def __init__(self, name: str, model: BatteryPart, rng: np.random.Generator) -> None:

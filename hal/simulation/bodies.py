@@ -24,7 +24,7 @@ JointStates = tuple[Sequence[float], Sequence[float], Sequence[float]]
 
 
 class SimulationError(RobotError):
-    """The physics engine refused something, or a body was asked for that is not there."""
+    """Raised if the physics engine refused a call, or a body does not exist."""
 
 
 class RefusedPartError(SimulationError, InputError):
@@ -33,12 +33,12 @@ class RefusedPartError(SimulationError, InputError):
 
 @dataclass(frozen=True)
 class BuiltWorld:
-    """Bodies by name, and the robot's joints and links by name (its root link is -1), as the engine numbers them.
+    """Bodies by name, and the robot's joints and links by name (its root link is -1), with the engine's numbers.
 
-    ``frames``: of the robot, those that are no links here: frame → (link, link_from_frame). ``articulations``: of
-    doors and drawers, ``furniture/name`` → body and joint, which is the number of its leaf as well. ``walkers``: body
-    and the joints of its slides. ``parents``: of the robot, link → the link that carries it. Masses in kilograms, of
-    objects by body. ``max_efforts``: of the robot's joints, N m or N; 0: without a limit.
+    ``frames``: frames of the robot that are not links here: frame → (link, link_from_frame). ``articulations``: doors
+    and drawers, ``furniture/name`` → body and joint, which is also the link's number. ``walkers``: body and the joints
+    of its slides. ``parents``: of the robot, link → the link that carries it. Masses in kilograms, of objects by body.
+    ``max_efforts``: of the robot's joints, N m or N; 0: without a limit.
     """
 
     floor: int
@@ -107,10 +107,10 @@ class LinkMotion(NamedTuple):
 
 
 class ContactPoint(NamedTuple):
-    """One point in which two bodies touch or nearly do; metres, newtons and unit vectors in the map frame.
+    """A contact point of two bodies that touch or nearly do; metres, newtons and unit vectors in the map frame.
 
-    ``normal``: of the second body, towards the first. ``distance``: negative where they overlap. Forces on the first
-    body: ``pressure`` along the normal, ``friction`` along ``direction`` and ``friction_2`` along ``direction_2``.
+    ``normal``: of the second body, towards the first. ``distance``: negative if they overlap. Forces on the first body:
+    ``pressure`` along the normal, ``friction`` along ``direction`` and ``friction_2`` along ``direction_2``.
     """
 
     first: int
@@ -128,7 +128,7 @@ class ContactPoint(NamedTuple):
     direction_2: Vector
 
     def force(self) -> Vector:
-        """Return the whole force on the first body."""
+        """Return the total force on the first body, (3,) newtons."""
         (a, b, c), (d, e, f), (g, h, i) = self.normal, self.direction, self.direction_2
         press, slip, slip_2 = self.pressure, self.friction, self.friction_2
         return press * a + slip * d + slip_2 * g, press * b + slip * e + slip_2 * h, press * c + slip * f + slip_2 * i
@@ -136,9 +136,9 @@ class ContactPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """Where a picture is taken from: ``eye`` and ``target`` in the map frame, metres; vertical angle in degrees.
+    """The viewpoint of a picture: ``eye`` and ``target`` in the map frame, metres; vertical field of view in degrees.
 
-    ``near``: metres before which nothing is drawn.
+    ``near``: near clipping distance, metres.
     """
 
     eye: Vector

@@ -28,7 +28,7 @@ class SimulatedBumper(SimulatedSensor[BumperReading], Bumper):
         self._halves = np.array([(np.array(zone.end) - np.array(zone.start)) / 2 for zone in self.zones])
 
     def begin(self, simulation: Simulation) -> Callable[[], BumperReading]:
-        """Which strips are pressed."""
+        """Return a function that reads the pressed strips."""
         reader = simulation.reader(ReadPurpose.SENSOR)
         links = {simulation.holder(self._model.frame), *simulation.joints(self._mounted.joints)}
         return lambda: self._measure(simulation, reader, frozenset(links))

@@ -39,12 +39,12 @@ class ScenePhotographer:
     def picture(
         self, viewpoint: Viewpoint, width: int = 960, height: int = 720, oversampling: int = 2
     ) -> NDArray[np.uint8]:
-        """(height, width, 3) uint8, smoothed by rendering ``oversampling`` times larger."""
+        """Render a picture (height, width, 3) uint8, antialiased by rendering ``oversampling`` times larger."""
         return smooth(self._reader.photo(viewpoint, width * oversampling, height * oversampling), oversampling)
 
 
 def smooth(rgb: NDArray[np.uint8], oversampling: int) -> NDArray[np.uint8]:
-    """Return a picture (H, W, 3) from one that is ``oversampling`` times larger: means of its pixels."""
+    """Return an image (H, W, 3) downsampled by ``oversampling``, as means of its pixels."""
     height, width = rgb.shape[0] // oversampling, rgb.shape[1] // oversampling
     blocks = rgb.astype(np.float64).reshape(height, oversampling, width, oversampling, 3).mean(axis=(1, 3))
     picture: NDArray[np.uint8] = np.round(blocks).astype(np.uint8)
@@ -66,11 +66,11 @@ class Exposure:
 
 
 class SimulatedCamera(SimulatedSensor[Exposure], Camera):
-    """Renders when asked. With a latency it takes images at its rate, and shows the latest that has arrived.
+    """Renders on request. With a latency, it takes images at its rate and returns the latest that has arrived.
 
-    Only images that are asked for are rendered: what moves before the camera is then drawn where it is now, up to a
-    latency and a frame later than the stamp. The camera itself stands where it stood at the stamp. Where it has moved
-    since, the robot's own body, which moves along with it, is without depth.
+    Only requested images are rendered: objects moving in front of the camera are drawn at their current pose, up to a
+    latency and a frame later than the stamp. The camera's own pose is that of the stamp. If it has moved since, the
+    robot's own body, which moves along, has no depth.
     """
 
     def __init__(self, name: str, model: CameraPart, rng: np.random.Generator) -> None:
@@ -125,7 +125,9 @@ class SimulatedCamera(SimulatedSensor[Exposure], Camera):
 
 
 def spoil_depth(depth: NDArray[np.float64], model: CameraPart, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Systematic error, noise that grows with the square of the distance, holes at edges and at random, steps."""
+    """Add systematic error, noise that grows with the squared distance, holes at edges and at random, and
+    quantisation.
+    """
     deviation = model.noise_base + model.noise_quadratic * np.clip(depth - 0.4, 0.0, None) ** 2
     noisy = model.depth_scale * depth + model.depth_offset + rng.standard_normal(depth.shape) * deviation
     curved = np.abs(cv2.Laplacian(depth, cv2.CV_64F, borderType=cv2.BORDER_REFLECT)) > EDGE_CURVATURE
@@ -138,17 +140,17 @@ def spoil_depth(depth: NDArray[np.float64], model: CameraPart, rng: np.random.Ge
 
 
 MARGIN = 2
-"""Pixels rendered beyond what the lens needs, for interpolation."""
+"""Margin of pixels rendered beyond those that the lens needs, for interpolation."""
 LARGEST = 3.0
 """How many times wider than the image the ideal field may become; no lens that the model fits needs more."""
 ITERATIONS = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-10)
 
 
 class Lens:
-    """``ideal``: the pinhole to render, wide enough for every pixel of the image that ``intrinsics`` describe.
+    """Lens distortion. ``ideal``: the pinhole to render, wide enough for every pixel of the image of ``intrinsics``.
 
     D. Brown, "Decentering distortion of lenses", 1966, in the form and order of OpenCV: k1, k2, p1, p2, k3. Raises
-    SimulationError if the distortion cannot be inverted all over the image.
+    SimulationError if the distortion cannot be inverted in the whole image.
     """
 
     def __init__(self, intrinsics: CameraIntrinsics) -> None:
@@ -178,7 +180,7 @@ class Lens:
         return np.asarray(cv2.remap(ideal, self._columns, self._rows, cv2.INTER_LINEAR), dtype=np.uint8)
 
     def depth(self, ideal: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the (H, W) depth along the optical axis of an ideal one: that of the nearest pixel, so that edges
-        stay.
+        """Return the distorted depth (H, W) of an ideal one, metres along the optical axis, by nearest pixel to keep
+        edges.
         """
         return np.asarray(cv2.remap(ideal, self._columns, self._rows, cv2.INTER_NEAREST), dtype=np.float64)

@@ -21,7 +21,7 @@ GAP = 0.25
 
 
 class ContactWatcher:
-    """Sums contact forces by pair of links or bodies; wheels and casters on the floor are what they are for."""
+    """Sums contact forces by pair of links or bodies, except wheels and casters on the floor."""
 
     def __init__(self, simulation: Simulation) -> None:
         built, model = simulation.built, simulation.model
@@ -60,7 +60,7 @@ class ContactWatcher:
     def watch(self, observation: SimulationState, falling: Collection[str] = ()) -> None:
         """Process one observation.
 
-        ``falling``: objects on their way out of the hand: how hard they hit what they fall on is not the robot's doing.
+        ``falling``: objects that are slipping out of the hand; their impacts are not attributed to the robot.
         """
         fallen = {body for body in self._objects if self._names[body] in falling}
         forces: defaultdict[tuple[int, int, int, int], float] = defaultdict(float)
@@ -171,7 +171,7 @@ def _on_the_floor(base: BaseModel, built: BuiltWorld) -> list[int]:
 CLOSING = 0.02
 """Metres per second towards the other, just before they touch, from which on a contact is the robot's doing."""
 PUSHING = 0.01
-"""Metres towards the other, while they touch, from which on it is; what is shoved springs back by less."""
+"""Motion towards the other body during contact above which a body counts as moving, metres; recoil is less."""
 APART = 0.25
 """Seconds after which they have parted."""
 
@@ -189,10 +189,10 @@ class _Touch:
 
 
 class ApproachWatcher:
-    """Takes the contacts of a look one by one; the robot is judged by the motion of its body.
+    """Processes the contacts of an observation one by one; the robot is judged by the motion of its body.
 
-    The blow itself changes velocities, so what counts at the first touch is how they moved at the look before, 1/60 s
-    ago. Later, what counts is how far the body has moved on towards the other.
+    An impact changes velocities, so the first contact is judged by the velocities of the observation before, 1/60 s
+    earlier; later, by how far the body has moved towards the other.
     """
 
     def __init__(self, robot: int) -> None:
@@ -201,7 +201,7 @@ class ApproachWatcher:
         self._touches: dict[Pair, _Touch] = {}
 
     def take(self, contact: ContactPoint, observation: SimulationState, period: float) -> None:
-        """A contact between the robot and a walker, whichever of them comes first."""
+        """Process a contact between the robot and a walker, in either order."""
         body_a, body_b, link_a, link_b, on_a, _, normal_on_b, *_ = contact
         first = body_a == self._robot
         pair = (link_a, body_b) if first else (link_b, body_a)
@@ -225,7 +225,7 @@ class ApproachWatcher:
         return touch is None or touch.ours
 
     def look_ends(self, observation: SimulationState) -> None:
-        """The next contacts belong to the next look."""
+        """End the current observation."""
         self._before = observation.bodies[self._robot]
 
 

@@ -14,23 +14,23 @@ from hal.simulation.guards import ReadPurpose
 from hal.simulation.robot import SimulatedRobot
 
 KEEPS_AWAY = 0.10
-"""Metres from the robot, and from what it holds, within which no intervention puts an object down or pushes."""
+"""Distance from the robot and its held object within which no intervention places an object or pushes, metres."""
 OVERLAP = 1e-3
-"""Metres that an object may overlap with others where it is put; more is no free place."""
+"""Maximum overlap of an object with others at a free place, metres."""
 PUTS_DOWN_FROM = 5e-4
-"""Metres above the surface at which an object is let go."""
+"""Height above the surface from which an object is released, metres."""
 OUT_OF_HAND = 0.1
-"""Seconds for which the robot has not touched an object that has slipped out of its hand."""
+"""Seconds without robot contact after which an object counts as having slipped out of the hand."""
 SLIP_TIME = 1.5
-"""Seconds after which an object that hangs in the hand without friction has its own again."""
+"""Seconds after which an object that stays in the hand without friction gets its friction back."""
 FALL_TIME = 2.0
-"""Seconds in which what has slipped out of the hand comes to rest."""
+"""Seconds in which a dropped object comes to rest."""
 PUSH_TIME = 10.0
 """Seconds after which a blocked push is given up."""
 ENDS_WITHIN = 0.1
 """Seconds after its time in which a slip or a push has ended: checked after every control period."""
 PUSH_EFFORT = {"prismatic": 30.0, "revolute": 10.0}
-"""N and N m: what a hand pushes with."""
+"""Maximum force and torque of a pushing hand, N and N m."""
 
 
 @dataclass
@@ -54,12 +54,12 @@ class _Slip:
 
 
 class DisturbanceInjector:
-    """The verbs of a scripted disturbance. Make it right after ``robot.connect()``, before ``close_truth``.
+    """The actions of scripted disturbances. Create it right after ``robot.connect()``, before ``close_truth``.
 
-    What it does is told in ``AuditRecord.disturbances`` and is no fault of the run, if the evaluation of the run
-    knows of it: each verb gives back its event, ``audit`` compares them with those that the monitor has forgiven. One
-    that is made later works, too, but is a cheat like any other: each of its acts is counted and seen. It never acts on
-    what is within ``KEEPS_AWAY`` of the robot, but for ``let_slip``; so no contact of the robot is ever its doing.
+    Its actions are listed in ``AuditRecord.disturbances`` and are not faults of the run if the evaluation knows of
+    them: each action returns its event, and ``audit`` compares these with those that the monitor has excused. An
+    injector created later also works, but all its actions count as cheats. It never acts within ``KEEPS_AWAY`` of the
+    robot, except by ``let_slip``, so it never causes a contact of the robot.
     """
 
     def __init__(self, robot: SimulatedRobot) -> None:
@@ -77,9 +77,9 @@ class DisturbanceInjector:
         simulation.controls.append(self._update)
 
     def move_object(self, name: str, pose: Pose, surface: str) -> DisturbanceEvent | None:
-        """Lift an object and put it down at ``pose`` in the map frame, at rest; ``surface``: where that is, in words.
+        """Move an object to ``pose`` in the map frame, at rest; ``surface``: description of the place.
 
-        None, and nothing is done, while the robot or another object is at it, or while its new place is not free.
+        Returns None, without an effect, while the robot or another object touches it, or its new place is occupied.
         """
         body = among(self._simulation.built.objects, name, "object")
         before = self._reader.body_pose(body)
@@ -97,9 +97,9 @@ class DisturbanceInjector:
         return event
 
     def push_shut(self, articulation: str, speed: float) -> DisturbanceEvent | None:
-        """Begin to push a door or drawer shut with the force of a hand; ``speed``: m/s or rad/s.
+        """Start to push a door or drawer shut with the force of a hand; ``speed``: m/s or rad/s.
 
-        None, and nothing is done, while the robot is near. If it comes near later, the hand waits.
+        Returns None, without an effect, while the robot is near. If it comes near later, the hand waits.
         """
         place = among(self._simulation.built.articulations, articulation, "door or drawer")
         leaf = self._leaves[articulation]

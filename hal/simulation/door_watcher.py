@@ -48,12 +48,12 @@ class _Leaf:
 
 
 class DoorWatcher:
-    """Looks after every physics step.
+    """Checks doors and drawers after every physics step.
 
-    A leaf has then moved by exactly its velocity. It has gained speed only if something presses on it, its weight
-    pulls, or it leaves an end stop that it was pressed into. The motor of its joint, which stands for dry friction and
-    the latch (``hal.simulation.doors``), has exerted their effort against the motion, no more, and while it slides no
-    less.
+    Each must have moved by exactly its velocity. It may gain speed only if something presses on it, its weight pulls,
+    or it leaves an end stop that it was pressed into. The motor of its joint, which represents dry friction and the
+    latch (``hal.simulation.doors``), must have exerted their effort against the motion: no more, and no less while it
+    slides.
     """
 
     def __init__(self, simulation: Simulation, world: World, reader: Reader) -> None:

@@ -52,7 +52,7 @@ class Latches:
         return len(self._latches)
 
     def update(self) -> None:
-        """Before each physics step."""
+        """Update the latches before each physics step."""
         for latch in self._latches:
             caught = abs(_position(self._engine, (latch.body, latch.joint))) < latch.travel
             if caught != latch.caught:
@@ -70,9 +70,10 @@ ARRIVED: dict[JointKind, float] = {"revolute": math.radians(1.0), "prismatic": 0
 
 @dataclass(frozen=True)
 class DoorPush:
-    """``place``: body and joint. It moves ``to`` (radians or metres open) at ``speed`` (per second).
+    """A push on a door or drawer. ``place``: body and joint. It moves ``to`` (radians or metres open) at ``speed`` (per
+    second).
 
-    ``effort``: N m or N at most, beyond the friction of the joint.
+    ``effort``: maximum N m or N, beyond the friction of the joint.
     """
 
     place: tuple[int, int]
@@ -89,7 +90,7 @@ class Hand:
         self._engine = engine
 
     def push(self, push: DoorPush) -> bool:
-        """Push on for one control period; True, and lets go, once it has arrived."""
+        """Push for one control period; returns True, and releases, once it has arrived."""
         left = push.to - _position(self._engine, push.place)
         if abs(left) < ARRIVED[push.leaf.kind]:
             self.rest(push)
@@ -98,7 +99,7 @@ class Hand:
         return False
 
     def rest(self, push: DoorPush) -> None:
-        """Let go of it: its friction, and near the closed position its latch, are what holds it again."""
+        """Release it: it is held by its friction, and by its latch near the closed position."""
         leaf = push.leaf
         caught = abs(_position(self._engine, push.place)) < LATCH_TRAVEL[leaf.kind]
         self._turn(push, 0.0, leaf.friction + leaf.latch if caught else leaf.friction)
@@ -125,7 +126,7 @@ class _Script:
 
 
 class MovingDoors:
-    """Moves the doors of a world's script. ``log``: what was done, to be told with the run as a disturbance of it."""
+    """Moves the doors of a world's script. ``log``: their motions, reported as disturbances of the run."""
 
     def __init__(self, engine: Engine, world: World) -> None:
         self._engine, self._hand = engine, Hand(engine)
@@ -147,7 +148,7 @@ class MovingDoors:
         return len(self._scripts)
 
     def update(self, now: float) -> None:
-        """Before each control period; ``now``: seconds since the scene was built."""
+        """Move the doors before each control period; ``now``: seconds since the scene was built."""
         robot, _ = self._engine.body_pose(self._engine.built.robot)
         for script in self._scripts:
             door = script.door

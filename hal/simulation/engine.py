@@ -24,10 +24,10 @@ from hal.simulation.bodies import (
 
 
 class Engine(ABC):
-    """A world that is built and stands still until ``step``. SI units and radians; quaternions xyzw, in the map frame.
+    """A built world that advances only by ``step``. SI units and radians; quaternions xyzw, in the map frame.
 
-    Bodies, links and joints are the engine's own numbers, which ``built`` tells by name; -1 is a body's root link.
-    ``ledger``: where functions of the engine's own, by which programs could come past this class, are counted.
+    Bodies, links and joints are numbers of the engine, listed by name in ``built``; -1 is a body's root link.
+    ``ledger``: counts calls of the engine's own functions, which bypass this class.
     """
 
     built: BuiltWorld
@@ -35,11 +35,11 @@ class Engine(ABC):
 
     @abstractmethod
     def step(self) -> None:
-        """Go on by one physics step, of the length that the engine was made with."""
+        """Advance by one physics step of the configured length."""
 
     @abstractmethod
     def close(self) -> None:
-        """Free what the engine holds; idempotent."""
+        """Free the engine's resources; idempotent."""
 
     # Motors. Each command replaces the one before at its joints and holds until the next.
 
@@ -47,32 +47,33 @@ class Engine(ABC):
     def track(
         self, joints: Sequence[int], positions: Array, velocities: Array, efforts: Sequence[float], gain: float
     ) -> None:
-        """The robot's joints go on at ``velocities`` and make up ``gain`` of what they lack to ``positions`` in a step.
+        """Move the robot's joints at ``velocities``, and correct the fraction ``gain`` of their errors to ``positions``
+        per step.
 
-        ``efforts``: N m or N that a motor exerts at most.
+        ``efforts``: maximum efforts of the motors, N m or N.
         """
 
     @abstractmethod
     def approach(self, joint: int, position: float, speed: float, effort: float) -> None:
-        """A joint of the robot goes to ``position`` and stays there, at most so fast and with so much effort."""
+        """Move a joint of the robot to ``position`` and hold it there, within the given speed and effort."""
 
     @abstractmethod
     def turn(self, body: int, joints: Sequence[int], speeds: Sequence[float], efforts: Sequence[float]) -> None:
-        """Joints of a body move at ``speeds`` with bounded efforts; at speed 0, that is dry friction."""
+        """Move joints of a body at ``speeds`` with bounded efforts; at speed 0, this acts as dry friction."""
 
     @abstractmethod
     def exert(self, joints: Sequence[int], efforts: Array) -> None:
-        """Efforts at joints of the robot in the next step, beside what ``turn`` has asked of them."""
+        """Apply efforts to joints of the robot in the next step, in addition to those of ``turn``."""
 
     @abstractmethod
     def push(self, body: int, link: int, force: Vector, point: Vector) -> None:
-        """A force on a link in the next step, at a point of the map."""
+        """Apply a force to a link in the next step, newtons, at ``point`` in the map frame."""
 
     # What is true
 
     @abstractmethod
     def joint_states(self, body: int, joints: Sequence[int]) -> JointStates:
-        """Positions, velocities, and the efforts of the motors in the latest step."""
+        """Return positions, velocities, and the efforts of the motors in the latest step."""
 
     @abstractmethod
     def body_pose(self, body: int) -> tuple[Vector, Quaternion]:
@@ -94,13 +95,15 @@ class Engine(ABC):
     def contacts(
         self, body: int | None = None, link: int | None = None, other: int | None = None
     ) -> Sequence[ContactPoint]:
-        """Return all contacts, or those of a body, which is the first in them then: of one of its links, with one
-        other.
+        """Return all contacts, or those of a body as the first one, optionally of one of its links and with one other
+        body.
         """
 
     @abstractmethod
     def gaps(self, body: int, other: int, within: float, link: int | None = None) -> Sequence[float]:
-        """Distances of up to ``within`` metres between a body and another one or its ``link``; negative: overlap."""
+        """Return the distances up to ``within`` metres between a body and another one or its ``link``; negative:
+        overlap.
+        """
 
     @abstractmethod
     def cast_rays(self, starts: Array, ends: Array) -> tuple[NDArray[np.intp], Array]:
@@ -110,10 +113,10 @@ class Engine(ABC):
     def depth_image(
         self, map_from_optical: Pose, intrinsics: CameraIntrinsics, near: float, far: float, without: int = -1
     ) -> tuple[NDArray[np.uint8], Array]:
-        """Exact colour (H, W, 3) and depth (H, W) metres of a pinhole (x right, y down), without distortion.
+        """Render exact colour (H, W, 3) and depth (H, W), metres, of a pinhole (x right, y down), without distortion.
 
-        The depth is 0 where it is less than ``near``, though that is in the picture, or more than ``far``, or of the
-        body ``without``.
+        The depth is 0 if it is below ``near`` (the pixel is still visible) or above ``far``, or for pixels of the body
+        ``without``.
         """
 
     @abstractmethod
@@ -122,13 +125,13 @@ class Engine(ABC):
 
     @abstractmethod
     def segments(self, viewpoint: Viewpoint, width: int, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Which body and which of its links each pixel shows, (H, W) each; body -1 where there is none."""
+        """Return the body and the link shown by each pixel, (H, W) each; body -1 for the background."""
 
     # What no honest run does, but for people who disturb
 
     @abstractmethod
     def put(self, body: int, position: Sequence[float], quaternion: Sequence[float]) -> None:
-        """Put a body's centre of mass somewhere, at rest and awake; for bodies that can move as a whole."""
+        """Place a body's centre of mass at a pose, at rest and awake; only for freely moving bodies."""
 
     @abstractmethod
     def set_joint(self, body: int, joint: int, position: float) -> None:
@@ -136,14 +139,14 @@ class Engine(ABC):
 
     @abstractmethod
     def friction(self, body: int) -> tuple[float, float]:
-        """Coefficients of sliding and of spinning friction of a body's root link; the latter in metres."""
+        """Return the sliding and the spinning friction of a body's root link; the latter in metres."""
 
     @abstractmethod
     def set_friction(self, body: int, sliding: float, spinning: float) -> None:
         """Set both coefficients of friction, effective at once, also in existing contacts."""
 
     def forget_contacts(self, body: int, link: int) -> None:  # noqa: B027 - for engines that keep contacts
-        """Find what a link touches afresh in the next step; an engine that does so anyway has nothing to do."""
+        """Recompute the contacts of a link in the next step; no effect in an engine that always does so."""
 
     @abstractmethod
     def constraint_count(self) -> int:
@@ -151,6 +154,6 @@ class Engine(ABC):
 
     @abstractmethod
     def constants(self) -> Mapping[str, tuple[Any, ...]]:
-        """What an honest run leaves as it is, by what it is: gravity, time step, the number of bodies, ``friction of
-        <body>`` (sliding, spinning), and masses and the like by link.
+        """Return the quantities that must not change in an audited run: gravity, time step, the number of bodies,
+        ``friction of <body>`` (sliding, spinning), and masses and the like by link.
         """

@@ -46,7 +46,7 @@ class FingerMotors(SimulatedChannel, GripperChannel):
         return GripperReading(self._model.width(self.simulation.joint_states()[0, self._slots]))
 
     def send(self, width: float, force: float, speed: float) -> None:
-        """Towards a width."""
+        """Move towards a width."""
         if self._contacts is not None and self._pressing:
             self._contacts.renew_all()
         self._drive(width, force, speed)
@@ -75,14 +75,13 @@ class FingerMotors(SimulatedChannel, GripperChannel):
 
 
 class ContactRefresh:
-    """Drops the kept contacts of a hand's fingers, one finger after the other, so that the others hold meanwhile.
+    """Discards the cached contacts of the fingers, one finger after the other, so that the others hold meanwhile.
 
-    Bullet keeps points of contact from step to step and moves them along with the bodies, but not their normals:
-    those stay as they were in the world (``btPersistentManifold::refreshContactPoints``). Between two bodies that turn
-    together, as a hand does with what it holds while the base turns, old normals end up pointing anywhere, at worst
-    sideways: what is held creeps, and fingers that shall open are caught.
+    Bullet moves contact points along with the bodies from step to step, but keeps their normals in the world frame
+    (``btPersistentManifold::refreshContactPoints``). When a hand and its object rotate together, for example while the
+    base turns, old normals become wrong, at worst sideways: the object creeps, and opening fingers get stuck.
 
-    ``turn``: radians that the hand may turn until each finger has had its turn.
+    ``turn``: rotation of the hand, radians, within which each finger is refreshed once.
     """
 
     def __init__(self, simulation: Simulation, fingers: Sequence[str], turn: float) -> None:
@@ -95,7 +94,7 @@ class ContactRefresh:
         self._renewed_at = self._pose()
 
     def follow(self) -> None:
-        """Renew the next finger's contacts if the hand has turned far enough."""
+        """Refresh the next finger's contacts if the hand has rotated far enough."""
         pose = self._pose()
         if abs(float(pose.quaternion @ self._renewed_at.quaternion)) < self._least:
             self._renew(self._fingers[self._next])

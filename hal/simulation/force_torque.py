@@ -34,12 +34,12 @@ class _Motion:
 
 
 class SimulatedForceTorque(SimulatedSensor[Wrench], ForceTorque):
-    """Measures when asked, at most ``rate`` times a second.
+    """Measures on request, at most ``rate`` times a second.
 
-    The wrench is what the world does to all that hangs on the sensor, weight and inertia included, about the
-    origin of ``frame`` and along its axes: a hand that hangs straight down pulls with +m g along z. Contact forces are
-    those of the last physics step, inertia is the mean since the reading before. What pads resist twisting with
-    (spinning friction) is missing from the torque: Bullet does not tell it. ``fault`` makes it fail.
+    The wrench is exerted by the environment on everything that the sensor carries, including weight and inertia, about
+    the origin of ``frame`` and along its axes: a hand that points straight down gives +m g along z. Contact forces are
+    those of the last physics step, inertia is the mean since the previous reading. Spinning friction of the pads is
+    missing from the torque, because Bullet does not report it. ``fault`` makes it fail.
     """
 
     def __init__(self, name: str, model: MountedForceTorque, rng: np.random.Generator) -> None:
@@ -56,7 +56,7 @@ class SimulatedForceTorque(SimulatedSensor[Wrench], ForceTorque):
         return self.read()
 
     def begin(self, simulation: Simulation) -> Callable[[], Wrench]:
-        """Find what hangs on the sensor."""
+        """Find the links that the sensor carries."""
         built = simulation.built
         missing = [joint for joint in self._mounted.joints if joint not in built.joints]
         if missing or not self._mounted.joints:

@@ -11,10 +11,10 @@ from hal.simulation.robot import SimulatedRobot
 
 
 class GroundTruth:
-    """True poses in the map frame. Make it right after ``robot.connect()``, before time runs.
+    """True poses in the map frame. Create it right after ``robot.connect()``, before time advances.
 
-    One that is made later works, too, but each of its reads counts as a ``ground_truth_read`` in the audit: so a
-    skill cannot look at the truth unnoticed. ``trusted``: whether reads are free.
+    One created later also works, but each of its reads counts as a ``ground_truth_read`` in the audit, so that skills
+    cannot read the ground truth unnoticed. ``trusted``: whether reads are not counted.
     """
 
     def __init__(self, robot: SimulatedRobot) -> None:
@@ -28,16 +28,16 @@ class GroundTruth:
         return tuple(self._simulation.built.objects)
 
     def object_pose(self, name: str) -> Pose:
-        """True pose of an object. Raises SimulationError naming what there is."""
+        """Return the true pose of an object. Raises SimulationError listing the objects."""
         return self._pose(among(self._simulation.built.objects, name, "object"))
 
     def object_speed(self, name: str) -> tuple[float, float]:
-        """Speed in m/s and rate of turn in rad/s of an object."""
+        """Return the speed of an object in m/s and its rotation rate in rad/s."""
         linear, angular = self._reader.body_velocity(among(self._simulation.built.objects, name, "object"))
         return float(np.linalg.norm(linear)), float(np.linalg.norm(angular))
 
     def furniture_pose(self, name: str) -> Pose:
-        """True pose of a piece of furniture."""
+        """Return the true pose of a piece of furniture."""
         return self._pose(among(self._simulation.built.furniture, name, "furniture"))
 
     @property
@@ -51,11 +51,11 @@ class GroundTruth:
         return float(self._reader.joint_states(body, [joint])[0][0])
 
     def base_pose(self) -> Pose:
-        """True pose of the robot's base frame."""
+        """Return the true pose of the robot's base frame."""
         return self.frame_pose(self._simulation.model.base_frame)
 
     def frame_pose(self, frame: str) -> Pose:
-        """True pose of a frame (link) of the robot."""
+        """Return the true pose of a frame (link) of the robot."""
         return self._simulation.link_pose(self._reader, frame)
 
     def touches_robot(self, name: str) -> bool:
@@ -65,7 +65,7 @@ class GroundTruth:
         return any(contact.pressure > 0.0 for contact in contacts)
 
     def supports(self, name: str) -> tuple[str, ...]:
-        """Names of the bodies other than the robot that an object rests on or touches."""
+        """Return the names of the bodies other than the robot that an object rests on or touches."""
         names, body = self._simulation.built.body_names, among(self._simulation.built.objects, name, "object")
         touched = {contact.second for contact in self._reader.contacts(body) if contact.pressure > 0.0}
         return tuple(sorted(names[other] for other in touched if other in names))

@@ -11,7 +11,7 @@ from typing import Any
 from hal.simulation.engine import Engine
 
 SIMULATION = "hal.simulation."
-"""What the names of the simulation's modules begin with."""
+"""Prefixes of the simulation's modules."""
 
 TRUTH = frozenset(
     {
@@ -33,14 +33,15 @@ KINDS = {
     "put": "resets",
     "set_joint": "resets",
 }
-"""As what functions of an engine are counted; all others are tampering: motors are commanded through the Robotics
-API, whose parts have the engine by ``Simulation.actor``."""
+"""The kinds under which functions of an engine are counted; all others are tampering: motors are commanded through the
+Robotics API, whose parts get the engine from ``Simulation.actor``.
+"""
 OWN = frozenset({"joint_states"})
 """Of these, those that are free for the robot's own body: its encoders."""
 
 
 class ReadPurpose(Enum):
-    """Why a part of the simulation reads poses that no robot could know."""
+    """Purposes for which a part of the simulation reads true poses."""
 
     SENSOR = "sensor"  # to render an image or cast a scan
     MONITOR = "monitor"  # the audit itself
@@ -74,10 +75,10 @@ class GuardedEngine:
 
 
 class Reader:
-    """A view of what is true for one purpose; the functions of TRUTH are its attributes.
+    """A view of the ground truth for one purpose; the functions of TRUTH are its attributes.
 
-    They are free for the module ``owner`` that opened it, and for the simulation that it is handed to. Who finds one
-    in a foreign object and reads with it is counted, and so is who opens one after ``close_truth``.
+    Reads are not counted for the module ``owner`` that opened it, and for the simulation that receives it. Reads by
+    other modules are counted, and so are readers opened after ``close_truth``.
     """
 
     def __init__(self, engine: Engine, guarded: GuardedEngine, purpose: ReadPurpose, owner: str) -> None:

@@ -18,9 +18,9 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
 class SimulatedImu(SimulatedSensor[ImuReading], Imu):
-    """Measures at its rate: angular velocity and specific force, both as means since the reading before.
+    """Measures at its rate: angular velocity and specific force, both as means since the previous reading.
 
-    Each axis has a bias of its own, drawn once, and normal noise. ``fault`` makes it fail.
+    Each axis has its own bias, drawn once, and normal noise. ``fault`` makes it fail.
     """
 
     def __init__(self, name: str, model: ImuPart, rng: np.random.Generator) -> None:

@@ -23,7 +23,9 @@ from hal.simulation.simulation import SimulatedChannel, Simulation
 
 
 def mass_distribution(parts: Sequence[PlacedShape], mass: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Centre of mass (3,) in the frame of the parts and inertia (3, 3) about it, kg m²; the parts are equally dense."""
+    """Return the centre of mass (3,) in the frame of the parts and the inertia (3, 3) about it, kg m², at uniform
+    density.
+    """
     solids = [_solid(part) for part in parts]
     whole: Any = trimesh.util.concatenate(solids)
     whole.density = mass / sum(part.volume for part in solids)
@@ -55,20 +57,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class FrameMotion:
-    """``pose`` in the map; ``linear`` (3,) m/s of its origin and ``angular`` (3,) rad/s along the map's axes."""
+    """The motion of a frame: ``pose`` in the map; ``linear`` (3,) m/s of its origin and ``angular`` (3,) rad/s along
+    the map's axes.
+    """
 
     pose: Pose
     linear: Array
     angular: Array
 
     def velocity_at(self, point: Array) -> Array:
-        """Velocity (3,) m/s of the point of the body that is at ``point`` (3,) of the map."""
+        """Return the velocity (3,), m/s, of the body's point at ``point`` (3,), metres in the map frame."""
         velocity: Array = self.linear + np.cross(self.angular, point - self.pose.position)
         return velocity
 
 
 class FrameTracker:
-    """Follows one frame or link of the robot; it stands still until its second read."""
+    """Tracks one frame or link of the robot; its velocity is zero until the second read."""
 
     def __init__(self, simulation: Simulation, reader: Reader, frame: str) -> None:
         self._simulation, self._reader, self._frame = simulation, reader, frame
@@ -86,7 +90,9 @@ class FrameTracker:
 
 
 def body_velocity_at(reader: Reader, body: int, link: int, point: Array) -> Array:
-    """Velocity (3,) m/s at ``point`` (3,) of the map of what has no position motors: an object, a door."""
+    """Return the velocity (3,), m/s, at ``point`` (3,) of the map, of a body without position motors: an object or a
+    door.
+    """
     if link >= 0:
         centre, linear, angular = map(np.array, reader.link_motions(body, [link])[0])
     else:
@@ -123,7 +129,7 @@ class JointMotors(SimulatedChannel, JointChannel):
         simulation.effort_controls += (self._interpolate, self._apply_torques)
 
     def detach(self) -> None:
-        """Let go."""
+        """Disconnect from the simulation."""
         super().detach()
         self.encoders.detach()
 
@@ -132,17 +138,17 @@ class JointMotors(SimulatedChannel, JointChannel):
         return JointReading(*self.simulation.joint_states()[:, self._slots])
 
     def published(self) -> JointReading:
-        """What the encoders tell, with their rate, latency, noise and faults.
+        """Return the encoder reading, with rate, latency, noise and faults.
 
-        Raises NoDataError if they tell nothing.
+        Raises NoDataError without a reading.
         """
         reading = self.encoders.read()
         return JointReading(reading.positions, reading.speeds, self.simulation.efforts()[self._slots])
 
     def send(self, positions: Array, velocities: Array) -> None:
-        """One set-point, to be reached by the next control period: drives go there in steps of the physics.
+        """Send one set-point, reached by the next control period; drives interpolate between physics steps.
 
-        Steps at the control rate would shake what the hand holds, and it would work its way out of the fingers.
+        Steps at the control rate would shake a held object out of the fingers.
         """
         if self._torques is not None:
             self._torques = None
@@ -153,7 +159,7 @@ class JointMotors(SimulatedChannel, JointChannel):
         self._sent_to = positions
 
     def exert(self, efforts: Array) -> None:
-        """Torques from the next step of the physics on."""
+        """Apply torques from the next physics step on."""
         simulation = self.simulation
         if self._torques is None:
             simulation.release(self._indices)

@@ -20,11 +20,11 @@ LEGS_CANNOT = {
     "a base drives and turns by odometry": "legs stop where feet land, within 2 cm, and wander by up to 4 cm in a turn",
     "a motion of a base can be cancelled": "legs sway for up to 0.7 s after cancel(), by up to 0.03 m/s or rad/s",
 }
-"""What of the Robotics API, or of its conformance checks, is not in the power of this walker → why."""
+"""Features of the Robotics API, and conformance checks, that this walker does not support → reason."""
 
 
 class LegDrive(SimulatedChannel, BaseChannel):
-    """A base that trots. It knows its joints and its inertial unit, nothing else. ``body``: of the whole robot."""
+    """A walking base that trots. It uses only its joints and its IMU. ``body``: of the whole robot."""
 
     def __init__(self, model: LeggedBaseModel, parameters: SimulationParameters, imu: Imu, body: Payload) -> None:
         self._model, self._parameters, self._imu, self._body = model, parameters, imu, body
@@ -34,7 +34,7 @@ class LegDrive(SimulatedChannel, BaseChannel):
         self._walker = self._new_walker()
 
     def attach(self, simulation: Simulation) -> None:
-        """Stand, with odometry at zero."""
+        """Stand up, with odometry at zero."""
         super().attach(simulation)
         self._slots = simulation.slots(self._model.part.joints)
         self._indices = simulation.joints(self._model.part.joints)
@@ -43,7 +43,9 @@ class LegDrive(SimulatedChannel, BaseChannel):
         simulation.effort_controls.append(self._exert)
 
     def read(self) -> BaseReading:
-        """Paths from the feet on the floor, headings from the gyroscope; mean velocity over one step of all legs."""
+        """Return odometry: distances from the feet on the floor, headings from the gyroscope; mean velocity over one
+        step of all legs.
+        """
         vx, vy, wz = self._walker.velocity
         return BaseReading(self._walker.odometry.pose, Twist2D(float(vx), float(vy), float(wz)))
 

@@ -18,9 +18,9 @@ from hal.simulation.simulation import Simulation
 
 
 class SimulatedLidar(SimulatedSensor[LaserScan], Lidar):
-    """Casts its beams when asked; a beam that the robot's own body blocks sees nothing. ``fault``: it fails.
+    """Casts its beams on request; beams blocked by the robot's own body have no hit. ``fault`` makes it fail.
 
-    One that is built into a base looks out through a slot: its beams begin where they leave the outline of the base.
+    A lidar built into a base looks out through a slot: its beams begin at the outline of the base.
     """
 
     def __init__(self, name: str, model: LidarPart, rng: np.random.Generator) -> None:

@@ -34,10 +34,11 @@ GRAVITY = 9.81
 
 
 class AttachmentCheck:
-    """Over half a second: an object moved as a finger did, while the robot pressed on it with less than a tenth of
-    its weight. To carry takes normal forces of its weight over the friction; to push takes its friction on the table.
+    """Detects attached objects: for half a second, an object moved as a finger did while the robot pressed on it with
+    less than a tenth of its weight.
 
-    What lies in a drawer goes with it while a hand pulls the handle: that is the drawer's doing.
+    Carrying needs normal forces of the weight divided by the friction; pushing needs the friction on the table. Objects
+    in a drawer move with it while a hand pulls the handle; they are not reported.
     """
 
     def __init__(self, simulation: Simulation, reader: Reader) -> None:
@@ -57,9 +58,9 @@ class AttachmentCheck:
     def watch(
         self, observation: SimulationState, robot_forces: Mapping[int, float], put_down: Collection[int] = ()
     ) -> None:
-        """Take in one observation and the normal forces of the robot on each body.
+        """Process one observation and the normal forces of the robot on each body, newtons.
 
-        ``put_down``: objects that a script has put where they are: the half second restarts.
+        ``put_down``: objects placed by a script: their half second restarts.
         """
         if put_down:
             self._history.clear()
@@ -131,7 +132,7 @@ FIXED_BODY_MOVED = 1e-4
 
 
 class IntegrityCheck:
-    """Compares with what was there when the scene was built."""
+    """Compares constants and constraints with those of the time at which the scene was built."""
 
     def __init__(self, simulation: Simulation, reader: Reader) -> None:
         built = simulation.built
@@ -145,14 +146,14 @@ class IntegrityCheck:
         self.jumps: list[Finding] = []
 
     def watch_constraints(self, stamp: float) -> None:
-        """Cheap: at every look."""
+        """Compare the constraints; cheap, at every observation."""
         count = self._engine.constraint_count()
         if count != self._constraints:
             self.hidden_constraints.append(Finding(stamp, f"there are {count} constraints, {self._constraints} before"))
             self._constraints = count
 
     def watch_everything(self, stamp: float, slippery: Collection[str] = ()) -> None:
-        """Once in a while, and at the end; ``slippery``: objects that may be without friction, and nothing else."""
+        """Compare everything, occasionally and at the end; ``slippery``: objects that may be without friction."""
         self.watch_constraints(stamp)
         before, now = self._constants, dict(self._engine.constants())
         for key in (f"friction of {name}" for name in slippery):
@@ -180,9 +181,8 @@ PUT_THERE = (2e-3, 1e-2)
 class AuditMonitor:
     """Watches one simulation of ``world`` from the moment its scene is built.
 
-    What ``disturbance_log`` holds is forgiven: it explains what happens to one object, door or drawer for a while. Each
-    such event stays in the record, whatever becomes of the log: the evaluation compares it with what the
-    task's own script has done.
+    Events in ``disturbance_log`` are excused: each explains the motion of one object, door or drawer for a while. They
+    stay in the record, whatever happens to the log; the evaluation compares them with the task's own script.
     """
 
     def __init__(self, simulation: Simulation, world: World) -> None:

@@ -35,10 +35,10 @@ SPEED_TOLERANCE = (1.05, 0.02)
 
 
 class MotionWatcher:
-    """Compares how far bodies and joints have moved with what their velocities before and after explain.
+    """Compares how far bodies and joints have moved with the motion explained by their velocities.
 
-    In every step a body moves by exactly its velocity after the step: ``integrate`` sums that up between two looks. A
-    reset of a pose or of a state shows as a residual, and a row of small ones adds up. Joints are held to the mean of
+    In every step a body moves by exactly its velocity after the step; ``integrate`` sums this between two observations.
+    A reset of a pose or of a state shows as a residual, and small ones add up. Joints are compared with the mean of
     their velocities before and after.
     """
 
@@ -87,10 +87,10 @@ class MotionWatcher:
         robot_forces: Mapping[int, float],
         put_down: Collection[int] = (),
     ) -> None:
-        """Take in one observation.
+        """Process one observation.
 
-        ``touched``: the bodies that have contacts now, but for wheels on the floor. ``robot_forces``: the robot's
-        normal force on each body that it touches. ``put_down``: objects that a script has put where they are.
+        ``touched``: the bodies that have contacts now, except wheels on the floor. ``robot_forces``: the robot's normal
+        force on each body that it touches, newtons. ``put_down``: objects placed by a script.
         """
         self._robot_touches = self._robot in touched or self._robot in self._touched_before
         before = self._begin_anew(put_down, observation)

@@ -15,7 +15,7 @@ from hal.simulation.simulation import Simulation
 
 
 class SimulationState(NamedTuple):
-    """``bodies``: objects and the robot's root link, by body. ``contacts``: all.
+    """One observation of the simulation. ``bodies``: objects and the robot's root link, by body. ``contacts``: all.
 
     ``joints``: rows position, velocity, effort of the driven joints. ``fingers``: link → position (3,).
     """

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class SimulationParameters:
-    """SI units. Rates are whole fractions of ``step_rate``: a control period is ``control_every`` physics steps.
+    """Parameters of the simulation, SI units. A control period is ``control_every`` physics steps of 1 / ``step_rate``
+    s.
 
-    ``joint_gain``, ``wheel_hold_gain``, ``steering_gain``: see ``Engine.track``.
-    ``stream_reserve``: see ``Tracking``.
-    ``gripper_holding_force``: newtons at most with which fingers hold their width while nothing is asked of them.
-    ``odometry_calibration``: standard deviation of the relative errors of the wheel radii and the track that odometry
-    believes, drawn once from the robot's seed. ``contact_turn``: radians that a hand and what it holds turn until the
-    contacts between them have been found afresh (see ``ContactRefresh``).
+    ``joint_gain``, ``wheel_hold_gain``, ``steering_gain``: see ``Engine.track``. ``stream_reserve``: see ``Tracking``.
+    ``gripper_holding_force``: maximum force with which idle fingers hold their width, newtons.
+    ``odometry_calibration``: standard deviation of the relative errors of the wheel radii and the track in odometry,
+    drawn once from the robot's seed. ``contact_turn``: rotation of a hand with its object, radians, within which their
+    contacts are refreshed (see ``ContactRefresh``).
     """
 
     step_rate: float = 240.0

@@ -56,16 +56,18 @@ from hal.simulation.wheel_drive import WheelDrive
 Actuator = CommandedGripper | DrivenBase | StreamedJointGroup
 Channel = FingerMotors | JointMotors | LegDrive | SuctionPump | WheelDrive
 JOINTS = Tracking(latency=0.0)
-"""A reading shows the set-point of the control period before: nothing lies between, as a vendor's controller does."""
+"""Timing of joints: a reading shows the set-point of the previous control period."""
 LEGS = BaseTiming(stop_time=0.08, arrival=Arrival(arrived=0.005))
-"""A base on legs needs most of half a second to set its feet down, and comes to rest less exactly than on wheels."""
+"""Timing of a walking base: it needs most of half a second to put its feet down, and rests less exactly than on
+wheels.
+"""
 
 
 class SimulatedRobot(Robot):
-    """A simulated robot. ``connect()`` rebuilds the world and lets it settle; time goes on across connections.
+    """A simulated robot. ``connect()`` rebuilds the world and lets it settle; its clock continues across connections.
 
-    ``seed`` decides sensor noise and the calibration errors of odometry. Equal models, worlds, seeds and commands give
-    bit-identical runs. A subclass says in ``build`` which engine it is.
+    ``seed`` determines sensor noise and the calibration errors of odometry. Equal models, worlds, seeds and commands
+    give bit-identical runs. A subclass creates its engine in ``build``.
     """
 
     engine_name: ClassVar[str]
@@ -110,7 +112,7 @@ class SimulatedRobot(Robot):
         return self._world
 
     def encoders(self, part: str) -> Encoders:
-        """Those that programs read of a base on wheels, an arm or a group of joints.
+        """Return the encoders of a wheeled base, an arm or a group of joints.
 
         Raises KeyError for other parts.
         """
@@ -121,7 +123,9 @@ class SimulatedRobot(Robot):
 
     @classmethod
     def refused_parts(cls, model: RobotModel) -> Mapping[str, str]:
-        """Parts of a robot that this engine does not simulate, with why: nothing is started with them."""
+        """Return the parts of a robot that this engine cannot simulate → reason; a robot with such a part is
+        refused.
+        """
         return {}
 
     @property
@@ -143,9 +147,7 @@ class SimulatedRobot(Robot):
         return self._monitor.record()
 
     def disturbance_log(self) -> DisturbanceLog:
-        """Return the log in which interventions are reported to the monitor; a detached one once the truth is
-        closed.
-        """
+        """Return the log in which interventions are reported to the monitor; a detached one after ``close_truth``."""
         if self._monitor is None or self.simulation.ledger.truth_closed:
             return DisturbanceLog()
         return self._monitor.disturbance_log
@@ -196,7 +198,7 @@ class SimulatedRobot(Robot):
         self._simulation = None
 
     def stop(self) -> None:
-        """Bring all parts to rest and latch; safe from any thread, at once in effect."""
+        """Bring all parts to rest and latch the stop; thread-safe, effective at once."""
         with self._lock:
             if self._latch.set():
                 self._recorder.stopped("it was told to stop")
@@ -204,7 +206,9 @@ class SimulatedRobot(Robot):
                 part.stop()
 
     def keep_black_box_in(self, folder: Path | None) -> None:
-        """Time does not go on for it: a stop of a moment ago is told as far as it has come."""
+        """Set the folder of the black box. Time does not advance for it: a very recent stop is written as far as it has
+        come.
+        """
         self._recorder.keep_in(folder)
 
     def clear_stop(self) -> None:
@@ -217,7 +221,7 @@ class SimulatedRobot(Robot):
         return bool(self._latch)
 
     def diagnostics(self) -> dict[str, str]:
-        """Short texts by subject."""
+        """Return diagnostic texts by subject."""
         texts = {
             "implementation": self.engine_name,
             "connected": "yes" if self._simulation is not None else "no",

@@ -31,11 +31,10 @@ class SensorFault(Enum):
 
 
 class SensorPipeline(Generic[Reading]):
-    """Brings readings: taken when asked for, or ``rate`` times a second and told ``latency`` seconds later.
+    """Provides readings: measured on request, or ``rate`` times a second and available ``latency`` seconds later.
 
-    ``on_demand``: a reading is taken when it is asked for, unless there is a latency; then there is a first one of the
-    start, when all is at rest. ``fault``: set it to make the
-    sensor fail from now on, None to repair it.
+    ``on_demand``: measure on request, unless there is a latency; a first reading is then taken at the start, at rest.
+    ``fault``: set it to make the sensor fail, None to repair it.
     """
 
     def __init__(self, name: str, rate: float, latency: float = 0.0, on_demand: bool = False) -> None:
@@ -50,7 +49,7 @@ class SensorPipeline(Generic[Reading]):
         self.fault: SensorFault | None = None
 
     def start(self, simulation: Simulation, take: Callable[[], Reading]) -> None:
-        """``take`` measures now."""
+        """Start measuring; ``take`` returns the current measurement."""
         self._simulation, self._take = simulation, take
         self._latest = take() if self._has_first else None
         self._on_their_way.clear()
@@ -59,11 +58,11 @@ class SensorPipeline(Generic[Reading]):
             simulation.step_observers.append(self._sample)
 
     def detach(self) -> None:
-        """Let go."""
+        """Disconnect from the simulation."""
         self._simulation = self._take = None
 
     def read(self) -> Reading:
-        """Return the latest reading; raises NotConnectedError, or NoDataError where there is none."""
+        """Return the latest reading. Raises NotConnectedError, or NoDataError without a reading."""
         if self._simulation is None or self._take is None:
             raise NotConnectedError(f"{self.name} was used while the robot is not connected; call connect()")
         if self.fault is SensorFault.SILENT:
@@ -97,11 +96,11 @@ class SensorPipeline(Generic[Reading]):
 
 
 class SimulatedSensor(SensorPipeline[Reading], Sensor):
-    """A sensor of the simulation; a subclass says in ``begin`` what it measures. ``fault``: see SensorPipeline."""
+    """A simulated sensor; a subclass defines in ``begin`` what it measures. ``fault``: see SensorPipeline."""
 
     @abstractmethod
     def begin(self, simulation: Simulation) -> Callable[[], Reading]:
-        """Called when the world has been built and is at rest; what it returns is called to measure."""
+        """Return a function that measures; called when the world has been built and is at rest."""
 
     def attach(self, simulation: Simulation) -> None:
         """Measure in this simulation."""
@@ -117,14 +116,14 @@ class EncoderReading:
 
 
 class Encoders(SensorPipeline[EncoderReading]):
-    """The encoders of one part. ``fault`` makes them fail; drives go on, they have encoders of their own."""
+    """The encoders of one part. ``fault`` makes them fail; drives have encoders of their own and continue."""
 
     def __init__(self, name: str, model: EncodersConfig, step_rate: float, rng: np.random.Generator) -> None:
         super().__init__(f"{name} (encoders)", model.rate or step_rate, model.latency, on_demand=model.rate is None)
         self._model, self._rng = model, rng
 
     def attach(self, simulation: Simulation, take: Callable[[], EncoderReading]) -> None:
-        """``take``: what the joints do now, without noise."""
+        """Start measuring; ``take`` returns the joint state without noise."""
         self.start(simulation, lambda: self._measure(take()))
 
     def _measure(self, true: EncoderReading) -> EncoderReading:

@@ -33,7 +33,7 @@ AHEAD = 0.25
 STOPS_BEFORE = 0.9
 """Metres between the middles of a considerate walker and the robot, beyond the walker's radius, at which it stops."""
 BEHIND_OTHERS = 0.15
-"""Metres between two walkers at which a considerate one stops behind another: it does not push."""
+"""Distance at which a considerate walker stops behind another one, metres."""
 IN_FRONT = math.radians(70.0)
 """From its direction, each way: where a considerate walker minds the robot and others."""
 PATIENCE = 4.0
@@ -61,7 +61,7 @@ class _Walk:
 
 
 class Walkers:
-    """Moves all walkers of a world. ``log``: what they did, to be told with the run as a disturbance of it."""
+    """Moves all walkers of a world. ``log``: their motions, reported as disturbances of the run."""
 
     def __init__(self, engine: Engine, world: World) -> None:
         self._engine = engine
@@ -80,7 +80,7 @@ class Walkers:
         return len(self._walks)
 
     def update(self, now: float) -> None:
-        """Before each control period; ``now``: seconds since the scene was built."""
+        """Move the walkers before each control period; ``now``: seconds since the scene was built."""
         robot, _ = self._engine.body_pose(self._engine.built.robot)
         places = [self._place(walk) for walk in self._walks]
         for walk, here in zip(self._walks, places, strict=True):
@@ -141,12 +141,12 @@ def _length(route: NDArray[np.float64]) -> float:
 
 
 class Simulation:
-    """Physics, world and robot body; parts hang their control in it, the monitor its observation.
+    """Physics, world and robot body; parts register their controllers in it, the monitor its observers.
 
-    ``engine``: the physics, for the robot's own motors and encoders; what else it does is counted in ``ledger``.
-    ``controls`` run every control period before the step, ``effort_controls`` before every step;
-    ``step_observers`` run after every step, ``observers`` after every ``monitor_every``-th. ``torques``: what parts
-    that command torques exert at the driven joints, NaN where the engine's own motors work.
+    ``engine``: the physics, for the robot's own motors and encoders; other calls are counted in ``ledger``.
+    ``controls`` run every control period before the step, ``effort_controls`` before every step; ``step_observers`` run
+    after every step, ``observers`` after every ``monitor_every``-th. ``torques``: efforts of parts that command torques
+    at the driven joints, NaN for joints moved by the engine's motors.
     """
 
     def __init__(self, engine: Engine, model: RobotModel, world: World, parameters: SimulationParameters) -> None:
@@ -215,18 +215,18 @@ class Simulation:
                 observe()
 
     def close(self) -> None:
-        """Free what the engine holds."""
+        """Free the engine's resources."""
         self._engine.close()
 
     def reader(self, purpose: ReadPurpose) -> Reader:
-        """Return a view of what is true for the module that calls this; its reads are counted if it opens after
+        """Return a view of the ground truth for the calling module; its reads are counted if it opens after
         ``close_truth``.
         """
         return Reader(self._engine, self._guarded, purpose, sys._getframe(1).f_globals.get("__name__", ""))
 
     def actor(self) -> Engine:
-        """Return the engine for parts that act on the world by what they are, such as a suction cup: taken before
-        ``close_truth``, its calls are free.
+        """Return the engine for parts that act on the world, such as a suction cup; not counted if taken before
+        ``close_truth``.
         """
         return self.engine if self.ledger.truth_closed else self._engine
 
@@ -239,12 +239,14 @@ class Simulation:
         return [self.built.joints[joint] for joint in joint_names]
 
     def release(self, joints: Sequence[int]) -> None:
-        """The engine's own motors at joints of the robot let go: they would work against torques."""
+        """Switch the engine's motors at joints of the robot off, so that torques can be commanded."""
         nothing = [0.0] * len(joints)
         self._engine.turn(self.built.robot, joints, nothing, nothing)
 
     def joint_states(self) -> Array:
-        """Encoders of all driven joints: rows position, velocity, motor effort; read once per step at most."""
+        """Return the encoders of all driven joints: rows position, velocity, motor effort; read at most once per
+        step.
+        """
         if self._read_at != self.steps:
             self._states = np.array(self._engine.joint_states(self.built.robot, self._joints))
             self._read_at = self.steps
@@ -255,9 +257,9 @@ class Simulation:
         return np.where(np.isnan(self.torques), self.joint_states()[2], self.torques)
 
     def contacts(self, reader: Reader) -> Sequence[ContactPoint]:
-        """Return all contacts; read once per step at most, for all who ask.
+        """Return all contacts; read at most once per step.
 
-        To ask for those of the robot alone costs as much.
+        Reading only those of the robot takes as long.
         """
         if self._contacts_at != self.steps or not reader.trusted:
             self._contacts = reader.contacts()
@@ -265,7 +267,7 @@ class Simulation:
         return self._contacts
 
     def link_pose(self, reader: Reader, link: str) -> Pose:
-        """True pose of a link of the robot in the map frame. Raises SimulationError naming the links there are."""
+        """Return the true pose of a link of the robot in the map frame. Raises SimulationError listing the links."""
         links = self.built.links
         if link in self.built.frames:
             holder, holder_from_frame = self.built.frames[link]
@@ -288,15 +290,15 @@ class SimulatedChannel:
 
     @property
     def simulation(self) -> Simulation:
-        """The running simulation; NotConnectedError without one."""
+        """The running simulation. Raises NotConnectedError without one."""
         if self._attached_to is None:
             raise NotConnectedError("the robot is not connected; call connect()")
         return self._attached_to
 
     def attach(self, simulation: Simulation) -> None:
-        """Act in a running simulation from now on; the actuator holds where it is."""
+        """Connect to a running simulation; the actuator holds its position."""
         self._attached_to, self.motors = simulation, simulation.actor()
 
     def detach(self) -> None:
-        """Let go of the simulation; idempotent."""
+        """Disconnect from the simulation; idempotent."""
         self._attached_to = None

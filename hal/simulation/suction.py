@@ -39,7 +39,7 @@ class SuctionPump(SimulatedChannel, GripperChannel):
         self._sealed_for = 0.0
 
     def attach(self, simulation: Simulation) -> None:
-        """At rest, the pump off."""
+        """Connect with the pump off."""
         super().attach(simulation)
         self._reader = simulation.reader(ReadPurpose.SENSOR)
         self._engine = simulation.actor()  # of a declared cup: not the audit's tampering
@@ -49,7 +49,7 @@ class SuctionPump(SimulatedChannel, GripperChannel):
         simulation.effort_controls.append(self._suck)
 
     def detach(self) -> None:
-        """Let go."""
+        """Disconnect from the simulation."""
         super().detach()
         self._reader = self._engine = None
 
@@ -59,14 +59,14 @@ class SuctionPump(SimulatedChannel, GripperChannel):
         return GripperReading(width, object_held=self._sealed_for >= BUILD_UP)
 
     def send(self, width: float, force: float, speed: float) -> None:
-        """Switch the pump on (``width`` 0) or off; ``speed`` means nothing here."""
+        """Switch the pump on (``width`` 0) or off; ``speed`` has no effect."""
         if width > 1e-6:
             self._force, self._width, self._sealed_for = 0.0, width, 0.0
         else:
             self._force = force
 
     def halt(self) -> None:
-        """The pump stays as it is: what is held does not fall."""
+        """Do nothing: the pump keeps its state, so that a held object does not fall."""
 
     def _suck(self) -> None:
         if self._force > 0.0:

@@ -35,7 +35,7 @@ class Drive(ABC):
 
     @abstractmethod
     def wheel_speeds(self, velocity: Velocity, steering: Array) -> Array:
-        """Speeds of the wheels (n,), rad/s, for a velocity, where they point as ``steering`` (k,) says."""
+        """Return the wheel speeds (n,), rad/s, for a velocity, at the ``steering`` angles (k,), radians."""
 
     @abstractmethod
     def motion(self, wheels: Array, steering: Array) -> Velocity:
@@ -60,7 +60,7 @@ class SideDrive(Drive):
     wheels: int = 2
 
     def wheel_speeds(self, velocity: Velocity, steering: Array) -> Array:
-        """Alike on each side; the sideways part of the velocity is not in its power."""
+        """Return equal speeds on each side; the sideways velocity cannot be driven."""
         vx, _, wz = velocity
         half = wz * self.track / 2.0
         return np.array([(vx - half) / self.left_radius, (vx + half) / self.right_radius] * (self.wheels // 2))
@@ -135,9 +135,9 @@ class Odometry:
 
 
 def make_drives(model: WheeledBaseModel, calibration: float, rng: np.random.Generator) -> tuple[Drive, Drive]:
-    """Return the drive of a base, and what its odometry believes of it.
+    """Return the true drive of a base, and the drive assumed by its odometry.
 
-    ``calibration``: standard deviation of the relative errors of the believed wheel radii and track.
+    ``calibration``: standard deviation of the relative errors of the assumed wheel radii and track.
     """
     base = model.part
     if base.drive == "steered":
@@ -153,7 +153,7 @@ def make_drives(model: WheeledBaseModel, calibration: float, rng: np.random.Gene
 
 
 SPEED_WINDOW = 1.0 / 60.0
-"""Seconds between the two counts that a speed is told from, or a control period where that is longer."""
+"""Seconds between the two encoder counts from which a speed is computed; at least a control period."""
 PARK_AFTER = 0.1
 # Steered wheels that point further than this from where they should stand still until they have turned, radians.
 ASTRAY = math.radians(20.0)
@@ -161,7 +161,7 @@ STILL = Twist2D(0.0, 0.0, 0.0)
 
 
 class WheelDrive(SimulatedChannel, BaseChannel):
-    """Wheels turn at a speed; sent to stand, and once still, they are held in position."""
+    """Drives the wheels at given speeds; commanded to stop, and once at rest, they are held in position."""
 
     def __init__(
         self, name: str, model: WheeledBaseModel, parameters: SimulationParameters, rng: np.random.Generator
@@ -176,7 +176,7 @@ class WheelDrive(SimulatedChannel, BaseChannel):
         self._still_for, self._parked = 0.0, False
 
     def attach(self, simulation: Simulation) -> None:
-        """Stand, with odometry at zero."""
+        """Stop, with odometry at zero."""
         super().attach(simulation)
         motors = self._attached_motors = WheelMotors(simulation, self._model.part, self._parameters)
         self.encoders.attach(
@@ -188,13 +188,13 @@ class WheelDrive(SimulatedChannel, BaseChannel):
         simulation.controls.append(self._watch)
 
     def detach(self) -> None:
-        """Let go."""
+        """Disconnect from the simulation."""
         super().detach()
         self._attached_motors = None
         self.encoders.detach()
 
     def read(self) -> BaseReading:
-        """Dead reckoning since connecting, with the calibration errors of this robot."""
+        """Return dead reckoning since connecting, with the calibration errors of this robot."""
         reading = self.encoders.read()
         self._odometry.update(reading.positions[: self._wheels], reading.positions[self._wheels :])
         return BaseReading(
@@ -251,10 +251,10 @@ class WheelMotors:
         self._counts = deque([self.angles.copy()], maxlen=periods + 1)
 
     def count(self) -> None:
-        """Take the encoders' counts, once in a control period.
+        """Read the encoders' counts, once per control period.
 
-        A motor that holds its wheel against friction chatters by hundredths of a millimetre in every physics step:
-        its speed over one step is no speed of the base.
+        A motor that holds its wheel against friction oscillates by hundredths of a millimetre in every physics step, so
+        a speed over one step is meaningless.
         """
         self._counts.append(self.angles.copy())
 

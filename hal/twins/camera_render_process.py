@@ -73,10 +73,10 @@ class StateCapture:
 
 
 class CameraRenderProcess:
-    """Holds a copy of the world in another process, puts it into a state, and takes a camera's picture of it.
+    """Renders camera images in another process, which holds a copy of the world and sets it to a given state.
 
-    Noise, lens and faults are those of the simulated camera. ``develop`` may be called from any thread; one frame
-    is developed at a time.
+    Noise, lens and faults are those of the simulated camera. ``render`` is thread-safe; one frame is rendered at a
+    time.
     """
 
     def __init__(self, simulated: type[SimulatedRobot], model: RobotModel, world: World, seed: int) -> None:
@@ -91,9 +91,9 @@ class CameraRenderProcess:
             raise TwinError("the camera_render_process for the cameras did not start")
 
     def render(self, camera: str, state: WorldState, pack: Callable[[RGBDImage], Packed]) -> Packed:
-        """What ``pack`` makes of the picture, in the other process, too, which gets it by its name.
+        """Return the result of ``pack`` for the image; it runs in the other process, which imports it by name.
 
-        LookupError for an unknown camera, TwinError where the process is gone.
+        Raises LookupError for an unknown camera, TwinError if the process is gone.
         """
         with self._lock:
             try:

@@ -12,7 +12,7 @@ LONGEST_DELAY = 60.0
 
 
 def delay_seconds(value: object) -> float:
-    """Return the value of a fault ``delay``; ValueError tells what it should be."""
+    """Return the value of a fault ``delay``, seconds. Raises ValueError naming the accepted range."""
     if isinstance(value, int | float | str) and not isinstance(value, bool):
         with contextlib.suppress(ValueError):
             seconds = float(value)
@@ -64,12 +64,12 @@ class Faults:
     def offer(
         self, faults: Mapping[str, Callable[[], None]], shares: Mapping[str, Callable[[float], None]] | None = None
     ) -> None:
-        """Let further faults be asked for by name. ``shares``: those that take a value from 0 to 1."""
+        """Add further faults by name. ``shares``: those that take a value from 0 to 1."""
         self._offered |= faults
         self._shares |= shares or {}
 
     def happen(self, name: str, value: float | None = None) -> None:
-        """Make a fault happen now. Raises LookupError naming what there is, ValueError what ``value`` should be."""
+        """Trigger a fault. Raises LookupError listing the faults, ValueError naming the accepted ``value``."""
         if name == "delay":
             value = delay_seconds(value)
         elif name in self._shares:

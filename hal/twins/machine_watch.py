@@ -16,10 +16,9 @@ OLDEST_FRAME, FRAME_PIXELS = 0.3, 640 * 480
 
 
 class MachineWatch:
-    """Gathers what is late, and tells it in words once per ``PERIOD`` where it is too much.
+    """Collects delays, and reports them as text once per ``PERIOD`` if they are too large.
 
-    ``tell``: takes the words. ``given_up``: seconds since the beginning by which the world was behind real time.
-    Any thread may call.
+    ``tell``: receives the text. ``given_up``: total seconds by which the world fell behind real time. Thread-safe.
     """
 
     def __init__(self, tell: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
@@ -30,13 +29,13 @@ class MachineWatch:
         self._frames: dict[str, tuple[float, float]] = {}  # camera → seconds of its oldest frame, and their limit
 
     def frame(self, camera: str, age: float, pixels: int) -> None:
-        """A frame of ``pixels`` is ready to be sent, ``age`` seconds after its exposure."""
+        """Record that a frame of ``pixels`` is ready to be sent, ``age`` seconds after its exposure."""
         with self._lock:
             oldest = max(age, self._frames.get(camera, (0.0, 0.0))[0])
             self._frames[camera] = oldest, OLDEST_FRAME * math.sqrt(pixels / FRAME_PIXELS)
 
     def look(self) -> None:
-        """Report the delays of the period that has ended, if one has."""
+        """Report the delays of the last period if it has ended."""
         passed = self._clock() - self._begun
         if passed < PERIOD:
             return

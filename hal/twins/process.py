@@ -17,9 +17,9 @@ from hal.twins.tcp_server import ask
 
 
 class TwinProcess:
-    """``bestman-bt twin`` in the background, from ``with`` on; ends with it, and with this process however that ends.
+    """``bestman-bt twin`` in the background, as a context manager; ends with it, or with this process.
 
-    ``addresses``: connection → address. ``settings``: dotted keys → values that lead a robot's YAML to the twins.
+    ``addresses``: connection → address. ``settings``: dotted keys → values that direct a robot's YAML to the twins.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class TwinProcess:
         return ask(self.judge_socket, {"ask": question, "name": name})["answer"]
 
     def start(self) -> None:
-        """Start, and wait until the ports are open. Raises TwinError with what the process said."""
+        """Start, and wait until the ports are open. Raises TwinError with the output of the process."""
         with tempfile.TemporaryFile("w+") as errors:  # no pipe: their later output is not read
             self._process = subprocess.Popen(
                 self._command, stdout=subprocess.PIPE, stderr=errors, stdin=subprocess.PIPE, text=True

@@ -32,7 +32,7 @@ class RemoteTruth(GroundTruth):
         self.trusted = True  # the judge was there before time ran
 
     def now(self) -> float:
-        """Seconds of the twins' world."""
+        """Return the simulated time of the twins' world, seconds."""
         return float(self._ask("time")["time"])
 
     @property
@@ -41,16 +41,16 @@ class RemoteTruth(GroundTruth):
         return tuple(self._ask("object_names"))
 
     def object_pose(self, name: str) -> Pose:
-        """True pose of an object."""
+        """Return the true pose of an object."""
         return _pose(self._ask("object_pose", name))
 
     def object_speed(self, name: str) -> tuple[float, float]:
-        """Speed in m/s and rate of turn in rad/s of an object."""
+        """Return the speed of an object in m/s and its rotation rate in rad/s."""
         speed, turn_rate = self._ask("object_speed", name)
         return speed, turn_rate
 
     def furniture_pose(self, name: str) -> Pose:
-        """True pose of a piece of furniture."""
+        """Return the true pose of a piece of furniture."""
         return _pose(self._ask("furniture_pose", name))
 
     @property
@@ -63,11 +63,11 @@ class RemoteTruth(GroundTruth):
         return float(self._ask("articulation_position", name))
 
     def base_pose(self) -> Pose:
-        """True pose of the robot's base frame."""
+        """Return the true pose of the robot's base frame."""
         return _pose(self._ask("base_pose"))
 
     def frame_pose(self, frame: str) -> Pose:
-        """True pose of a frame of the robot."""
+        """Return the true pose of a frame of the robot."""
         return _pose(self._ask("frame_pose", frame))
 
     def touches_robot(self, name: str) -> bool:

@@ -29,12 +29,13 @@ NOT_ACTIVATED_FAULT, OVERCURRENT_FAULT = 7, 14
 
 
 class RobotiqGripper:
-    """Called by the protocol servers from their threads; touches the robot only in the world's thread (``tick``).
+    """The simulated gripper. Protocol servers call it from their threads; it uses the robot only in ``tick``, in the
+    world's thread.
 
-    ``variables``: what it tells, by the names of its URCap. ``arm``: whose flange powers it; "": it has power always.
-    Sources: Robotiq's instruction manual of the 2F-85 (gACT, gGTO, gSTA, gOBJ, gFLT; a gripper that was without power
-    has gSTA 0, and its fingers, whose gear locks itself, stay where they are), and ``rq_reset`` of its URCap, which
-    waits for ACT and STA to be 0 and then 500 ms: an activation that comes earlier is not taken here.
+    ``variables``: its state, by the names of its URCap. ``arm``: the arm whose flange powers it; "": always powered.
+    Sources: Robotiq's instruction manual of the 2F-85 (gACT, gGTO, gSTA, gOBJ, gFLT; after a loss of power gSTA is 0,
+    and its self-locking fingers keep their position), and ``rq_reset`` of its URCap, which waits for ACT and STA to be
+    0 and then 500 ms: an earlier activation is ignored here.
     """
 
     def __init__(self, world: TwinWorld, gripper: Gripper, arm: str = "") -> None:
@@ -65,7 +66,7 @@ class RobotiqGripper:
         }
 
     def command(self, values: dict[str, int]) -> None:
-        """New values of some of ACT, GTO, POS, SPE, FOR, taken together."""
+        """Set some of ACT, GTO, POS, SPE, FOR together."""
         if not self.powered or (values.get("ACT") and self._activation == RESET and self._reset_since < RESET_TIME):
             return
         self._target = values.get("POS", self._target)
@@ -83,7 +84,7 @@ class RobotiqGripper:
             self._world.post(self._gripper.stop)
 
     def jam(self) -> None:
-        """The fingers are stuck where they are, until ``unjam``; its motor notices if it is moving them."""
+        """Block the fingers until ``unjam``; the motor detects it while moving them."""
         self._jammed = True
         if self._object == MOVING:
             self._fault = OVERCURRENT_FAULT
@@ -95,7 +96,7 @@ class RobotiqGripper:
         return self._powered
 
     def lose_power(self) -> None:
-        """Cut the power, as by an unplugged cable, until ``regain_power``; the fingers stay."""
+        """Cut the power, as by an unplugged cable, until ``regain_power``; the fingers keep their position."""
         self._powered = False
         self._wanted = {"ACT": 0, "GTO": 0}
         self._activation, self._fault, self._object, self._reset_since = RESET, 0, MOVING, 0.0
@@ -107,7 +108,7 @@ class RobotiqGripper:
         self._powered = True
 
     def unjam(self) -> None:
-        """The fingers are free again; a fault stays until the next activation."""
+        """Release the fingers; a fault stays until the next activation."""
         self._jammed = False
 
     def tick(self, dt: float) -> None:
@@ -159,7 +160,7 @@ ILLEGAL_FUNCTION, ILLEGAL_ADDRESS = 1, 2
 
 
 class RobotiqTwin:
-    """Serves one gripper on ``address``, by the connection's protocol. Raises OSError if the port cannot be had."""
+    """Serves one gripper on ``address`` by the connection's protocol. Raises OSError if the port is not available."""
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
         name = next(name for name in connection.parts if name in model.of(GripperModel))

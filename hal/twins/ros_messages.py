@@ -35,12 +35,12 @@ class RosVersion:
         return dict(zip(names, (whole, int((seconds - whole) * 1e9)), strict=True))
 
     def header(self, frame: str, seconds: float) -> Message:
-        """``std_msgs/Header``."""
+        """Return a ``std_msgs/Header``."""
         return {"stamp": self.time(seconds), "frame_id": frame}
 
 
 def odometry(header: Message, child: str, pose: Pose2D, velocity: Twist2D) -> Message:
-    """``nav_msgs/Odometry``."""
+    """Return a ``nav_msgs/Odometry``."""
     at = {"position": {"x": pose.x, "y": pose.y, "z": 0.0}, "orientation": _yaw(pose.theta)}
     twist = {
         "linear": {"x": velocity.vx, "y": velocity.vy, "z": 0.0},
@@ -56,13 +56,13 @@ def odometry(header: Message, child: str, pose: Pose2D, velocity: Twist2D) -> Me
 
 
 def transform(header: Message, child: str, pose: Pose2D) -> Message:
-    """``tf2_msgs/TFMessage`` with one transform."""
+    """Return a ``tf2_msgs/TFMessage`` with one transform."""
     moved = {"translation": {"x": pose.x, "y": pose.y, "z": 0.0}, "rotation": _yaw(pose.theta)}
     return {"transforms": [{"header": header, "child_frame_id": child, "transform": moved}]}
 
 
 def laser_scan(header: Message, scan: LaserScan) -> Message:
-    """``sensor_msgs/LaserScan``."""
+    """Return a ``sensor_msgs/LaserScan``."""
     count = len(scan.ranges)
     return {
         "header": header,
@@ -79,13 +79,13 @@ def laser_scan(header: Message, scan: LaserScan) -> Message:
 
 
 def wrench(header: Message, told: Wrench) -> Message:
-    """``geometry_msgs/WrenchStamped``."""
+    """Return a ``geometry_msgs/WrenchStamped``."""
     both = {"force": told.force, "torque": told.torque}
     return {"header": header, "wrench": {n: dict(zip("xyz", v.tolist(), strict=True)) for n, v in both.items()}}
 
 
 def imu(header: Message, told: ImuReading) -> Message:
-    """``sensor_msgs/Imu`` without an orientation."""
+    """Return a ``sensor_msgs/Imu`` without orientation."""
     unknown = [-1.0] + [0.0] * 8
     return {
         "header": header,
@@ -99,7 +99,7 @@ def imu(header: Message, told: ImuReading) -> Message:
 
 
 def battery(header: Message, told: BatteryReading) -> Message:
-    """``sensor_msgs/BatteryState``: current is negative where it is drawn; what is not measured is null."""
+    """Return a ``sensor_msgs/BatteryState``: current is negative when discharging; unmeasured values are null."""
     unknown = dict.fromkeys(("temperature", "charge", "capacity", "design_capacity"))
     return {
         "header": header,
@@ -113,13 +113,13 @@ def battery(header: Message, told: BatteryReading) -> Message:
 
 
 def joint_states(header: Message, names: Sequence[str], columns: Sequence[Sequence[float]]) -> Message:
-    """``sensor_msgs/JointState``: positions, velocities, efforts."""
+    """Return a ``sensor_msgs/JointState``; ``columns``: positions, velocities, efforts."""
     position, velocity, effort = (list(column) for column in columns)
     return {"header": header, "name": list(names), "position": position, "velocity": velocity, "effort": effort}
 
 
 def camera_info(header: Message, k: CameraIntrinsics, version: RosVersion) -> Message:
-    """``sensor_msgs/CameraInfo``; ROS 1 writes its matrices with capitals."""
+    """Return a ``sensor_msgs/CameraInfo``; ROS 1 names its matrices in capitals."""
     matrix = [k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0]
     projection = [k.fx, 0.0, k.cx, 0.0, 0.0, k.fy, k.cy, 0.0, 0.0, 0.0, 1.0, 0.0]
     values = {
@@ -134,18 +134,20 @@ def camera_info(header: Message, k: CameraIntrinsics, version: RosVersion) -> Me
 
 
 def image_messages(image: RGBDImage) -> tuple[Message, Message]:
-    """Colour and depth as ``sensor_msgs/CompressedImage`` without headers."""
+    """Return colour and depth as ``sensor_msgs/CompressedImage`` without headers."""
     return color_image(image), depth_image(image)
 
 
 def color_image(image: RGBDImage) -> Message:
-    """``sensor_msgs/CompressedImage``: JPEG."""
+    """Return a ``sensor_msgs/CompressedImage``: JPEG."""
     packed = _packed(".jpg", image.rgb[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return {"format": "rgb8; jpeg compressed bgr8", "data": packed}
 
 
 def depth_image(image: RGBDImage) -> Message:
-    """``sensor_msgs/CompressedImage`` as compressed_depth_image_transport has it: a header, then millimetres as PNG."""
+    """Return a ``sensor_msgs/CompressedImage`` as from compressed_depth_image_transport: a header, then millimetres as
+    PNG.
+    """
     millimetres = np.clip(np.round(image.depth * 1000.0), 0, 65535).astype(np.uint16)
     before = struct.pack("<iff", INVERSE_DEPTH, 0.0, 0.0)
     packed = _packed(".png", millimetres, [cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE], before)

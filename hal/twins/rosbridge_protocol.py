@@ -36,7 +36,9 @@ CHUNK = 65536
 
 
 class WebSocketWire:
-    """``messages`` in one thread, ``send`` from any. ``wait``: called before the handshake is answered; may block."""
+    """A WebSocket connection: ``messages`` in one thread, ``send`` from any. ``wait``: called before the handshake; may
+    block.
+    """
 
     def __init__(self, client: socket.socket, wait: Callable[[], None]) -> None:
         self._client, self._wait = client, wait
@@ -44,7 +46,7 @@ class WebSocketWire:
         self._lock = threading.Lock()
 
     def messages(self) -> Iterator[str]:
-        """Texts that come, until the client closes or is gone."""
+        """Yield received texts until the client closes or is gone."""
         parts: list[bytes] = []
         while self._protocol.state is not State.CLOSED and (data := self._client.recv(CHUNK)):
             with self._lock:
@@ -112,7 +114,7 @@ class Client:
         return due
 
     def put(self, document: bytes) -> None:
-        """Send later, after the wire's delay; what finds the wire silent is lost."""
+        """Send after the wire's delay; messages on a silent wire are lost."""
         wire = self._faults.wire
         if not wire.silent:
             with self._filled:
@@ -140,9 +142,9 @@ class Client:
 
 
 class RosbridgeServer:
-    """Topics between one robot and any number of clients. Raises OSError if the port cannot be had.
+    """Topics between one robot and any number of clients. Raises OSError if the port is not available.
 
-    ``types``: topic → message type, of all that there are. ``takers``: topic → what takes its messages.
+    ``types``: topic → message type, of all topics. ``takers``: topic → handler of its messages.
     """
 
     def __init__(
@@ -173,7 +175,7 @@ class RosbridgeServer:
         self._server.close()
 
     def close_clients(self) -> None:
-        """Behave like a restarted server."""
+        """Close all connections, as a restarting server does."""
         self._server.close_clients()
 
     def has_subscriber(self, topic: str) -> bool:

@@ -35,7 +35,7 @@ TRACKING_GAIN = 20.0
 AT_GOAL = 1e-5
 """Radians or metres: joints nearer to their goal are held in position; from farther away that would be a jolt."""
 ROLLING_WINDOW = 5
-"""Readings of which a base tells the mean velocity, as ``velocity_rolling_window_size`` of diff_drive_controller."""
+"""Number of readings in the mean velocity of a base, as ``velocity_rolling_window_size`` of diff_drive_controller."""
 
 
 class TwinBase:
@@ -48,7 +48,7 @@ class TwinBase:
         self.stuck, self.has_dead_man = False, True
 
     def drive(self, message: Mapping[str, Any]) -> None:
-        """A velocity has come; from any thread."""
+        """Handle a velocity command; thread-safe."""
         twist = message.get("twist", message)
         asked = [float(twist["linear"]["x"]), float(twist["linear"]["y"]), float(twist["angular"]["z"])]
         if not np.all(np.isfinite(asked)):
@@ -65,7 +65,7 @@ class TwinBase:
             self.base.set_velocity(*self._asked)
 
     def mean_velocity(self) -> Twist2D:
-        """Return the mean of the last readings and this one: a parked wheel creeps by tenths of a millimetre."""
+        """Return the mean of the last readings including this one: a parked wheel creeps by tenths of a millimetre."""
         self._velocities.append(self.base.velocity())
         return Twist2D(*np.mean([(v.vx, v.vy, v.wz) for v in self._velocities], axis=0).tolist())
 
@@ -84,7 +84,7 @@ class TwinJoints:
         self._resting = True
 
     def follow(self, message: Mapping[str, Any]) -> None:
-        """A trajectory has come; from any thread."""
+        """Handle a trajectory; thread-safe."""
         order = [message["joint_names"].index(name) for name in self.ros_names]
         point = message["points"][-1]
         positions = np.array([float(point["positions"][index]) for index in order])
@@ -120,7 +120,7 @@ PORT = 9090
 STATE_RATE, INFO_RATE = 50.0, 30.0
 IDLE = 0.5
 FRAME_PAUSE = 0.1
-"""Seconds after a frame: who wanted one has it by then, and another would only keep the processors busy."""
+"""Pause after a frame, seconds: requests that arrive meanwhile get that frame."""
 HANDING_OVER = 0.005
 """Seconds until a reading that has come is published: a physics step at least."""
 LOCALISATION_RATE, POST_DATED, CLOCK_STEP = 10.0, 1.0, 0.5
@@ -130,14 +130,14 @@ SENSORS: Mapping[str, tuple[str, str, str, str, Callable[[Message, Any], Message
     "imu": ("read", "readings", "sensor_msgs", "Imu", ros_messages.imu),
     "battery": ("read", "state", "sensor_msgs", "BatteryState", ros_messages.battery),
 }
-"""Kind of part that only tells → how it is read, its stream, what its messages are and how they are written."""
+"""Kind of sensor → how to read it, its stream, its message type and encoder."""
 
 
 @dataclass
 class PeriodicOutput:
-    """What is published ``rate`` times a second: topic → how its message is made, in the world's thread.
+    """Messages published ``rate`` times a second: topic → function that makes the message, in the world's thread.
 
-    ``delay``: seconds of each period until its reading has come.
+    ``delay``: seconds of each period until its reading is available.
     """
 
     rate: float
@@ -154,16 +154,14 @@ class PeriodicOutput:
 class RosbridgeTwin:
     """Serves bases, joint groups, cameras, lidars, other sensors and batteries on ``address``.
 
-    Its clock is the machine's wall clock, which is not the client's. A camera takes pictures while a client subscribes
-    to them. Faults beside those of the wire: ``stale_odometry`` (the same odometry repeated),
-    ``silent_odometry`` (none), ``fresh_odometry``; ``silent_scan``, ``fresh_scan``; ``stuck`` (the base does not move),
-    ``free``; ``no_dead_man`` (it drives on when commands cease), ``dead_man``;
-    ``other_wrench_sign`` (what the hand does to the world), ``wrench_sign``; ``blind`` (no pictures), ``sighted``;
-    ``restart`` (all clients are cut off); ``clock_back`` (its clock is half a second behind, as after a step of NTP),
-    ``clock_right``.
-    Beside the base's transforms come those of a localisation that
-    dates them ahead: AMCL adds ``transform_tolerance``, 1.0 s by default ("time with which to post-date the transform
-    that is published", Nav2's configuration guide).
+    Its clock is the machine's wall clock, which differs from the client's. A camera captures while a client subscribes
+    to it. Further faults: ``stale_odometry`` (repeats the same odometry), ``silent_odometry`` (none),
+    ``fresh_odometry``; ``silent_scan``, ``fresh_scan``; ``stuck`` (the base does not move), ``free``; ``no_dead_man``
+    (it keeps driving when commands cease), ``dead_man``; ``other_wrench_sign`` (the hand's wrench on the environment),
+    ``wrench_sign``; ``blind`` (no images), ``sighted``; ``restart`` (disconnects all clients); ``clock_back`` (its
+    clock is half a second behind, as after a step of NTP), ``clock_right``. Besides the base's transforms, it publishes
+    those of a localisation that stamps them ahead: AMCL adds ``transform_tolerance``, 1.0 s by default ("time with
+    which to post-date the transform that is published", Nav2's configuration guide).
     """
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
@@ -229,7 +227,7 @@ class RosbridgeTwin:
         world.ticks.append(self._tick)
 
     def start(self) -> None:
-        """Accept clients, take pictures."""
+        """Accept clients and capture images."""
         self._server.start()
         if self._cameras:
             threading.Thread(target=self._photograph, name="rosbridge cameras", daemon=True).start()

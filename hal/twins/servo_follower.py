@@ -13,10 +13,10 @@ JUMP_FACTOR, JUMP_MARGIN = 1.5, 0.02
 
 
 class ServoFollower:
-    """A critically damped second-order filter on the set-points (n,), so that they may come with some jitter.
+    """A critically damped second-order filter on set-points (n,), which tolerates jitter.
 
-    ``too_fast``: set once a set-point is further from the one before than the joints can move in the time between, as
-    it passes here or as they have arrived: a world that lags behind real time takes several of them at once.
+    ``too_fast``: set once a set-point is farther from the previous one than the joints can move in the time between, by
+    the filter's time and by arrival: a world behind real time processes several at once.
     """
 
     def __init__(self, start: Array, speed: Array) -> None:
@@ -38,7 +38,7 @@ class ServoFollower:
         self._goal, self._velocity = self.setpoint.copy(), np.zeros_like(self.setpoint)
 
     def take(self, goal: Array, arrived: float) -> None:
-        """A set-point has come, at ``arrived`` seconds of the machine's clock."""
+        """Process a set-point that arrived at ``arrived`` seconds of the machine's clock."""
         between = max(self._since, arrived - self._arrived)
         reach = JUMP_FACTOR * self._speed * max(min(between, 0.1), NOMINAL_INTERVAL) + JUMP_MARGIN
         self.too_fast = self.too_fast or bool(np.any(np.abs(goal - self._goal) > reach))

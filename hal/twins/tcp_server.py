@@ -20,7 +20,7 @@ Answer = Callable[[dict[str, Any]], Mapping[str, Any]]
 
 
 class JsonLineServer:
-    """Answers each line by ``answer(question)``; what it raises becomes ``{"error": …}``."""
+    """Answers each line with ``answer(question)``; exceptions become ``{"error": …}``."""
 
     def __init__(self, path: Path, answer: Answer) -> None:
         self._path, self._answer = path, answer
@@ -77,9 +77,9 @@ def ask(path: Path, question: Mapping[str, Any], timeout: float = 10.0) -> dict[
 
 
 class TcpServer:
-    """Accepts on ``address``:``port`` and calls ``serve(socket)`` in a thread of its own for each client.
+    """Accepts on ``address``:``port`` and calls ``serve(socket)`` for each client in a separate thread.
 
-    Raises OSError when the port is taken or needs privileges. ``serve`` may raise OSError, which ends its client.
+    Raises OSError if the port is taken or needs privileges. An OSError of ``serve`` ends its client.
     """
 
     def __init__(self, address: str, port: int, serve: Callable[[socket.socket], None]) -> None:

@@ -92,11 +92,11 @@ FIRST_ADDRESS, LAST_ADDRESS = 2, 254
 
 
 class Twin(Protocol):
-    """The controller's side of one connection.
+    """The simulated controller of one connection.
 
-    Made as ``(connection, model, world, address)``, before the world runs. Raises OSError if a port on the address is
-    taken. Its state is hung in ``world.ticks``. One that clients do not reach by the connection's own driver names
-    theirs in ``reached_by``; one whose controller tells a serial number has it as ``serial_number``.
+    Created as ``(connection, model, world, address)``, before the world runs. Raises OSError if a port on the address
+    is taken. It registers its state in ``world.ticks``. If clients use another driver than the connection's own, it is
+    named in ``reached_by``; a controller that reports a serial number has ``serial_number``.
     """
 
     faults: Faults
@@ -110,10 +110,10 @@ class Twin(Protocol):
 
 @dataclass(frozen=True)
 class Hosted:
-    """Where things are: connection → address; the sockets of the judge and of the faults.
+    """The addresses of a host: connection → address; the sockets of the judge and of the faults.
 
-    ``drivers``: connection → what its clients use in place of its own driver. ``bringup``: a file that signs the
-    bring-up of this robot with these twins, so that its arms may be as fast as the robot's file allows.
+    ``drivers``: connection → the driver that its clients use instead of its own. ``bringup``: a file that signs the
+    bring-up of this robot with these twins, so that its arms may move at the full speed of the robot's file.
     """
 
     addresses: Mapping[str, str]
@@ -136,7 +136,7 @@ class Hosted:
 
 
 class TwinHost:
-    """Hosts the twins of a robot's connections, each on a loopback address of its own, over one world.
+    """Hosts the twins of a robot's connections over one world, each on its own loopback address.
 
     ``run`` blocks, in the process's main thread; ``close`` ends it. ``judge``: whether to open the judge's socket.
     ``engine``: the driver that simulates.
@@ -159,10 +159,10 @@ class TwinHost:
         self.twins: dict[str, Twin] = {}
 
     def run(self, ready: Callable[[Hosted], None]) -> None:
-        """Build the world, open all ports, call ``ready``, and go on until ``close()``.
+        """Build the world, open all ports, call ``ready``, and run until ``close()``.
 
-        Controllers answer in time whatever else a machine does: where the system allows it, so does this process, once
-        its world is built, which must not keep others waiting.
+        If the system allows it, the process then has real-time priority, because controllers must reply in time on a
+        busy machine.
         """
         with tempfile.TemporaryDirectory(prefix="bestman_twin_") as folder:
             servers: list[JsonLineServer] = []

@@ -106,11 +106,11 @@ class URController:
         }
 
     def write(self, due: float, inputs: Sequence[Mapping[str, Any]]) -> None:
-        """Inputs that take effect together, in the first cycle after ``due``; later ones replace earlier ones."""
+        """Apply inputs together in the first cycle after ``due``; later ones replace earlier ones."""
         self._arriving.append((due, inputs))
 
     def upload(self, script: str) -> None:
-        """A program on the script port replaces the one that runs; without power or after a stop it is dropped."""
+        """Replace the running program, as by the script port; without power or after a stop it is ignored."""
         if "read_input_integer_register" not in script:
             return  # other people's programs do nothing in the twin
 
@@ -122,19 +122,19 @@ class URController:
         self._world.post(begin)
 
     def lengthen(self, length: float) -> None:
-        """The arm is longer than its own kinematics say, by metres along the flange's axis."""
+        """Lengthen the real arm along the flange's axis, metres; the controller's kinematics do not change."""
         self._kinematics.length_error = length
 
     def end_program(self) -> None:
-        """The button Stop."""
+        """Press the button Stop."""
         self._world.post(self._end_program)
 
     def set_slider(self, share: float) -> None:
-        """The speed slider of the pendant is moved."""
+        """Move the speed slider of the pendant."""
         self._slider = share
 
     def pause(self, paused: bool) -> None:
-        """The buttons Pause and Play."""
+        """Press the button Pause or Play."""
 
         def change() -> None:
             if paused == self._paused:
@@ -148,7 +148,7 @@ class URController:
         self._world.post(change)
 
     def reduce(self, reduced: bool) -> None:
-        """A safety input switches reduced mode on and off."""
+        """Switch reduced mode on or off by the safety input."""
         self.safety_mode = SafetyMode.REDUCED if reduced else SafetyMode.NORMAL
 
     def turn_wrench(self) -> None:
@@ -173,11 +173,11 @@ class URController:
         return True
 
     def be_released(self) -> None:
-        """After an inspection, the arm is released at the pendant: no buttons pressed, power on, brakes open."""
+        """Release the arm at the pendant, as after an inspection: no buttons pressed, power on, brakes open."""
         self.safety_mode, self.robot_mode = SafetyMode.NORMAL, RobotMode.RUNNING
 
     def restart_safety(self) -> None:
-        """After a violation; it leaves the arm without power."""
+        """Restart the safety system after a violation; the arm is then without power."""
         self.safety_mode, self.robot_mode = SafetyMode.NORMAL, RobotMode.POWER_OFF
         self.end_program()
 

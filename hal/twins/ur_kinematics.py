@@ -16,7 +16,7 @@ DAMPING = 1e-3
 
 
 class URKinematics:
-    """Kinematics of one arm from its ``base_frame`` to its flange, the tip of its part; used in one thread."""
+    """Kinematics of one arm from its ``base_frame`` to its flange, the tip of its part; not thread-safe."""
 
     def __init__(self, model: RobotModel, arm: str) -> None:
         description = model.of(ArmModel)[arm]
@@ -29,7 +29,7 @@ class URKinematics:
         self.length_error = 0.0  # metres along the flange's axis
 
     def pose(self, positions: Array) -> tuple[float, ...]:
-        """x, y, z in metres and the rotation vector in radians."""
+        """Return x, y, z in metres and the rotation vector in radians."""
         pinocchio.framesForwardKinematics(self._model, self._data, self._all(positions))
         flange = self._origin().actInv(self._data.oMf[self._flange])
         flange.translation += flange.rotation[:, 2] * self.length_error

@@ -73,7 +73,9 @@ class Waypoint:
 
 @dataclass(frozen=True, eq=False)
 class Speed:
-    """``joints``: the joint speeds now, (6,) rad/s. ``time``: seconds that one ``speedj`` or ``speedl`` lasts."""
+    """A speed command. ``joints``: current joint speeds, (6,) rad/s. ``time``: seconds that one ``speedj`` or
+    ``speedl`` lasts.
+    """
 
     joints: Callable[[], Array]
     time: float
@@ -93,7 +95,7 @@ def path_of(script: str) -> list[Waypoint]:
 
 
 class URProgram:
-    """One run of the program over an arm; lives in the world's thread."""
+    """One run of the program on an arm; used in the world's thread."""
 
     def __init__(self, script: str, arm: Arm, kinematics: URKinematics) -> None:
         self._arm, self._kinematics, self._path = arm, kinematics, path_of(script)
@@ -119,7 +121,7 @@ class URProgram:
         self.outputs: dict[str, float] = {"output_int_register_0": READY, "output_int_register_2": 0}
 
     def halt(self) -> None:
-        """Come to rest; nothing is followed any more."""
+        """Come to rest and end the program."""
         self._arm.stop()
         self.follower, self._motion, self._drift, self._next_drift = None, None, None, None
         self._moves = []
@@ -135,7 +137,7 @@ class URProgram:
             self._moves.insert(0, self._move)
 
     def resume(self) -> None:
-        """Go on with what was under way."""
+        """Continue the interrupted motion."""
         if self._motion is not None:
             self._next_move()
 

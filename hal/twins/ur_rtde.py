@@ -50,7 +50,7 @@ def field_type(name: str) -> str | None:
 
 
 class Recipe:
-    """An agreed list of fields; one without known fields is refused by the controller and not made."""
+    """An agreed list of fields. The controller refuses one with unknown fields."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self.names = tuple(names)
@@ -65,7 +65,7 @@ class Recipe:
         return "NOT_FOUND" not in self.types
 
     def pack(self, values: Mapping[str, Any]) -> bytes:
-        """Return the values of its fields; what has none is zero."""
+        """Return the packed values of its fields; missing ones are zero."""
         numbers: list[Any] = []
         for name, size in zip(self.names, self._sizes, strict=True):
             if size == 1:
@@ -75,7 +75,7 @@ class Recipe:
         return self._struct.pack(*numbers)
 
     def unpack(self, data: bytes) -> dict[str, Any]:
-        """Field → value, a tuple for vectors; struct.error where the length is wrong."""
+        """Return field → value, a tuple for vectors. Raises struct.error for a wrong length."""
         numbers = iter(self._struct.unpack(data))
         values: dict[str, Any] = {}
         for name, size in zip(self.names, self._sizes, strict=True):
@@ -91,8 +91,8 @@ OUTPUT_RECIPE = 1
 
 
 class RtdeSession:
-    """One client, until it goes. ``read``: all output fields now; ``write(due, all)``: inputs that came together, to
-    apply in one cycle when due: a machine that was held up must not take the first of them in a cycle of its own.
+    """The session of one client. ``read``: returns all output fields; ``write(due, all)``: applies inputs that arrived
+    together in one cycle when due, also on a delayed machine.
 
     ``owners``: input field → the session that has set it up, shared by all sessions: a field has one writer.
     """

@@ -20,11 +20,11 @@ DASHBOARD, SCRIPT, RTDE = 29999, 30003, 30004
 GREETING = "Connected: Universal Robots Dashboard Server"
 SERIAL_NUMBER, OTHER_SERIAL_NUMBER = "20215500000", "20215500099"
 OTHER_LENGTH = 0.005
-"""Metres: what the fault ``other_length`` makes the arm longer by than its file says."""
+"""Metres by which the fault ``other_length`` lengthens the arm."""
 
 
 class URTwin:
-    """Serves one arm on ``address``. Raises OSError if a port cannot be had."""
+    """Serves one arm on ``address``. Raises OSError if a port is not available."""
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
         arm_name = next(name for name in connection.parts if name in model.of(ArmModel))

@@ -13,7 +13,9 @@ from hal.twins.world import TwinWorld
 
 
 class UsbCameraTwin(RosbridgeTwin):
-    """Its clients use the driver ``rosbridge`` in place of the camera's own, with that one's usual options."""
+    """Replaces a USB camera; its clients use the driver ``rosbridge`` with its default options instead of the
+    camera's.
+    """
 
     reached_by: ClassVar[str] = "rosbridge"
 

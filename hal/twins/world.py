@@ -26,16 +26,16 @@ Result = TypeVar("Result")
 DRIVE_RESERVE = 5.0
 """How many times the acceleration that a robot file allows its drives have, to follow a controller without lag."""
 LONGEST_DELAY = 0.25
-"""Seconds that the simulation may be behind real time; what it is behind beyond that is given up, and counted."""
+"""Maximum seconds of the simulation behind real time; the excess is skipped and counted."""
 
 
 class TwinWorld:
-    """Steps a simulated robot in real time, in the thread that calls ``run()``; no other thread touches physics.
+    """Steps a simulated robot in real time, in the thread that calls ``run()``; no other thread uses the physics.
 
-    Protocol servers hang a function in ``ticks``: it is called before each physics step with the step's length, and
-    may use the robot's parts as any program does. Other threads hand in work by ``post`` and ``call``. Set-points are
-    taken at the physics rate: protocols bring up to 500 a second. ``cameras``: whether pictures will be asked for.
-    ``watch``: on whether the machine keeps up. ``engine``: the driver that simulates.
+    Protocol servers register functions in ``ticks``, called before each physics step with its length; they may use the
+    robot's parts as any program does. Other threads submit work by ``post`` and ``call``. Set-points are applied at the
+    physics rate: protocols send up to 500 per second. ``cameras``: whether images will be requested. ``watch``:
+    monitors whether the machine keeps up. ``engine``: the driver that simulates.
     """
 
     def __init__(
@@ -71,15 +71,15 @@ class TwinWorld:
         return self._truth
 
     def now(self) -> float:
-        """Seconds of the simulation; it lags behind real time by a few milliseconds."""
+        """Return the simulated time, seconds; a few milliseconds behind real time."""
         return self.robot.clock.now()
 
     def post(self, work: Callable[[], None]) -> None:
-        """Do ``work`` in the world's thread before the next step; it must not raise."""
+        """Execute ``work`` in the world's thread before the next step; it must not raise."""
         self._work.put(work)
 
     def call(self, work: Callable[[], Result], timeout: float = 5.0) -> Result:
-        """Do ``work`` in the world's thread and wait for what it returns or raises; TimeoutError."""
+        """Execute ``work`` in the world's thread and return its result; raises its exception, or TimeoutError."""
         if threading.get_ident() == self._thread:
             return work()
         future: Future[Result] = Future()
@@ -94,9 +94,10 @@ class TwinWorld:
         return future.result(timeout)
 
     def photograph(self, camera: str, pack: Callable[[RGBDImage], Result]) -> tuple[Result, float]:
-        """What ``pack``, a module's function, makes of what a camera sees now; the machine's wall time of the capture.
+        """Return the result of ``pack``, a function of a module, for a camera's current image, and the wall time of the
+        capture.
 
-        From any thread but the world's. Physics goes on meanwhile: it takes about 0.2 s.
+        Callable from any thread except the world's. Physics continues meanwhile: it takes about 0.2 s.
         """
         if self._capture is None or self._renderer is None:
             raise TwinError("this world was made without cameras, or does not run yet")

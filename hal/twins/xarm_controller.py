@@ -82,12 +82,12 @@ class XArmController:
             self.set_state(int(State.STOPPED))
 
     def set_mode(self, mode: int) -> None:
-        """0 position, 1 servo; motion ends, and a state of 0 has to follow."""
+        """Set mode 0 (position) or 1 (servo); motion ends, and ``set_state(0)`` has to follow."""
         self.halt()
         self.mode = mode
 
     def set_state(self, asked: int) -> None:
-        """0 ready, 3 pause, 4 stop."""
+        """Set state 0 (ready), 3 (pause) or 4 (stop)."""
         if asked == 0:
             if self.enabled and not self.error:
                 self.state = State.SLEEPING
@@ -103,19 +103,19 @@ class XArmController:
         self.error = 0
 
     def trip(self, error: int) -> None:
-        """An error: everything stops, and the motors are off."""
+        """Trigger an error: everything stops, and the motors are switched off."""
         self.error, self.enabled = error, False
         self.state = State.STOPPED
         self.halt()
 
     def be_released(self) -> None:
-        """After an inspection, *Clear error* and *Enable robot* are pressed in UFACTORY Studio."""
+        """Press *Clear error* and *Enable robot* in UFACTORY Studio, as after an inspection."""
         self.clear_error()
         self.enable(True)
         self.set_state(0)
 
     def halt(self) -> None:
-        """The arm comes to rest; the gripper stays."""
+        """Bring the arm to rest; the gripper keeps its state."""
         self._world.post(self._halt)
 
     def servo(self, positions: Array) -> bool:
@@ -130,7 +130,9 @@ class XArmController:
         return True
 
     def move(self, positions: Array, speed: float) -> bool:
-        """Point to point in position mode, at ``speed`` rad/s; whether it was taken. A newer one takes over."""
+        """Move point to point in position mode, at ``speed`` rad/s; return whether the command was accepted. A newer
+        one replaces it.
+        """
         if self.mode != POSITION_MODE or not self._ready():
             return False
         if np.any(positions < self._lower - 1e-3) or np.any(positions > self._upper + 1e-3):
@@ -146,9 +148,8 @@ class XArmController:
         return True
 
     def turn(self, joint: int | None) -> None:
-        """From now on a joint goes the other way of what it is told in servo mode, from where it is; None: none does.
-
-        As one whose drive is set up with the wrong sign.
+        """Invert a joint's motion in servo mode from its current position on, as with a wrong drive sign; None: no
+        joint.
         """
 
         def begin() -> None:
@@ -165,7 +166,7 @@ class XArmController:
     # The gripper
 
     def move_gripper(self, pulses: int) -> None:
-        """Go to a position of 0 (closed) to 850 (open)."""
+        """Move to a position of 0 (closed) to 850 (open)."""
         gripper = self._gripper
         if gripper is None or not self.gripper_enabled:
             return
@@ -177,21 +178,23 @@ class XArmController:
         self._world.post(lambda: self._move_gripper(gripper, share, pace))
 
     def power_gripper(self, share: float | None) -> None:
-        """A Lite 6's gripper is driven by power alone: to 0 (closed) or 1 (open) of its width; None: it has none."""
+        """Drive the gripper of a Lite 6, which is controlled by power alone, to 0 (closed) or 1 (open) of its width;
+        None: no power.
+        """
         gripper = self._gripper
         if gripper is None or self._jammed:
             return
         self._world.post(gripper.stop if share is None else lambda: self._move_gripper(gripper, share, 1.0))
 
     def jam(self) -> None:
-        """The gripper's fingers are stuck where they are, until ``unjam``; its motor notices if it is moving them."""
+        """Block the gripper's fingers until ``unjam``; the motor detects it while moving them."""
         self._jammed = True
         gripper = self._gripper
         if gripper is not None:
             self._world.post(lambda: self._block_gripper(gripper))
 
     def unjam(self) -> None:
-        """The fingers are free again; an error stays until it is cleared."""
+        """Release the fingers; an error stays until it is cleared."""
         self._jammed = False
 
     # The world's thread

@@ -29,7 +29,7 @@ class GripperBus:
         self._controller = controller
 
     def request(self, data: bytes) -> bytes:
-        """One Modbus request; a device that is not there answers nothing."""
+        """Answer one Modbus request; a missing device does not reply."""
         host, device, function, register, count = struct.unpack_from(">BBBHH", data)
         if device != GRIPPER or self._controller.is_lite6:
             return bytes([host])
@@ -66,7 +66,7 @@ class GripperBus:
 
 
 class FlangePose:
-    """Forward kinematics of one arm from its ``base_frame`` to the link that its last joint moves."""
+    """Forward kinematics of one arm from its ``base_frame`` to the link of its last joint."""
 
     def __init__(self, model: RobotModel, arm: str) -> None:
         description = model.of(ArmModel)[arm]
@@ -78,7 +78,7 @@ class FlangePose:
         self._last = self._model.getJointId(description.joint_names[-1])
 
     def millimetres(self, positions: NDArray[np.float64]) -> tuple[float, ...]:
-        """x, y, z in millimetres; roll, pitch, yaw in radians."""
+        """Return x, y, z in millimetres; roll, pitch, yaw in radians."""
         q = pinocchio.neutral(self._model)
         q[self._slots] = positions
         with self._lock:
@@ -106,7 +106,7 @@ class ToolIO:
         return struct.pack(">i", {BAUD_RATE: BAUD_RATE_2M, OUTPUTS: self._outputs}.get(address, 0))
 
     def write(self, data: bytes) -> None:
-        """Outputs are set where the high byte names them; other settings have no effect in the twin."""
+        """Set the outputs selected by the high byte; other settings have no effect in the twin."""
         (address,), (value,) = struct.unpack_from(">H", data, 1), struct.unpack_from("<f", data, 3)
         if address != SET_OUTPUTS:
             return

@@ -31,11 +31,11 @@ PRIVATE_PROTOCOLS = (2, 3)
 """Without and with heartbeats of the client."""
 ERROR_FLAG, NOT_READY_FLAG = 0x40, 0x10
 LITE6_TYPE = 9
-"""xArms tell the number of their joints for their type."""
+"""The type that xArms report is their number of joints."""
 
 
 class XArmTwin:
-    """Serves one arm, and its gripper if it has one, on ``address``. Raises OSError if a port cannot be had."""
+    """Serves one arm, and its gripper if it has one, on ``address``. Raises OSError if a port is not available."""
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
         robot = world.robot

@@ -16,17 +16,16 @@ from bestman_bt.robot_model.payload import flange_of, payload
 
 FIRMWARE = "v2.5.0"
 OTHER_BATCH, OTHER_OFFSET, OTHER_LOAD, OTHER_LENGTH = "00000099", 5.0, 2.0, 5.0
-"""What faults bring: another serial number, millimetres, kilograms, millimetres."""
+"""Values set by faults: another serial number, millimetres, kilograms, millimetres."""
 
 
 @dataclass
 class XArmSettings:
-    """Of one control box: as the vendor's SDK sends and reads them.
+    """Settings of a control box, in the units of the vendor's SDK.
 
     ``serial_number``: of the arm. ``tool_offset``: mm and rad, from the flange. ``load``: kg, and the centre of mass in
-    mm. ``gravity``: its direction in the arm's base. ``length_error``: mm by which the flange is further out along its
-    own axis than the controller's own kinematics should say. ``keeps_load``: another load is
-    acknowledged and not taken.
+    mm. ``gravity``: its direction in the arm's base. ``length_error``: mm by which the real flange is farther out along
+    its axis than in the controller's kinematics. ``keeps_load``: whether another load is acknowledged but ignored.
     """
 
     serial_number: str
@@ -42,12 +41,12 @@ class XArmSettings:
 
     @classmethod
     def of(cls, model: RobotModel, arm: str, serial_number: str) -> XArmSettings:
-        """With the load that the hand of the robot's file is."""
+        """Return settings with the load of the hand in the robot's file."""
         hand = payload(model, flange_of(model, arm))
         return cls(serial_number, (hand.mass, *(1e3 * hand.centre).tolist()))
 
     def faults(self) -> dict[str, Callable[[], None]]:
-        """What may be wrong with them, by name; ``as_built`` takes all of it back."""
+        """Return the faults of the settings, by name; ``as_built`` reverts all of them."""
         return {
             "other_serial": lambda: setattr(self, "serial_number", self.serial_number[:-8] + OTHER_BATCH),
             "other_tool": lambda: setattr(self, "tool_offset", (0.0, 0.0, OTHER_OFFSET, 0.0, 0.0, 0.0)),
@@ -66,7 +65,9 @@ class XArmSettings:
         return (*tool.translation.tolist(), *pinocchio.rpy.matrixToRpy(rotation).tolist())
 
     def set_load(self, data: bytes) -> None:
-        """``set_tcp_load`` of the vendor's SDK: kg, and the centre of mass in mm, as the report tells them then."""
+        """Execute ``set_tcp_load`` of the vendor's SDK: kg, and the centre of mass in mm, which reports then
+        contain.
+        """
         if not self.keeps_load:
             self.load = struct.unpack("<4f", data[:16])
 

@@ -25,14 +25,14 @@ Array = NDArray[np.float64]
 START_TIME, STOP_TIME = 1.0, 2.0
 """Seconds within which the controller has to begin and to end a motion of its own."""
 UPLOAD_TIME = 2.0 * PROGRAM_TIME + 1.0
-"""Seconds within which a program with a path has to run; nothing moves meanwhile."""
+"""Seconds within which a program with a path has to start; nothing moves meanwhile."""
 RENEWAL = 0.05
-"""Seconds after which a motion is renewed; one that is not is stopped by the SDK's process."""
+"""Period of renewing a motion, seconds; the SDK's process stops motions that are not renewed."""
 TOOL_ACCELERATION = 1.0
 ARRIVED = 0.01
 SPEED_MARGIN = 1.1
 AT_LEAST = 0.1
-"""Seconds that a motion lasts in any case, so that readings from before it say nothing about its end."""
+"""Minimum duration of a motion, seconds, so that older readings do not end it."""
 
 
 @dataclass(eq=False)
@@ -51,14 +51,13 @@ class _OwnMotion:
 
 
 class URArm(StreamedArm):
-    """An arm behind ur-rtde.
+    """An arm controlled by ur-rtde.
 
     ``move_path``, ``speed_joints`` and ``speed_tool`` are the controller's ``movej``, ``speedj`` and ``speedl``, within
-    the same limits as everything else. They do not take over from one another: ``stop`` or ``cancel`` comes first.
-    They, too, keep to the speed slider and wait while the controller is paused, as the controller does; they run at the
-    ``speed_share`` that there is when they begin.
-    ``payload``: from what the hand holds, kg and its centre in the tool frame, to all that the flange carries.
-    Motions of the controller are renewed every 0.05 s, and end where this process does not renew them any more.
+    the same limits as all motions. They do not replace one another: call ``stop`` or ``cancel`` first. They follow the
+    speed slider, wait while the controller is paused, and run at the ``speed_share`` of their start. ``payload``: maps
+    the held load, kg and its centre in the tool frame, to the total load of the flange. Motions of the controller are
+    renewed every 0.05 s, and end without renewal.
     """
 
     def __init__(
@@ -80,7 +79,7 @@ class URArm(StreamedArm):
     # Motions of the controller
 
     def move_path(self, positions: ArrayLike, speed_scale: float = 1.0, blend: float = 0.0) -> Motion[None]:
-        """Through joint positions (N, 6), with a ``blend`` radius in metres around all but the last."""
+        """Move through joint positions (N, 6), radians, with a ``blend`` radius in metres at all but the last."""
         with self._connection.lock:
             self._connection.check_command("move_path")
             rows = [self._checks.positions("move_path", row) for row in np.atleast_2d(np.asarray(positions, float))]
@@ -142,7 +141,9 @@ class URArm(StreamedArm):
     # As for every arm
 
     def carry(self, mass: float, centre: ArrayLike) -> None:
-        """The controller counts on it beside the hand, also after a reconnection; ConnectionFailedError."""
+        """Set the controller's payload, in addition to the hand, also after a reconnection. Raises
+        ConnectionFailedError.
+        """
         self._carried = self._payload(mass, centre)
         if self._link.alive:
             self.tell_payload()
@@ -155,7 +156,7 @@ class URArm(StreamedArm):
 
     @property
     def resting(self) -> bool:
-        """Return whether nothing is commanded to move."""
+        """Return whether no motion is commanded."""
         return self._own is None and super().resting
 
     def brake(self) -> None:
@@ -167,7 +168,7 @@ class URArm(StreamedArm):
                 super().brake()
 
     def fail(self, fault: Failure) -> None:
-        """The motion has failed; the controller has stopped the arm or cannot be reached."""
+        """Fail the motion under way; the controller has stopped the arm or cannot be reached."""
         with self._connection.lock:
             if self._own is not None:
                 self._own.stopping = True  # a fault of the link leaves the controller moving

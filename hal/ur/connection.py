@@ -88,13 +88,13 @@ Lookahead = Annotated[PositiveTime, Field(ge=0.03, le=0.2)]
 class UROptions:
     """Options of ``driver: ur``.
 
-    ``model``: what the controller has to call its arm; None: only the place of its flange is compared.
-    ``rate``: hertz of the set-points and readings. ``servo_lookahead`` (seconds) and
-    ``servo_gain``: of the controller's ``servoj``: how far it smooths set-points, and how hard it follows them.
-    ``payload``, ``payload_center``: kg and metres in the flange, of what the arm carries always; the controller's own
-    if nothing is said. ``controller_watchdog``: seconds without a sign of life of ours after which the controller ends
-    its program. ``reduced_scaling``: share of the speed in the controller's reduced mode, whose limits it does not
-    tell. ``longest_delay``: seconds that readings may come late for a while. ``connect_timeout``: seconds.
+    ``model``: the arm model that the controller must report; None: only the pose of its flange is compared. ``rate``:
+    of set-points and readings, Hz. ``servo_lookahead`` (seconds) and ``servo_gain``: smoothing and gain of the
+    controller's ``servoj``. ``payload``, ``payload_center``: kg and metres in the flange, of the permanent load; by
+    default the controller's own. ``controller_watchdog``: seconds without a sign of life from us after which the
+    controller ends its program. ``reduced_scaling``: fraction of the speed in the controller's reduced mode, whose
+    limits it does not report. ``longest_delay``: seconds that readings may be late for a while. ``connect_timeout``:
+    seconds.
     """
 
     model: Model | None = None
@@ -179,10 +179,10 @@ JOINTS = 6
 
 
 class URConnection(Connection):
-    """One arm behind one controller, the force-torque sensor in its flange, and its digital inputs and outputs.
+    """One arm with its controller, the force-torque sensor in its flange, and its digital inputs and outputs.
 
-    Motions are set-points of ``servoj`` at ``rate`` hertz; the arm's ``move_path``, ``speed_joints`` and ``speed_tool``
-    are motions of the controller's own. Should the client vanish, the controller ends its program.
+    Motions are set-points of ``servoj`` at ``rate`` Hz; the arm's ``move_path``, ``speed_joints`` and ``speed_tool``
+    are motions of the controller. If the client disappears, the controller ends its program.
     """
 
     driver: ClassVar[str] = "ur"
@@ -242,7 +242,7 @@ class URConnection(Connection):
         return replace(self._told, joints=joints, tool_pose=tool, payload=payload).arm_facts()
 
     def heard(self) -> float:
-        """When the controller took the newest reading."""
+        """Return the time at which the controller took the newest reading."""
         return self._link.heard
 
     def reported_fault(self) -> Failure | None:
@@ -278,7 +278,7 @@ class URConnection(Connection):
         return URRelease(self.name, self.settings.address, self.options.connect_timeout)
 
     def abandon(self) -> None:
-        """End the SDK, which would connect again of its own accord."""
+        """End the SDK's process, which would reconnect by itself."""
         self._link.abandon()
 
     def _cycle(self, elapsed: float) -> None:

@@ -13,16 +13,16 @@ from bestman_bt.robot_model.payload import flange_of
 from hal.hardware.controller_facts import ArmFacts, compare_payload
 
 FLANGE_TOLERANCE = 0.01
-"""Metres: above what the calibration of a single arm moves its flange, and far below what two models differ by."""
+"""Metres: above the calibration offsets of a single arm's flange, and far below the difference of two models."""
 
 
 @dataclass(frozen=True)
 class URIdentity:
-    """What the controller tells.
+    """The identity reported by the controller.
 
-    ``model``, ``serial_number``: by its dashboard. ``joints``: (6,) rad. ``tool_pose``, ``tcp_offset``: of the active
-    tool in the controller's base frame, and in the flange; metres and rotation vectors. ``payload``: kg that it counts
-    on at its flange.
+    ``model``, ``serial_number``: from its dashboard. ``joints``: (6,) rad. ``tool_pose``, ``tcp_offset``: of the active
+    tool in the controller's base frame, and in the flange; metres and rotation vectors. ``payload``: configured load at
+    its flange, kg.
     """
 
     model: str

@@ -84,7 +84,7 @@ class URLink:
         return result
 
     def beat(self) -> None:
-        """A sign of life, where set-points have not been one."""
+        """Send a sign of life if no set-point was sent."""
         if time.monotonic() - self._sent > BEAT_PERIOD:
             self.send(None)
 

@@ -19,7 +19,7 @@ AT_THE_ROBOT = ("EMERGENCY", "SAFEGUARD")
 
 
 class URRelease:
-    """Asks and releases one controller. ``timeout``: seconds for the connection."""
+    """Queries and releases one controller. ``timeout``: seconds for the connection."""
 
     def __init__(self, name: str, address: str, timeout: float) -> None:
         self._name, self._address, self._timeout = name, address, timeout

@@ -27,15 +27,15 @@ from typing import Any, NamedTuple
 from bestman_bt.errors import Error
 
 CONTROL_RATE = 125.0
-"""Hertz at which the SDK's control interface is told the state of its program."""
+"""Rate at which the SDK's control interface receives the state of its program, Hz."""
 KICK_PERIOD = 0.02
 SPEED_TIME = 0.02
-"""Seconds that one ``speedj`` of the SDK's program lasts, after which it looks for a newer one."""
+"""Seconds that one ``speedj`` of the SDK's program lasts, after which it checks for a newer one."""
 REST_TIME, AT_REST = 1.0, 0.02
 """Seconds that the arm gets to come to rest, and rad/s that count as that."""
 REAL_TIME_PRIORITY = 20
 DASHBOARD_TIME, PROGRAM_TIME = 2.0, 5.0
-"""Seconds that the dashboard's server has for an answer, and the controller to tell that its program runs."""
+"""Seconds for a reply of the dashboard server, and for the controller to report that its program runs."""
 READY_TIME = 5 * DASHBOARD_TIME + 2 * PROGRAM_TIME + 5.0
 """Seconds that ``open`` and ``recover`` may take by all of their own limits, with a reserve."""
 RUNNING, PLAYING = 7, 2
@@ -58,17 +58,17 @@ VARIABLES = [
 PROGRAM = (Path(__file__).parent / "control.script").read_text(encoding="ascii")
 PATH_PLACE = "    # inject move path\n"
 OLDEST = (5, 6)
-"""Version of PolyScope since which the dashboard's server tells whether remote control is on."""
+"""Minimum version of PolyScope: since then the dashboard server reports whether remote control is on."""
 LOOK_FIRST = "inspect the robot, then run: bestman-bt robot release"
 
 
 class Report(NamedTuple):
-    """What the controller tells. ``time``: when it came, monotonic clock; ``stamp``: the controller's clock; seconds.
+    """A report of the controller. ``time``: arrival, monotonic clock; ``stamp``: the controller's clock; seconds.
 
-    Positions, velocities and the torques that the controller's model wants: (6,) each; rad, rad/s, N m. ``tool_pose``:
+    Positions, velocities and the target torques of the controller's model: (6,) each; rad, rad/s, N m. ``tool_pose``:
     metres and rotation vector in the controller's base frame. ``wrench``: (6,) of the flange's sensor, N and N m.
     ``busy``: its program is being exchanged. ``moving``: it moves along a path of its own. ``lapsed``: the arm was
-    braked because the parent was silent. ``scaling``: of its motions' time, by the speed slider and its limiter.
+    braked because the parent was silent. ``scaling``: of motion time, by the speed slider and its limiter.
     """
 
     time: float
@@ -94,7 +94,7 @@ class RefusedError(Error):
 
 
 class SDKProcess:
-    """Serves one parent until it goes."""
+    """Serves one parent process until it ends."""
 
     def __init__(self, calls: Connection, stream: Connection) -> None:
         self._calls, self._stream = calls, stream
@@ -186,14 +186,14 @@ class SDKProcess:
         self._lapsed = False
 
     def identity(self) -> tuple[str, str, list[float], list[float], list[float], float]:
-        """Model, serial number, joints, pose of the tool, offset of the tool from the flange, kg at the flange."""
+        """Return model, serial number, joints, tool pose, tool offset from the flange, and load at the flange, kg."""
         control, receive, dashboard = self._control, self._receive, self._dashboard
         offset = control.getTCPOffset()
         names = dashboard.getRobotModel(), dashboard.getSerialNumber()
         return *names, receive.getActualQ(), receive.getActualTCPPose(), offset, receive.getPayload()
 
     def arm(self) -> tuple[list[float], list[float], float]:
-        """Joints, pose of the tool, kg at the flange, as they are now."""
+        """Return current joints, tool pose, and load at the flange, kg."""
         receive = self._receive
         return receive.getActualQ(), receive.getActualTCPPose(), receive.getPayload()
 
@@ -220,7 +220,7 @@ class SDKProcess:
         return bool(setters[kind](number, on))
 
     def upload_path(self, path: list[list[float]]) -> None:
-        """Rows of positions (6,), speed, acceleration, blend radius, written into a new program; nothing moves yet."""
+        """Write rows of positions (6,), speed, acceleration, blend radius into a new program; nothing moves yet."""
         self._busy = True
         try:
             self._upload(
@@ -241,13 +241,13 @@ class SDKProcess:
         return begun
 
     def end_path(self) -> None:
-        """End an arrived path: nothing needs to be renewed."""
+        """End an arrived path, which needs no renewal."""
         self._renewed_until = None
 
     def speed(self, function: str, target: list[float], acceleration: float) -> bool:
-        """Move at speeds until ``stop_speed``, which comes of itself where ``renew`` does not come.
+        """Move at speeds until ``stop_speed``, or until ``renew`` is no longer called.
 
-        The SDK's program has a thread that repeats ``speedj`` until ``speedStop``, whatever its ``time`` is.
+        The SDK's program has a thread that repeats ``speedj`` until ``speedStop``, regardless of its ``time``.
         """
         self._control.servoStop(self._settings["deceleration"])  # no two threads of the program may move the arm
         begun = bool(getattr(self._control, function)(target, acceleration, SPEED_TIME))
@@ -256,7 +256,7 @@ class SDKProcess:
         return begun
 
     def renew(self) -> None:
-        """The parent is alive and wants the motion to go on."""
+        """Renew the motion on behalf of the parent."""
         if self._renewed_until is None:
             raise RefusedError("the motion was not renewed in time")
         self._watch(self._stop)

@@ -50,7 +50,7 @@ class XArmJoints(JointChannel):
         return self._reading
 
     def refresh(self) -> None:
-        """Ask for positions, velocities and torques: one round trip. What is not answered leaves the last reading."""
+        """Read positions, velocities and torques in one round trip; without a reply the last reading stays."""
         states = self._wire.ask(lambda arm: arm.get_joint_states(is_radian=True, num=3))
         if states is not None:
             columns = np.array(states, dtype=float)[:, : self._count]
@@ -62,17 +62,17 @@ class XArmJoints(JointChannel):
 
 
 class XArmArm(StreamedArm):
-    """An arm whose controller is told what the hand holds: its collision detection counts on it."""
+    """An arm whose controller is given the load of the hand, for its collision detection."""
 
     tell_payload: Callable[[float, ArrayLike], None]
 
     def carry(self, mass: float, centre: ArrayLike) -> None:
-        """The controller counts on it beside the hand."""
+        """Set the controller's payload, in addition to the hand."""
         self.tell_payload(mass, centre)
 
 
 class XArmGripper(GripperChannel):
-    """The gripper on the arm's tool bus. Its force cannot be chosen: it presses with what it has."""
+    """The gripper on the arm's tool bus; its force is fixed."""
 
     def __init__(self, wire: XArmWire, model: GripperModel, pulses: int) -> None:
         self._wire, self._model = wire, model
@@ -80,7 +80,7 @@ class XArmGripper(GripperChannel):
         self._width: float | None = None
 
     def refresh(self) -> None:
-        """Ask for the width; what is not answered leaves the last one."""
+        """Read the width; without a reply the last one stays."""
         pulses = self._wire.ask(lambda arm: arm.get_gripper_position())
         if pulses is not None:
             self._width = self._model.part.min_width + float(pulses) / self._pulses_per_metre
@@ -92,14 +92,14 @@ class XArmGripper(GripperChannel):
         return GripperReading(self._width)
 
     def send(self, width: float, force: float, speed: float) -> None:
-        """Go to a width."""
+        """Send a target width."""
         pulses = round((width - self._model.part.min_width) * self._pulses_per_metre)
         share = speed / self._model.part.max_speed
         turns = int(np.clip(FASTEST * share, SLOWEST, FASTEST))
         self._wire.tell("gripper", lambda arm: _set_position(arm, pulses, turns))
 
     def halt(self) -> None:
-        """Make the present width the target; it is held with what force the gripper has."""
+        """Make the current width the target; it is held with the gripper's fixed force."""
         self.refresh()
         self.send(self.read().width, 0.0, self._model.part.max_speed)
 
@@ -113,15 +113,15 @@ def _set_position(arm: Any, pulses: int, turns: int) -> int:
 REPORTS, REPORT_PERIOD = 3, 0.1
 """How many reports are waited for, which come five times a second; seconds between two looks."""
 COUNTS, PAYLOAD_STEP = "the controller counts on", 0.01
-"""Of what is read back of a payload, kg: it travels as a single-precision number."""
+"""Tolerances of a payload that is read back, kg: it is transferred in single precision."""
 BLIND = "a Lite 6's gripper has no encoder: it knows no widths between, nor whether it holds something or is empty"
 
 
 class XArmConnection(Connection):
-    """An arm and perhaps a gripper behind one controller.
+    """An arm, and possibly a gripper, behind one controller.
 
-    All motions are set-points in the controller's servo mode at ``rate`` hertz, with a reading after each. Should the
-    client vanish, no more set-points come and the arm stays where the last one was.
+    All motions are set-points in the controller's servo mode at ``rate`` Hz, each followed by a reading. If the client
+    disappears, no more set-points arrive and the arm stays at the last one.
     """
 
     driver: ClassVar[str] = "xarm"
@@ -191,7 +191,7 @@ class XArmConnection(Connection):
         self._wire.close()
 
     def heard(self) -> float:
-        """When the controller last replied."""
+        """Return the time of the controller's last reply."""
         return self._wire.heard
 
     def reported_fault(self) -> Failure | None:

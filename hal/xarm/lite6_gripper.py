@@ -12,7 +12,7 @@ AT_END = 1e-6
 
 
 class Lite6GripperWire(GripperChannel):
-    """Opens or closes fully. Its width is a guess: what the time since the last command makes of the whole travel."""
+    """A gripper that only opens or closes fully. Its width is estimated from the time since the last command."""
 
     def __init__(self, wire: XArmWire, model: GripperModel, clock: Clock) -> None:
         self._wire, self._model, self._clock = wire, model, clock
@@ -20,7 +20,7 @@ class Lite6GripperWire(GripperChannel):
         self._since = 0.0
 
     def recall(self) -> None:
-        """Where its outputs have last sent it; without a word from them it counts as closed."""
+        """Restore the state of its last outputs; if unknown, it counts as closed."""
         outputs = self._wire.ask(lambda arm: arm.get_tgpio_output_digital())
         opened = outputs is not None and bool(outputs[0])
         self._from = self._to = self._model.max_width if opened else self._model.part.min_width
@@ -51,7 +51,7 @@ class Lite6GripperWire(GripperChannel):
 
 
 class Lite6Gripper(CommandedGripper):
-    """Knows no widths between open and closed, nor whether anything is between its fingers."""
+    """A gripper without intermediate widths and without detection of objects."""
 
     def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion[None]:
         """Open or close fully. Raises CommandRefusedError for widths between."""
@@ -62,6 +62,6 @@ class Lite6Gripper(CommandedGripper):
         return super().move(width, force, speed)
 
     def state(self) -> GripperState:
-        """Neither ``object_held`` nor ``empty`` is ever claimed."""
+        """Return the state; ``object_held`` and ``empty`` are always False."""
         state = super().state()
         return GripperState(state.moving, state.at_target, object_held=False, empty=False)

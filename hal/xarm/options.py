@@ -21,12 +21,12 @@ Pulses = Annotated[int, Field(gt=0)]
 class XArmOptions:
     """Options of ``driver: xarm``.
 
-    ``arm``: which arm the controller has to say that it moves; a Lite 6 has its own gripper. ``rate``: hertz of the
-    set-points. ``collision_sensitivity``: the controller's, 0 (off) to 5; None leaves its own.
-    ``reduced_mode``: hold the controller, too, to the speeds of the robot model and of ``safety``.
-    ``payload``, ``payload_center``: kg and metres in the flange, of what the arm carries always, for the collision
-    detection. ``gripper_pulses``: the gripper's own position when fully open. ``gripper_rate``: hertz of its readings.
-    ``reply_timeout``, ``connect_timeout``: seconds that a command and the first one wait for the reply.
+    ``arm``: the arm type that the controller must report; a Lite 6 has its own gripper. ``rate``: of the set-points,
+    Hz. ``collision_sensitivity``: the controller's, 0 (off) to 5; None keeps its own. ``reduced_mode``: whether the
+    controller also enforces the speeds of the robot model and of ``safety``. ``payload``, ``payload_center``: kg and
+    metres in the flange, of the permanent load, for the collision detection. ``gripper_pulses``: the gripper's position
+    value when fully open. ``gripper_rate``: of its readings, Hz. ``reply_timeout``, ``connect_timeout``: seconds to
+    wait for the reply to a command, and to the first one.
     """
 
     arm: ArmKind = "xarm"

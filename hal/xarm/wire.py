@@ -89,7 +89,9 @@ class _SilentHere(io.TextIOBase):
 
 @contextlib.contextmanager
 def discreet() -> Iterator[None]:
-    """While the SDK is imported or connects: it prints the controller's address, and changes all sockets' timeout."""
+    """Suppress the SDK's output, which contains the controller's address, and restore the timeout of sockets that it
+    changes.
+    """
     timeout = socket.getdefaulttimeout()
     try:
         with contextlib.redirect_stdout(_SilentHere(sys.stdout)):
@@ -99,7 +101,7 @@ def discreet() -> Iterator[None]:
 
 
 def import_sdk(load: Callable[[str], ModuleType]) -> Any:
-    """Return the package ``xarm``; its log, which names the address, is kept for what is critical."""
+    """Return the package ``xarm``; its log, which contains the address, is limited to critical messages."""
     with discreet():
         package = load("xarm")
         log = load("xarm.core.utils.log")
@@ -145,7 +147,7 @@ GET_VERSION = struct.pack(">HHHB", 1, 2, 1, 1)
 
 
 def answers(address: str, timeout: float) -> bool:
-    """Return whether the control box at ``address`` tells its version within ``timeout`` s; the SDK would try for
+    """Return whether the control box at ``address`` reports its version within ``timeout`` s; the SDK would try for
     minutes.
     """
     try:
@@ -158,11 +160,11 @@ def answers(address: str, timeout: float) -> bool:
 
 
 REPORT_PORT, REPORT_LENGTH = 30001, 145
-"""Where the control box tells, five times a second, what it has been told of its arm; bytes of such a report."""
+"""Port on which the control box reports the settings of its arm five times a second; bytes of such a report."""
 
 
 def read_report(address: str, timeout: float) -> ArmFacts | None:
-    """Return the arm as the control box knows it, or None if no such report comes within ``timeout`` s.
+    """Return the settings of the arm in the control box, or None if no report arrives within ``timeout`` s.
 
     Its fields are those of the vendor's SDK (``__handle_report_normal``): little-endian floats, mm, radians and kg.
     """
@@ -201,7 +203,7 @@ MODE_CHANGE_TIME = 0.1
 
 
 class XArmWire:
-    """Holds the SDK's object while connected. Used by the loops of one connection."""
+    """Holds the SDK's object while connected; used by the loops of one connection."""
 
     def __init__(self, name: str, clock: Clock, load: Callable[[str], ModuleType]) -> None:
         self._name, self._clock, self._load = name, clock, load
@@ -212,7 +214,7 @@ class XArmWire:
 
     @property
     def heard(self) -> float:
-        """Time of the clock at which the last reply came."""
+        """Clock time of the last reply, seconds."""
         return self._heard
 
     @property
@@ -227,7 +229,7 @@ class XArmWire:
         return fault is not None and not fault.vendor_code.startswith("G")
 
     def told(self) -> Identity:
-        """Serial number of the arm and firmware of the control box."""
+        """Return the serial number of the arm and the firmware of the control box."""
         arm = self._arm
         kind = "Lite" if arm.device_type == LITE6 else "xArm"
         serial_number = self.ask(lambda asked: asked.get_robot_sn())  # the version tells the beginning of it alone
@@ -235,7 +237,7 @@ class XArmWire:
 
     @property
     def identity(self) -> ArmIdentity:
-        """Which arm the controller has told that it moves."""
+        """The arm type that the controller has reported."""
         return ArmIdentity.of(self._arm, self._load)
 
     def open(self, address: str, options: XArmOptions) -> None:
@@ -271,7 +273,7 @@ class XArmWire:
             arm.disconnect()
 
     def ask(self, question: Callable[[Any], tuple[int, Any] | int]) -> Any:
-        """Return the answer to a question, None if there is none."""
+        """Return the reply to a request, None without one."""
         if self._arm is None:
             return None
         reply = question(self._arm)
@@ -302,7 +304,7 @@ class XArmWire:
     def make_ready(self, gripper: bool) -> None:
         """Enter servo mode.
 
-        Raises ConnectionFailedError if the controller has an error: people have to look at that.
+        Raises ConnectionFailedError if the controller has an error, which a person must inspect.
         """
         with self._judging:
             self._fault = None
