@@ -66,7 +66,7 @@ class GripperController:
         self.name, self.model = self.gripper.name, self.gripper.model
 
     def width(self) -> float:
-        """Measured opening between the fingers, metres."""
+        """Return the measured opening between the fingers, metres."""
         return self.gripper.width()
 
     def pressing(self) -> bool:

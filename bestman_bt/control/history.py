@@ -12,7 +12,7 @@ from bestman_bt.messages import Pose2D, wrap_angle
 Value = TypeVar("Value")
 
 BEFORE = 0.5
-"""Seconds before its first value for which that one counts, too: a robot is at rest when it is first read."""
+"""Seconds before the first value for which that value also counts: a robot is at rest when it is first read."""
 
 
 class NotRecordedError(RobotError, LookupError):
@@ -36,12 +36,12 @@ class History(Generic[Value]):
         return bool(self._stamps)
 
     def clear(self) -> None:
-        """Forget everything; the next value is a first one."""
+        """Remove all values."""
         self._stamps.clear()
         self._values.clear()
 
     def add(self, stamp: float, value: Value) -> None:
-        """Add the newest value; one of the same stamp, or of a later one (a clock was set back), is replaced."""
+        """Add the newest value; values with the same or a later stamp (a clock was set back) are replaced."""
         if not self._stamps:
             self._stamps, self._values = [stamp - BEFORE], [value]
         keep = bisect_left(self._stamps, stamp)

@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 
 
 class JointStateError(PartError, PerceptionError):
-    """The encoders of a part deliver nothing: its controller is not connected, or no longer."""
+    """Raised if the encoders of a part deliver nothing: its controller is not connected."""
 
     code = MotionErrorCode.DISCONNECTED
 
 
 READING_ERRORS = (NotConnectedError, NoDataError, JointStateError)
-"""What reading a robot may raise: a controller is gone, or a sensor is silent; ``code`` tells which."""
+"""Errors that reading a robot may raise: a controller is gone, or a sensor is silent; see their ``code``."""
 
 
 RECORDING_RATE = 50.0
@@ -63,16 +63,16 @@ class JointStateSensor:
         self._timer = clock.every(1.0 / RECORDING_RATE, self._record)
 
     def close(self) -> None:
-        """Record no longer; idempotent."""
+        """Stop recording; idempotent."""
         if self._timer is not None:
             self._timer.cancel()
         self._clock = self._timer = None
         self._history.clear()
 
     def at(self, stamp: float) -> Mapping[str, float]:
-        """Return the positions at a time of the robot's clock, seconds; those of now while nothing is recorded.
+        """Return the positions at a time of the robot's clock, seconds; without a recording, the current ones.
 
-        Raises NotRecordedError before the recording and after it, JointStateError as ``positions``.
+        Raises NotRecordedError outside the recorded time, JointStateError as ``positions``.
         """
         positions = self.positions()
         if self._clock is None:

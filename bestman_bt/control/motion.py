@@ -30,7 +30,7 @@ class ControlledMotion(Motion[Result]):
 def start_motion(
     part: str, command: Callable[[], Motion[Any]], read: Callable[[], Result] | None = None
 ) -> Motion[Result]:
-    """Give a command to a part; one that is refused becomes a motion that has failed."""
+    """Return the motion that ``command`` starts; a refused command gives a failed motion."""
     try:
         return ControlledMotion(part, command(), read)
     except CommandRefusedError as error:

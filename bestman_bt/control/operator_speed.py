@@ -6,14 +6,14 @@ import threading
 from collections.abc import Callable
 
 SLOWEST = 0.05
-"""The smallest share that may be set: below it what watches for progress takes a base for stuck."""
+"""Minimum speed scale; below it, progress monitors consider a base stuck."""
 
 
 class OperatorSpeed:
-    """``share``: scale of the speed of the robot's motions; ``hold`` pauses them.
+    """The operator's speed setting. ``share``: scale of the speed of the robot's motions; ``hold`` pauses them.
 
     ``set_speed``: as ``hal.api.Robot.set_speed``. As a watcher of an executor it pauses motions with the execution;
-    ``stands_still``: in simulation time itself stops, so that this is not needed. Thread-safe.
+    ``stands_still``: whether time itself stops, as in simulation, so that this is not needed. Thread-safe.
     """
 
     def __init__(self, set_speed: Callable[[float], None], stands_still: bool = False) -> None:
@@ -33,7 +33,7 @@ class OperatorSpeed:
             self._tell()
 
     def hold(self) -> None:
-        """Motions brake on their paths and wait there."""
+        """Pause motions: they brake on their paths."""
         if self._stands_still:
             return
         with self._lock:
@@ -48,10 +48,10 @@ class OperatorSpeed:
                 self._tell()
 
     def after_tick(self) -> None:
-        """Implement the executor's watcher."""
+        """Pause or resume motions with the execution."""
 
     def held(self, hold: object | None) -> None:
-        """Implement the executor's watcher."""
+        """Pause or resume motions with the execution."""
         if hold is None:
             self.go_on()
         else:

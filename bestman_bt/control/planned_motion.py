@@ -18,7 +18,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class PlannedMotion:
-    """``words``: description of the motion of ``part``. ``duration``: seconds at full speed, or None if unknown.
+    """The preview of a motion. ``words``: description of the motion of ``part``. ``duration``: seconds at full speed,
+    or None if unknown.
 
     ``swept``: outlines (N, 2) of the swept area, metres in the map frame. ``heights``: lowest and highest point above
     the floor, metres, or None.
@@ -69,6 +70,6 @@ def outline(points: Array) -> Array:
 
 
 def turned(corners: Array, headings: Iterable[float]) -> Array:
-    """Corners (N, 2) about the origin, at all ``headings``: (N·M, 2)."""
+    """Return corners (N, 2) rotated about the origin to all M ``headings``, radians: (N·M, 2)."""
     turns = [np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]]) for a in headings]
     return np.concatenate([corners @ turn.T for turn in turns])

@@ -34,7 +34,7 @@ class CameraErrorCode(StrEnum):
 
 
 class CameraError(PerceptionError):
-    """A camera delivered nothing, or nothing to work with; a skill that meets it fails with its code and words."""
+    """Raised if a camera delivers no image, or an unusable one; a skill fails with its code and message."""
 
     def __init__(self, code: CameraErrorCode, text: str, camera: str, vendor_code: str = "") -> None:
         super().__init__(text)
@@ -45,7 +45,7 @@ class CameraError(PerceptionError):
 class RGBDView:
     """A rectified image, the camera's pose in the base frame, and the base's believed pose in the map at that time.
 
-    ``own_body``: (H, W), True where a pixel shows the robot or what it holds; views leave these pixels out.
+    ``own_body``: (H, W), True for pixels of the robot and its held object; views leave these pixels out.
     """
 
     image: RGBDImage
@@ -81,13 +81,13 @@ class RGBDView:
 
 @dataclass(eq=False)
 class RGBDSensor:
-    """Captures views through one camera: rectified, with the systematic depth error corrected.
+    """Captures views with one camera: rectified, with the systematic depth error corrected.
 
-    Camera and base poses are those at the image's stamp. ``base_at``: pose of the base in the map frame at a time;
-    without it, the one of ``world``. ``clock``: for the age of images; without it, ages are not checked. ``max_age``:
-    largest age, seconds; for older images up to ``attempts`` are requested, because a busy computer may delay one.
-    ``black_level``: of 255; an image without a brighter pixel is black. ``min_depth_share``: least fraction of pixels
-    with a depth.
+    Camera and base poses are those at the image's stamp. ``base_at``: returns the pose of the base in the map frame at
+    a time; without it, that of ``world``. ``clock``: for the age of images; without it, ages are not checked.
+    ``max_age``: maximum age, seconds; up to ``attempts`` images are requested if they are older, because a busy
+    computer may delay one. ``black_level``: of 255; an image without a brighter pixel is black. ``min_depth_share``:
+    minimum fraction of pixels with a depth.
     """
 
     camera: Camera
@@ -120,7 +120,7 @@ class RGBDSensor:
         self._subscribers.append(subscriber)
 
     def capture(self) -> RGBDView:
-        """Return the latest image. Raises CameraError if the camera delivers nothing to work with."""
+        """Return the latest image. Raises CameraError if the camera delivers no usable image."""
         image = self._ideal(self._taken())
         try:
             positions = self.joints.at(image.stamp)

@@ -41,7 +41,7 @@ class TactileSensor:
         return self.force() > self.pressed_force
 
     def image(self) -> NDArray[np.uint8]:
-        """Return the pressure as a grey picture, (rows, columns): 0 nothing, 255 ``full_scale`` or more."""
+        """Return the pressure as a grey image, (rows, columns) uint8: 0 none, 255 ``full_scale`` or more."""
         shares = np.clip(self.pad.read().pressure / self.full_scale, 0.0, 1.0)
         return np.round(255 * shares).astype(np.uint8)
 

@@ -26,12 +26,12 @@ from bestman_bt.messages.grids import FREE, OCCUPIED, UNKNOWN
 
 MODES = ("trinary", "scale", "raw")
 FREE_THRESHOLD, OCCUPIED_THRESHOLD = 0.196, 0.65
-"""Below and above which share of black a cell is free and occupied, as ROS 1 has them.
+"""Occupancy below and above which a cell is free and occupied, as in ROS 1.
 
-nav2's own 0.25 takes the grey that it writes for unknown cells, 205, for free ones.
+Nav2's own 0.25 reads the grey that it writes for unknown cells, 205, as free.
 """
 WHITE, GREY, BLACK = 254, 205, 0
-"""What ROS writes for free, unknown and occupied."""
+"""Grey values that ROS writes for free, unknown and occupied cells."""
 MOST_CELLS = 64_000_000
 """Cells of the largest map that is read: 400 m by 400 m at 5 cm."""
 _EIGHT_BITS = ("1", "L", "LA", "P", "RGB", "RGBA")
@@ -39,7 +39,7 @@ _EIGHT_BITS = ("1", "L", "LA", "P", "RGB", "RGBA")
 
 
 class MapFileError(InputError, ValueError):
-    """A map cannot be read or written; the message gives the file, the field and what is accepted."""
+    """Raised if a map cannot be read or written; the message gives the file, the field and what is accepted."""
 
 
 def _unturned(origin: tuple[float, ...]) -> tuple[float, ...]:

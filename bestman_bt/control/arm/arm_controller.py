@@ -72,7 +72,7 @@ class ContactMonitor:
         self._in_a_row = 0
 
     def objection(self) -> str | None:
-        """Return the contact in words, or None."""
+        """Return the contact as text, or None."""
         found = self._force() or self._lag()
         self._in_a_row = self._in_a_row + 1 if found else 0
         return found if self._in_a_row >= self._limits.samples else None
@@ -154,7 +154,7 @@ class ArmController:
         self._ways = ways
 
     def positions(self) -> NDArray[np.float64]:
-        """Measured positions, (n,) radians."""
+        """Return the measured positions, (n,) radians."""
         return self._arm.positions()
 
     def carry(self, mass: float, centre: ArrayLike) -> None:

@@ -127,7 +127,7 @@ class Following:
 
 @dataclass(frozen=True)
 class FollowGoal:
-    """Goal and limits of a following.
+    """Goal and limits of a constrained motion.
 
     It succeeds after ``distance`` metres along the path or ``angle`` radians about the estimated hinge, whichever is
     given and comes first. ``speed``: m/s. ``end_stop``: metres along the path from which on an end stop may be met, at
@@ -161,7 +161,7 @@ class FollowGoal:
 
 
 class ConstraintFollowing:
-    """One following under way; ``tick`` is called every period of the stream until it returns False."""
+    """A running constrained motion; ``tick`` is called every period of the stream until it returns False."""
 
     def __init__(
         self,

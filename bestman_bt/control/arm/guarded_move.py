@@ -112,9 +112,9 @@ class Guarding:
 
 @dataclass(frozen=True, eq=False)
 class GuardedOutcome:
-    """``touched``: whether the force was reached. ``distance``: of the tool, metres.
+    """The result of a guarded move. ``touched``: whether the force was reached. ``distance``: of the tool, metres.
 
-    ``force``: (3,) newtons, in the base frame, of the world on the hand, relative to the start. ``tool``:
+    ``force``: (3,) newtons, in the base frame, of the environment on the hand, relative to the start. ``tool``:
     base_from_tool at the end.
     """
 
@@ -125,7 +125,7 @@ class GuardedOutcome:
 
 
 class GuardedMove:
-    """One move under way; ``tick`` is called every period of the stream until it returns False."""
+    """A running guarded move; ``tick`` is called every period of the stream until it returns False."""
 
     def __init__(
         self,
@@ -174,7 +174,7 @@ class GuardedMove:
 
 
 def check_positive(**values: float) -> None:
-    """Raises ValueError for a value that is not more than 0."""
+    """Raise ValueError for a value that is not greater than 0."""
     for name, value in values.items():
         if not value > 0.0:
             raise ValueError(f"{name} should be positive but is {value!r}")

@@ -38,16 +38,16 @@ STANDING = 0.02
 REST = 0.05
 """Share of a velocity below which going on is not worth it."""
 ON_IT, BESIDE_IT = 0.10, 0.15
-"""Metres from what the map has within which a hit is of it, and beyond which it is of something that the map lacks."""
+"""Metres from a mapped outline within which a hit belongs to it, and beyond which it is an unmapped obstacle."""
 RISE = 1.0
 """By how much the share that people leave may rise in a second: it is as good as an acceleration."""
 
 
 class VelocityGate:
-    """Commands one base. ``waits``: it is stopped for a limit or for people.
+    """Commands one base within its safety limits. ``waits``: whether it is stopped for a limit or for people.
 
-    ``held_by``: why the last command was stopped or slowed down, in words. ``placed``: whether the base's pose on
-    the map is known; otherwise every obstacle may be tall, and nothing is taken from the map.
+    ``held_by``: why the last command was stopped or slowed down, as text. ``placed``: whether the base's pose on the
+    map is known; otherwise every obstacle may be tall, and the map is not used.
     """
 
     def __init__(self, base: MobileBase, monitor: CollisionMonitor) -> None:
@@ -71,7 +71,7 @@ class VelocityGate:
         self._monitor.use_footprint(footprint)
 
     def observe(self, scan: LaserScan, base_from_lidar: Pose2D, odometry: Pose2D) -> None:
-        """A new scan, for the monitor."""
+        """Pass a new scan to the monitor; ``odometry``: pose in the ``odom`` frame."""
         self._monitor.observe(scan, base_from_lidar, odometry)
 
     def command(
@@ -233,12 +233,12 @@ class BaseController:
 
     @property
     def remaining(self) -> float:
-        """Metres left of ``path``; 0 without one."""
+        """Remaining length of ``path``, metres; 0 without a path."""
         return 0.0 if self._driven is None else self._driven.swept.remaining
 
     @property
     def stuck(self) -> bool:
-        """True while the base is stalled, or if the last action ended stalled, and nothing has begun since."""
+        """True while the base is stalled, or if the last action ended stalled."""
         action = self._action
         if action is None or action.motion.done:
             return self._gave_up
@@ -252,7 +252,7 @@ class BaseController:
             return self.localisation.pose_at(stamp)
 
     def velocity(self) -> Twist2D:
-        """Measured, in the base frame; raises as readings do."""
+        """Return the measured velocity in the base frame. Raises NotConnectedError or NoDataError."""
         return self._base.velocity()
 
     def blocked_at(self) -> tuple[float, NDArray[np.float64]] | None:
@@ -567,13 +567,14 @@ class ProgressWatch:
         """Seconds without progress, as of the last pose."""
 
     def restart(self) -> None:
-        """The time that has passed does not count: the base was not to move."""
+        """Restart the measurement, after a time in which the base was not to move."""
         self._pose = None
 
     def is_stuck(self, pose: Pose2D, now: float, speed_share: float = 1.0) -> bool:
-        """Take in where the base is at ``now`` seconds; one that is slower by ``speed_share`` has longer.
+        """Return whether the base makes no progress; call it with its pose at ``now``, seconds. A smaller
+        ``speed_share`` allows more time.
 
-        The time of a pause, without commands, does not count.
+        Pauses without commands do not count.
         """
         moved = self._pose is None or pose.distance_to(self._pose) > self._distance
         if self._pose is None or moved or abs(wrap_angle(pose.theta - self._pose.theta)) > self._angle:

@@ -25,20 +25,22 @@ from bestman_bt.robot_model.model import BaseModel
 from hal.api import Bumper
 
 STANDING = 0.02
-"""m/s and rad/s below which a base has nothing to brake."""
+"""Speed in m/s and rad/s below which a base counts as at rest."""
 CREEP = 0.005
 """m/s and rad/s below which going on is not worth it."""
 BEFORE = 0.15
-"""Metres around the disc that stands for a person within which hits are that person's."""
+"""Metres around a person's disc within which hits belong to that person."""
 EDGE = 0.03
 """Metres beyond the shortest range within which noise may hide a hit already."""
 NEAR = 1.0
-"""Metres beyond an arm within which it is asked how tall things are."""
+"""Metres around an arm within which the heights of obstacles are checked."""
 MEMORY = 30.0
-"""Seconds after which what is too close to be seen is forgotten: who walked past would block the base for ever."""
+"""Seconds for which points too close to be seen are remembered, so that a passing person does not block the base
+permanently.
+"""
 NOTHING: NDArray[np.float64] = np.zeros((0, 3))
 SPACING = 0.01
-"""Metres between the points of an outline that is held against what the map has: no board or handle is thinner."""
+"""Spacing of outline points compared with the map, metres: less than the thickness of any board or handle."""
 
 
 _Look = tuple[FootprintMotion, NDArray[np.float64]]
@@ -48,7 +50,7 @@ _Entry = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 class MonitorAction(Enum):
-    """What became of a command."""
+    """The action of the monitor on a command."""
 
     NONE = "none"
     SLOWDOWN = "slowdown"  # the speed is limited, as something is close
@@ -59,7 +61,9 @@ class MonitorAction(Enum):
 
 @dataclass(frozen=True)
 class MonitoredCommand:
-    """``twist``: what may be driven. ``brake``: whether the base must stop as hard as it can. ``text``: why."""
+    """A checked command. ``twist``: the allowed velocity. ``brake``: whether the base must stop as hard as it can.
+    ``text``: the reason.
+    """
 
     twist: Twist2D
     action: MonitorAction
@@ -69,16 +73,15 @@ class MonitoredCommand:
 
 @dataclass(eq=False)
 class CollisionMonitor:
-    """One base's monitor: ``observe`` each scan, ask ``limit`` before each command.
+    """The collision monitor of a base: ``observe`` each scan, call ``limit`` before each command.
 
     Lengths in metres, times in seconds, speeds in m/s.
 
-    ``margin``: kept around the outline. ``same_surface``: neighbouring beams that differ by less are averaged, as the
-    nearest of many noisy hits is nearer than what they hit. ``reaction``: from a scan to the brakes.
-    ``slowdown_margin``: around the outline; what comes that near within ``slowdown_time`` limits the speed to
-    ``slowdown_speed`` (0: no such zone).
-    ``frozen_scans``: equal scans in a row after which the lidar is taken for broken, and nothing moves any more.
-    ``enabled``: False lets everything through, for experiments.
+    ``margin``: kept around the outline. ``same_surface``: neighbouring beams that differ by less are averaged, because
+    the nearest of many noisy hits is too near. ``reaction``: delay from a scan to the brakes. ``slowdown_margin``: zone
+    around the outline; obstacles that would enter it within ``slowdown_time`` limit the speed to ``slowdown_speed`` (0:
+    no such zone). ``frozen_scans``: number of equal scans in a row after which the lidar counts as broken and motion is
+    stopped. ``enabled``: False disables the monitor, for experiments.
     """
 
     base: BaseModel
@@ -101,9 +104,9 @@ class CollisionMonitor:
         self.use_footprint(footprint)
 
     def use_footprint(self, footprint: Footprint) -> None:
-        """What is driven from now on: an arm that stands out above is kept away from people and tall obstacles.
+        """Set the footprint: a protruding arm is kept away from people and tall obstacles.
 
-        The upper body is kept from what no lidar sees.
+        The upper body is kept away from obstacles that the lidar cannot see.
         """
         overhang, upper = footprint.overhang, footprint.upper
         self._above = FootprintMotion(footprint.above.corners, self.margin)
@@ -133,11 +136,11 @@ class CollisionMonitor:
         are_tall: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None,
         unseen: Sequence[UnseenOutline] = (),
     ) -> MonitoredCommand:
-        """What of ``wanted`` may be driven by a base that moves at ``velocity`` (measured), both in the base frame.
+        """Return the allowed part of the command ``wanted`` at the measured ``velocity``, both in the base frame.
 
-        ``tall``: (N, 3) discs around people, x, y and radius in metres, in the base frame. ``are_tall``: which points
-        (N, 2) of the base frame are of what reaches up to the arm; None: unknown, and only people are.
-        ``unseen``: what the map has and no lidar sees, in the base frame.
+        ``tall``: (N, 3) discs around people, x, y and radius in metres, in the base frame. ``are_tall``: function that
+        returns which points (N, 2) of the base frame belong to obstacles as high as the arm; None: only people count.
+        ``unseen``: mapped obstacles that the lidar cannot see, in the base frame.
         """
         if not self.enabled:
             return MonitoredCommand(wanted, MonitorAction.NONE)
@@ -248,7 +251,7 @@ def _scaled(twist: Twist2D, share: float) -> Twist2D:
 
 
 class NearPoints:
-    """Hits in the odometry frame: those of the last scan, and of the blind zone the latest for each degree of bearing.
+    """Hits in the odometry frame: those of the last scan, and the latest in the blind zone for each degree of bearing.
 
     ``same_surface``: metres; neighbouring beams that differ by less are averaged.
     """
@@ -270,7 +273,7 @@ class NearPoints:
         self._stamp = scan.stamp
 
     def note(self, points: NDArray[np.float64], odometry: Pose2D, stamp: float) -> None:
-        """Remember points (N, 2) of the base frame that were felt."""
+        """Store points (N, 2), metres in the base frame, at which the bumper was pressed."""
         felt = np.column_stack([odometry.apply(points), np.full(len(points), stamp)])
         self._blind = np.vstack([self._blind, felt])
 

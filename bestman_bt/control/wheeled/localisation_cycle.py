@@ -15,19 +15,19 @@ from bestman_bt.world_model.world_model import BasePose, WorldModel
 from hal.api import Clock, NoDataError
 
 LONGER = 2
-"""Control ticks that a scan that is due may be waited for: so its age is that of the lidar's latency and one tick."""
+"""Number of control ticks to wait for a due scan, so that its age is the lidar's latency plus one tick."""
 MOST_LEFT_OUT = 5
 """Scans in a row that may be left out because their time is not known."""
 
 
 @dataclass(frozen=True)
 class Localising:
-    """How a base localises itself. ``rate``: control hertz, 20 to 50. ``scan_every``: control ticks per lidar scan.
+    """Parameters of localisation. ``rate``: of control, 20 to 50 Hz. ``scan_every``: control ticks per lidar scan.
 
-    ``settle_scans``: scans at rest after which a resting base knows where it ended; from then on it scans only every
-    ``rest_scan_every`` ticks, to notice when it is pushed. ``still_speed`` (m/s), ``still_turn_rate`` (rad/s): below
-    them it rests. ``lost_position_std``: metres, ``lost_scans``: scans refused in a row, above which the robot counts
-    as lost.
+    ``settle_scans``: scans at rest after which the pose of a resting base is final; from then on it scans only every
+    ``rest_scan_every`` ticks, to notice a push. ``still_speed`` (m/s), ``still_turn_rate`` (rad/s): limits of rest. The
+    robot is lost if its standard deviation exceeds ``lost_position_std`` metres or ``lost_scans`` scans in a row were
+    rejected.
     """
 
     rate: float = 40.0
@@ -42,9 +42,9 @@ class Localising:
 
 @dataclass(frozen=True)
 class PlacedScan:
-    """A scan, where the odometry was when it was taken, and where the lidar is believed to have been on the map.
+    """A scan with the odometry pose at its stamp and the believed pose of the lidar in the map frame.
 
-    ``fits``: whether the localisation took it: what one that was refused shows has no place on the map.
+    ``fits``: whether the localisation accepted it; hits of a rejected scan cannot be placed on the map.
     """
 
     scan: LaserScan
@@ -54,9 +54,9 @@ class PlacedScan:
 
 
 class LocalisationCycle:
-    """Keeps ``world.base`` up to date with each ``step``; ``seen`` is told of each scan.
+    """Updates ``world.base`` with each ``step``; ``seen`` is called with each scan.
 
-    ``lost``: it does not know where it is, until a scan fits again; the controller that drives by the map sets it.
+    ``lost``: whether the pose is unknown until a scan fits again; also set by the controller that drives by the map.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class LocalisationCycle:
 
     @property
     def settled(self) -> bool:
-        """Whether the base rests, and enough scans taken there have told where."""
+        """Whether the base is at rest and has been localised there by enough scans."""
         return self._scans_at_rest >= self._localising.settle_scans
 
     @property
@@ -105,7 +105,7 @@ class LocalisationCycle:
         )
 
     def begin(self) -> None:
-        """From the believed ``world.base`` on."""
+        """Start at the believed ``world.base``."""
         believed = self.world.base
         self._odometer.begin()
         self._odometries.clear()
@@ -114,23 +114,23 @@ class LocalisationCycle:
         self.lost = believed.position_std > self._localising.lost_position_std
 
     def end(self) -> None:
-        """No longer."""
+        """Stop localising."""
         self._odometer.end()
 
     def believe(self, believed: BasePose) -> None:
-        """Go on from another pose; the base is lost until a scan has fitted there."""
+        """Continue from another pose; the base is lost until a scan fits there."""
         self.world.base = believed
         self._reset(believed)
         self.lost = True
 
     def look_again(self, forgive: bool = False) -> None:
-        """Wait for scans at rest from now on; ``forgive``: those that were refused so far no longer count."""
+        """Wait for new scans at rest; ``forgive``: do not count the scans rejected so far."""
         self._scans_at_rest = 0
         if forgive:
             self._refused_scans = 0
 
     def scan(self) -> OdometryScan:
-        """What the lidar saw last, and where the odometry was then; raises as its readings do."""
+        """Return the latest scan and its odometry pose. Raises NotConnectedError or NoDataError."""
         self._odometries.add(self.clock.now(), self._odometer.pose())
         try:
             return self._taken()
@@ -138,12 +138,14 @@ class LocalisationCycle:
             raise _unplaced(error) from error
 
     def pose_at(self, stamp: float) -> Pose2D:
-        """Where the base was, in the map frame, by what is believed now; NotRecordedError outside the last seconds."""
+        """Return the believed pose of the base in the map frame at ``stamp``. Raises NotRecordedError outside the last
+        seconds.
+        """
         believed = self.world.base.pose
         return believed @ self.odometry.inverse() @ self._odometries.at(stamp) if self._odometries else believed
 
     def step(self) -> None:
-        """One control tick; raises as the readings do."""
+        """Run one control tick. Raises NotConnectedError or NoDataError."""
         p = self._localising
         odometry = self._odometer.pose()
         moved = self.odometry.inverse() @ odometry

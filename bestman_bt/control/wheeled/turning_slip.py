@@ -19,9 +19,10 @@ REST = 1.0
 
 @dataclass(frozen=True)
 class TurningSlip:
-    """``value``: for ``turning_slip`` of the base's description. ``left``, ``right``: of the two ways to turn.
+    """A measured slip factor. ``value``: for ``turning_slip`` of the base's description. ``left``, ``right``: for both
+    directions.
 
-    ``before``: radians by which the odometry was off in the mean of both turns, as it is now.
+    ``before``: mean error of the current odometry in both turns, radians.
     """
 
     value: float
@@ -38,12 +39,11 @@ def measure_turning_slip(
     angle: float = 2.0 * math.pi,
     speed: float = 0.5,
 ) -> TurningSlip:
-    """Turn a base left and right; ``present``: the factor that its odometry counts with now.
+    """Turn a base left and right and measure its slip; ``present``: the factor currently used by its odometry.
 
-    It takes the base for itself and lets time pass until it is done. The floor, the load and the speed should be those
-    of its work: a base whose factor was far off turns at another speed than asked, so measure again with what was
-    found. ``angle``: radians that it turns each way by its odometry, ``speed``: share of its top speed of turning.
-    Raises as the base's commands do.
+    Blocks, with exclusive use of the base, until it is done. Floor, load and speed should be those of normal operation;
+    a wrong factor changes the speed of turning, so repeat the measurement with the result. ``angle``: radians of each
+    turn by odometry, ``speed``: fraction of the maximum turning speed. Raises as the base's commands do.
     """
     ways = [_turn(base, gyro, clock, side * angle, speed) for side in (1.0, -1.0)]
     left, right = (present * counted / turned for counted, turned in ways)

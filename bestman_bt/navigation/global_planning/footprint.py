@@ -19,13 +19,13 @@ _ROUNDED = 2e-3
 LOOKS_AROUND = 0.10
 """Metres above its lidar up to which a body counts as part of the base that the lidar looks around for."""
 DISCS = 0.0125
-"""Metres from one disc on the outline above to the next."""
+"""Spacing of the discs on the outline with the overhang, metres."""
 _AROUND = np.array([[math.cos(turn), math.sin(turn)] for turn in np.arange(8) * math.pi / 4]) / math.cos(math.pi / 8)
 
 
 @dataclass(frozen=True, eq=False)
 class Overhang:
-    """What extends beyond the outline of a base above the floor: an arm, and its load.
+    """The parts beyond the outline of a base above the floor: an arm and its load.
 
     ``corners``: (N, 2) metres in the base frame, counter-clockwise around the origin: the convex outline of the base
     and everything above it. ``height``: metres above the floor, of the lowest overhanging point; lower obstacles pass
@@ -45,10 +45,11 @@ class Overhang:
 
 @dataclass(frozen=True, eq=False)
 class UpperBody:
-    """What of a robot reaches above its lidar, and may hit what the lidar does not see: a column, a mast, an arm.
+    """The parts of a robot above its lidar, such as a column, which may collide with obstacles that the lidar cannot
+    see.
 
-    ``corners``: (N, 2) metres in the base frame, counter-clockwise: its convex outline, as far as it lies within that
-    of the base. ``lidar_height`` and ``top``: metres above the floor.
+    ``corners``: (N, 2) metres in the base frame, counter-clockwise: convex outline, limited to that of the base.
+    ``lidar_height`` and ``top``: metres above the floor.
     """
 
     corners: NDArray[np.float64]

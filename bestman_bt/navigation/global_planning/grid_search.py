@@ -29,8 +29,9 @@ CORRIDOR = 1
 
 Cell = tuple[int, int]
 Search = Callable[[NDArray[np.float64], Cell, Cell], NDArray[np.intp] | None]
-"""From costs per metre (rows, columns), infinite where lethal and all along the border, and two cells to a way (N, 2)
-of rows and columns; None without one."""
+"""A search function: from costs per metre (rows, columns), infinite where lethal and along the border, and two cells,
+to the cells (N, 2) of a path, rows and columns; None if there is none.
+"""
 
 
 def cheapest_way(
@@ -121,7 +122,7 @@ def _graph(cost: NDArray[np.float64]) -> tuple[csr_matrix, NDArray[np.intp], NDA
 
 
 def areas_of_disc(costmap: Costmap, radius: float) -> NDArray[np.intp]:
-    """(rows, columns) The number of the connected area that the middle of a disc is in at each cell; 0: it touches."""
+    """Return for each cell (rows, columns) the number of the connected area of a disc centred on it; 0: collision."""
     labels, _ = ndimage.label(costmap.distance > radius, structure=np.ones((3, 3)))
     return np.asarray(labels, dtype=np.intp)
 

@@ -49,7 +49,9 @@ class ReedsShepp:
         return float(self._space.distance(self._from, self._to))
 
     def poses(self, start: NDArray[np.float64], goal: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-        """Poses (N, 3) along the shortest curve, at most ``spacing`` metres apart, both ends included."""
+        """Return poses (N, 3), x, y, theta, along the shortest curve, at most ``spacing`` metres apart, both ends
+        included.
+        """
         count = max(1, math.ceil(self.length(start, goal) / spacing))
         poses = np.empty((count + 1, 3))
         for index in range(count + 1):
@@ -82,7 +84,7 @@ class _Node:
 
 @dataclass(frozen=True)
 class HybridAStar(StraightPieces, GlobalPlanner):
-    """Curves of a turning radius, forwards and backwards; deterministic.
+    """Plans curves of limited turning radius, forwards and backwards; deterministic.
 
     ``turning_radius``: of the tightest curve, metres. ``branch``: length of one, metres. ``headings``: number of
     discrete headings of states. ``reverse_cost``: factor on metres driven backwards; ``switch_cost``: metres of detour
@@ -99,7 +101,7 @@ class HybridAStar(StraightPieces, GlobalPlanner):
     max_expansions: Count = 30_000
 
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
-        """Implement ``GlobalPlanner.plan``."""
+        """Return a path of curves, or a PlanningFailure; see ``GlobalPlanner.plan``."""
         return told_of_overhang(self._plan, start, goal, costmap)
 
     def _plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:

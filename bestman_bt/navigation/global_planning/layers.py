@@ -32,7 +32,9 @@ def squared_distance_to_segment(
 
 
 def distance_to_polygon(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distance of ``points`` (2, N) to a convex, counter-clockwise polygon (M, 2); negative inside."""
+    """Return the signed distance (N,), metres, of ``points`` (2, N) to a convex, counter-clockwise polygon (M, 2);
+    negative inside.
+    """
     squared = np.full(points.shape[1], np.inf)
     depth = np.full(points.shape[1], -np.inf)
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
@@ -77,7 +79,7 @@ class ShapeLayer(CostmapLayer):
         return replace(self, floor_height=max(self.floor_height, height))
 
     def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Implement the base class."""
+        """Return the distance of ``points`` (2, N) to the shapes, (N,) metres."""
         distance = np.full(points.shape[1], np.inf)
         for placed in self.shapes:
             outline = _outline_on_floor(placed, self.floor_height, self.robot_height)
@@ -120,7 +122,7 @@ def _hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class FurnitureLayer(CostmapLayer):
-    """Outlines of ``pieces`` and of what their handles take up, grown by possible position and heading errors.
+    """Outlines of ``pieces`` with their handles, enlarged by possible position and heading errors.
 
     ``position_error``: metres, each way, and ``heading_error``: radians, unless a piece has smaller ones.
     """
@@ -135,7 +137,7 @@ class FurnitureLayer(CostmapLayer):
         return self if len(high) == len(self.pieces) else replace(self, pieces=high)
 
     def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Implement the base class."""
+        """Return the distance of ``points`` (2, N) to the furniture, (N,) metres."""
         distance = np.full(points.shape[1], np.inf)
         for piece in self.pieces:
             position_error = min(self.position_error, piece.position_error)
@@ -184,11 +186,11 @@ def unseen_outlines(
     heading_error: float,
     upper: UpperBody,
 ) -> tuple[UnseenOutline, ...]:
-    """What a robot with this upper body may hit unseen, in the map frame.
+    """Return the outlines in the map frame that a robot with this upper body may hit without seeing them.
 
-    Of ``pieces`` wherever they may stand (as in ``FurnitureLayer``), unless a lidar sees them as they are or the robot
-    fits under all their boards, and of handles; of ``shapes`` in the map frame those that lie above or below the plane
-    of the lidar.
+    These are ``pieces`` with their possible errors (as in ``FurnitureLayer``), unless the lidar sees their full outline
+    or the robot fits under all their boards, handles, and those ``shapes`` in the map frame that lie above or below the
+    lidar plane.
     """
     outlines = []
     for piece in pieces:
@@ -272,7 +274,7 @@ def _to_squares(cells: NDArray[np.bool_]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class StaticLayer(CostmapLayer):
-    """``walls``: (N, 4) segments x1, y1, x2, y2 in metres."""
+    """Walls of the map. ``walls``: (N, 4) segments x1, y1, x2, y2 in metres."""
 
     walls: NDArray[np.float64]
 

@@ -35,11 +35,12 @@ _ASIDE = (0.0, 1.0, 0.5, 1.5)
 """How far beside a way the base is driven through narrow places, the first that passes: as shares of how far the middle
 of what stands out above it is beside its own. Ways over cells are rarely in the middle of a gap themselves."""
 NO_ROOM_TO_TURN = frozenset((PlanningFailureReason.START_BLOCKED, PlanningFailureReason.GOAL_BLOCKED))
-"""What an end is said to be that has no place to turn near it, or where the base touches something."""
+"""Message for an end without room to turn, or where the base collides."""
 ARRIVED = 0.02
 ALMOST_ALONG, SMALL_TURN = 0.1, 0.3
-"""Metres within which a base is on a line; how far, in radians, a line may be from a heading, and a base may turn near
-what it would touch in a full turn."""
+"""Metres within which a base counts as on a line; and radians by which a base may turn even if it has no room for a
+full turn.
+"""
 _AHEAD = 4
 """Points of a way over which its direction is measured."""
 
@@ -60,7 +61,7 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
     vertex_limit: Several = 40
 
     TURNS_EVERYWHERE: ClassVar[tuple[bool, ...]] = (True, False)
-    """The kinds of room in which a way is sought, one after the other."""
+    """The kinds of free space that are searched, in this order."""
 
     @abstractmethod
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
@@ -69,7 +70,7 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
         """
 
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
-        """Implement ``GlobalPlanner.plan``."""
+        """Return a polyline path, or a PlanningFailure; see ``GlobalPlanner.plan``."""
         return told_of_overhang(self._plan, start, goal, costmap)
 
     def _plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
@@ -169,7 +170,7 @@ class GridAStar(PolylinePlanner):
     """The cheapest path over the cells, 8-connected (Hart, Nilsson and Raphael 1968); deterministic."""
 
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
-        """Implement the base class."""
+        """Return the points (N, 2) of the cheapest grid path, metres, or None."""
         return cheapest_way(start, goal, room.field, room.lethal_distance, room.lethal_slack)
 
 

@@ -29,7 +29,7 @@ class FreeSpace:
 
     @property
     def field(self) -> Costmap:
-        """The costmap with one field in which the base's middle keeps ``lethal_distance``."""
+        """The costmap with one field: the base's centre must keep ``lethal_distance``."""
         return self.costmap.for_turning if self.turns_everywhere else self.costmap.for_passing
 
     @property

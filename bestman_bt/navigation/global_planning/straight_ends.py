@@ -30,7 +30,8 @@ class StraightPieces:
 
 
 class Ends(NamedTuple):
-    """``leave``: first point after the start, ``approach``: last point before the goal, both (2,) metres.
+    """The ends of a path. ``leave``: first point after the start, ``approach``: last point before the goal, both (2,)
+    metres.
 
     ``backwards``: whether the base drives to the first one backwards.
     """

@@ -24,7 +24,7 @@ class ThetaStar(PolylinePlanner):
     """Lazy Theta* on the costmap; deterministic."""
 
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
-        """Implement the base class."""
+        """Return the points (N, 2) of the cheapest any-angle path, metres, or None."""
         lethal = room.lethal_distance, room.lethal_slack
         vertices = search_in_corridor(theta_cells, start, goal, room.field, *lethal)
         if vertices is None or not room.turns_everywhere:

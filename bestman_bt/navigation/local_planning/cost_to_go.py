@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class DistanceGrid:
-    """``values``: (N, N) float32, metres from each cell's centre to the next obstacle, row 0 at the smallest y.
+    """A local distance field. ``values``: (N, N) float32, metres from each cell's centre to the nearest obstacle, row 0
+    at the smallest y.
 
     ``origin``: (x, y) metres in the map frame, the outer corner of cell (0, 0). ``resolution``: metres per cell.
     ``tall``: the same for obstacles that reach the overhang, if any.
@@ -31,7 +32,7 @@ class DistanceGrid:
     tall: DistanceGrid | None = None
 
     def at(self, x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Values of the cells at map points, of any shape; beyond the square those of its edge."""
+        """Return the values at map points, metres, of any shape; outside the grid, those of its border."""
         size = self.values.shape[0]
         scale = np.float32(1.0 / self.resolution)
         column = ((x - np.float32(self.origin[0])) * scale).astype(np.int32)
@@ -45,7 +46,7 @@ class DistanceGrid:
 
 
 COARSE = 4
-"""Cells of the distance grid along one coarse cell."""
+"""Number of cells of the distance grid along one coarse cell."""
 _ALWAYS = 0.6
 _DETOUR = 1.15
 """Metres of the path ahead that are always looked at; farther on, how many times longer the path may be than the
@@ -56,10 +57,11 @@ _SQUARE = np.ones((3, 3), dtype=np.uint8)
 
 @dataclass(frozen=True, eq=False)
 class CostToGo:
-    """``field``: metres to the goal; ``beside``: metres from the path. Both are read as a ``DistanceGrid``.
+    """A cost-to-go field. ``field``: metres to the goal; ``beside``: metres from the path. Both are read as a
+    ``DistanceGrid``.
 
     ``carrot``: (2,) metres in the map frame, a point down the field from the robot. ``aim``: index of the path's point
-    where the wave started. ``reachable``: whether it reached the robot.
+    at which the wave started. ``reachable``: whether it reached the robot.
     """
 
     field: DistanceGrid

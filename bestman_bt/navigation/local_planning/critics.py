@@ -19,14 +19,15 @@ Floats = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class CriticWeights:
-    """Weights; a cost of 1 is worth a metre of path.
+    """Weights of the critics; a cost of 1 is worth a metre of path.
 
-    ``goal``: remaining metres at the end of the drive or at a contact, ``goal_early``: in its mean. ``path``: metres
-    from the path, in the mean. ``obstacle``: per nearness to an obstacle, which falls to 1/e within ``obstacle_decay``
-    metres from the outline. ``heading``: radians off the path's direction after a third of the drive. ``backwards``,
-    ``sideways``: per metre driven so. ``turning``: per radian. ``contact``: for an immediate contact; less for a later
-    one. ``prediction``: seconds of constant-velocity prediction of moving obstacles, ``moving_margin``: metres from
-    their predicted places, ``moving``: weight of approaching them closer than ``moving_distance``.
+    ``goal``: remaining metres at the end of the drive or at a contact, ``goal_early``: mean over the drive. ``path``:
+    mean distance from the path. ``obstacle``: per proximity to an obstacle, which falls to 1/e within
+    ``obstacle_decay`` metres from the outline. ``heading``: radians off the path's direction after a third of the
+    drive. ``backwards``, ``sideways``: per metre driven so. ``turning``: per radian. ``contact``: for an immediate
+    contact; less for a later one. ``prediction``: seconds of constant-velocity prediction of moving obstacles,
+    ``moving_margin``: metres from their predicted positions, ``moving``: weight of approaching them closer than
+    ``moving_distance``.
     """
 
     goal: Annotated[NonNegative, "1/m"] = 1.0

@@ -15,7 +15,7 @@ from bestman_bt.navigation.local_planning.cost_to_go import DistanceGrid
 
 
 STEP = 0.02
-"""Metres that no point of the outline moves further than from one look to the next."""
+"""Maximum motion of a point of the outline between two collision checks, metres."""
 MOST_STEPS = 60
 NEARER = 1e-3
 
@@ -69,10 +69,11 @@ class FootprintMotion:
 def entry(
     outline: NDArray[np.float64], corners: NDArray[np.float64], twist: Twist2D, horizon: float
 ) -> tuple[float, int]:
-    """Seconds, at most ``horizon``, until ``twist`` brings a point of an outline (N, 2) into an area, and which point.
+    """Return the time, at most ``horizon`` seconds, until ``twist`` moves a point of an outline (N, 2) into an area,
+    and the point's index.
 
-    ``corners``: (M, 2) of the convex area in the base frame, counter-clockwise. Infinity and -1 where it does not. An
-    outline that is within it already may move as long as none of it gets deeper than the deepest is: out is free.
+    ``corners``: (M, 2) of the convex area in the base frame, counter-clockwise. Infinity and -1 without contact. An
+    outline that already overlaps it may move as long as no point gets deeper than the deepest one.
     """
     area, reach = FootprintMotion(corners, 0.0), float(np.linalg.norm(outline, axis=1).max())
     speed = math.hypot(twist.vx, twist.vy)
@@ -114,7 +115,7 @@ def arc(
 
 
 SPACING = 0.04
-"""Metres between the points of the outline that are looked at: a tip comes no nearer than half of it unseen."""
+"""Spacing of the outline's points, metres; a pointed obstacle may come within half of it undetected."""
 
 Floats = NDArray[np.float32]
 

@@ -34,9 +34,10 @@ STILL = 0.02
 ARRIVED = 0.15
 TURN_ENDS = 0.25
 TURN_TRIAL = 0.8
-"""m/s at which the base counts as standing; metres from the
-place that the field leads to; radians off the way ahead at which a turn on the spot has done enough;
-rad/s at which it must be free: where it is not, the base goes on in another way."""
+"""Thresholds of turning in place: m/s below which the base counts as at rest; metres from the point that the field
+leads to; radians off the path at which a turn ends; rad/s at which it must be free, otherwise the base continues
+differently.
+"""
 
 
 @dataclass(eq=False)
@@ -89,7 +90,7 @@ class ObstacleAwareFollower(PathFollower):
         """
 
     def configure(self, base: BaseModel) -> None:
-        """Implement ``PathFollower.configure``."""
+        """Set the model of the base; called once, before the first ``reset``."""
         limits = base.part
         self._limits = limits = replace(
             limits,
@@ -107,12 +108,12 @@ class ObstacleAwareFollower(PathFollower):
         self._begin(limits, Critics(self.critics, footprint, limits.max_vy > 0.0))
 
     def observe(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
-        """Implement ``PathFollower.observe``."""
+        """Process a new scan and its pose."""
         self.obstacles.update(scan, map_from_lidar)
         self._since_field = self.field_every
 
     def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
-        """Implement ``PathFollower.reset``."""
+        """Start following ``path``; see ``PathFollower.reset``."""
         if self._limits is None:
             raise RuntimeError(f"{type(self).__name__}.reset was called before configure: it must know its base")
         if len(path.points) == 0:
@@ -141,7 +142,7 @@ class ObstacleAwareFollower(PathFollower):
             self._driving_exactly = False
 
     def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
-        """Implement ``PathFollower.compute``."""
+        """Return the next command; see ``PathFollower.compute``."""
         if self._progress is None:
             raise RuntimeError(f"{type(self).__name__}.compute was called before reset")
         self.obstacles.centre_on(pose)

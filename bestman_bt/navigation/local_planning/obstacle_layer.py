@@ -22,7 +22,7 @@ from bestman_bt.navigation.local_planning.cost_to_go import DistanceGrid
 from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacles
 
 INFLUENCE = 1.0
-"""Metres from a mark within which it changes what a costmap costs."""
+"""Distance within which a marked obstacle changes the costs of a costmap, metres."""
 
 
 @dataclass(eq=False)
@@ -204,7 +204,7 @@ class LocalObstacles(ObstacleLayer):
         self.distance = DistanceGrid(self._mapped, (0.0, 0.0), self.resolution)
 
     def use_costmap(self, costmap: Costmap | None) -> None:
-        """Implement ``ObstacleLayer.use_costmap``."""
+        """Set the costmap whose obstacles are not marked again."""
         super().use_costmap(costmap)
         if self.origin is not None:
             self._rasterise_map(self.origin)

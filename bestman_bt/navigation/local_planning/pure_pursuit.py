@@ -47,17 +47,17 @@ class _Leg:
 
 @dataclass(eq=False)
 class PurePursuit(PathFollower):
-    """Steers for a point ahead on the path; deterministic.
+    """Steers to a point ahead on the path; deterministic.
 
     Lengths in metres, speeds in m/s and rad/s, accelerations in m/s² and rad/s².
 
-    ``max_speed``, ``max_turn_rate``, ``acceleration``, ``turn_acceleration``: at most, and never more than the base
-    has. ``creep_speed``: at least, until the end is reached. ``still``: below it the base counts as standing.
-    ``lookahead_time``: seconds driven to the point that is steered for, between ``min_lookahead`` and
-    ``max_lookahead``. ``lateral_acceleration``: slows down in curves. ``deceleration``: plans the stop at the end.
-    It brakes with twice that at most, before the end of a leg with twice the ``acceleration``.
-    ``corner``: radians between two segments above which the base stops and turns. ``leg_heading_tolerance``: radians,
-    when to set off after such a turn. ``position_tolerance``: along the path, at the end of a leg.
+    ``max_speed``, ``max_turn_rate``, ``acceleration``, ``turn_acceleration``: maxima, also limited by the base.
+    ``creep_speed``: minimum until the end is reached. ``still``: below it the base counts as at rest.
+    ``lookahead_time``: seconds driven to the target point, between ``min_lookahead`` and ``max_lookahead``.
+    ``lateral_acceleration``: limits the speed in curves. ``deceleration``: for the planned stop at the end; it brakes
+    with at most twice that, before the end of a leg with twice the ``acceleration``. ``corner``: radians between two
+    segments above which the base stops and turns. ``leg_heading_tolerance``: radians, at which such a turn ends.
+    ``position_tolerance``: along the path, at the end of a leg.
     """
 
     max_speed: Annotated[Positive, "m/s"] = 0.6
@@ -86,7 +86,7 @@ class PurePursuit(PathFollower):
         self._at = 0
 
     def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
-        """Implement ``PathFollower.reset``."""
+        """Start following ``path``; see ``PathFollower.reset``."""
         if len(path.points) == 0:
             raise ValueError("PurePursuit path should have at least one point but has none")
         self._legs = _split(path, self.corner)
@@ -97,7 +97,7 @@ class PurePursuit(PathFollower):
         self._begin_leg()
 
     def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
-        """Implement ``PathFollower.compute``."""
+        """Return the next command; see ``PathFollower.compute``."""
         if self._legs is None:
             raise RuntimeError("PurePursuit.compute was called before reset")
         if self._fresh:

@@ -62,7 +62,7 @@ class PathProgress:
         return self._points[self._at :], self._left[self._at :]
 
     def advance(self, position: NDArray[np.float64]) -> None:
-        """The base is at ``position`` (2,)."""
+        """Update the progress for a base at ``position`` (2,), metres."""
         self._at += first_nearest(self._points[self._at : self._at + WINDOW], position, SPACING)
 
     def skip(self, count: int) -> None:
@@ -97,14 +97,13 @@ def densified(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64
 
 @dataclass(eq=False)
 class RotateToHeading(PathFollower):
-    """Turns to the heading of a path's goal, where the base is, and ignores its points.
+    """Turns to the heading of a path's goal at the current position, and ignores the path's points.
 
     ``max_speed`` rad/s, ``acceleration`` rad/s² (both ways), ``gain`` 1/s close to the heading.
 
-    ``min_speed``: rad/s, below which friction may hold the wheels. ``tolerance``: radians. ``still``: rad/s below
-    which the base counts as standing.
-    ``slack``: metres that the base may creep along itself meanwhile before it is driven back, ``place_gain`` 1/s of
-    what is beyond, ``max_place_speed`` m/s: wheels that are dragged over the floor push a loaded base away.
+    ``min_speed``: rad/s, below which friction may hold the wheels. ``tolerance``: radians. ``still``: rad/s below which
+    the base counts as at rest. ``slack``: longitudinal drift in metres after which the base is driven back, with
+    ``place_gain`` 1/s on the excess and at most ``max_place_speed`` m/s; slipping wheels push a loaded base away.
     """
 
     max_speed: Annotated[Positive, NotBelow("min_speed"), "rad/s"] = 1.2
@@ -139,7 +138,7 @@ class RotateToHeading(PathFollower):
         self._place = None
 
     def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
-        """See ``PathFollower.compute``; ``remaining`` is 0, as no distance is driven."""
+        """Return the next command; ``remaining`` is 0, as no distance is driven. See ``PathFollower.compute``."""
         if self._heading is None:
             raise RuntimeError("RotateToHeading.compute was called before reset")
         self._place = self._place or pose

@@ -12,7 +12,7 @@ from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
 
 SPACING = 0.05
 TURN = 0.15
-"""Metres and radians between one pose and the next."""
+"""Spacing of the poses, metres and radians."""
 WINDOW = 60
 """Poses that the base may be further along at once: progress never jumps to a later piece that happens to be close."""
 NEARER = 1e-3
@@ -38,7 +38,7 @@ class SweptPath:
         return float(self._left[self._at])
 
     def advance(self, position: NDArray[np.float64]) -> None:
-        """The base is at ``position`` (2,)."""
+        """Update the progress for a base at ``position`` (2,), metres."""
         window = self._poses[self._at : self._at + WINDOW, :2]
         self._at += int(np.argmin(np.linalg.norm(window - position, axis=1)))
 

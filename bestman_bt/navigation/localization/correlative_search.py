@@ -29,7 +29,9 @@ from bestman_bt.navigation.localization.scan_to_map import ScanToMap
 
 @dataclass(frozen=True)
 class Agreement:
-    """``log_likelihood``: mean over the beams. ``explained``: fraction of the hits at their expected places."""
+    """The agreement of a scan with the map. ``log_likelihood``: mean over the beams. ``explained``: fraction of the
+    hits at their expected places.
+    """
 
     log_likelihood: float
     explained: float
@@ -37,11 +39,11 @@ class Agreement:
 
 @dataclass(frozen=True)
 class BeamModel:
-    """``beams``: number of evenly spaced beams. ``hit_std``: metres, of lidar, map and pose together.
+    """A beam model. ``beams``: number of evenly spaced beams. ``hit_std``: metres, of lidar, map and pose together.
 
-    ``hit``, ``short``, ``random``: fractions of beams that hit mapped surfaces, unknown obstacles before them (more
-    probable when near, with the decay ``short_decay``, metres), or anything. ``lost``: likelihood of a beam without a
-    hit where the map has a surface. ``explained_within``: metres.
+    ``hit``, ``short``, ``random``: fractions of beams that hit mapped surfaces, unknown obstacles in front of them
+    (more probable when near, with the decay ``short_decay``, metres), or anything. ``lost``: likelihood of a beam
+    without a hit if the map has a surface. ``explained_within``: metres.
     """
 
     beams: Count = 120
@@ -54,7 +56,9 @@ class BeamModel:
     explained_within: Annotated[Positive, "m"] = 0.12
 
     def agreement(self, segments: NDArray[np.float64], map_from_lidar: Pose2D, scan: LaserScan) -> Agreement:
-        """Compare a scan with the expected one of ``segments`` (N, 4) at ``map_from_lidar``."""
+        """Return the agreement of ``scan`` with the scan expected from ``segments`` (N, 4), metres, at
+        ``map_from_lidar``.
+        """
         step = max(1, len(scan.ranges) // self.beams)
         measured = scan.ranges[::step]
         expected, _ = cast_rays(segments, map_from_lidar, scan.angles[::step])
@@ -86,10 +90,10 @@ class CorrelativeSearch(GlobalLocalizer):
     Lengths in metres, angles in radians.
 
     ``resolution`` and ``heading_step`` of the coarse pass, with ``points`` of the scan and a field blurred by ``blur``.
-    ``candidates``: places that are matched finely, at least ``apart`` and ``turned_apart`` from each other;
-    ``matches``: how often each is matched. Two places are one where they end within ``same`` and ``same_heading``.
-    ``independent_beams``: as how many independent measurements a scan counts. ``min_explained``: share of the hits
-    that a place must explain. ``clearance``: of the base's centre from everything.
+    ``candidates``: number of places that are matched finely, at least ``apart`` and ``turned_apart`` from each other;
+    ``matches``: number of matches of each. Two places are the same if they end within ``same`` and ``same_heading``.
+    ``independent_beams``: number of independent measurements in a scan. ``min_explained``: minimum fraction of
+    explained hits. ``clearance``: of the base's centre from everything.
     """
 
     resolution: Annotated[Positive, "m per cell"] = 0.1
@@ -110,7 +114,9 @@ class CorrelativeSearch(GlobalLocalizer):
     def locate(
         self, planar_map: PlanarMap, scans: Sequence[OdometryScan], base_from_lidar: Pose2D
     ) -> tuple[Place, ...]:
-        """See ``GlobalLocalizer.locate``; ValueError without a scan."""
+        """Return the possible places, the most probable first; raises ValueError without a scan. See
+        ``GlobalLocalizer.locate``.
+        """
         if not scans:
             raise ValueError("locate needs at least one scan")
         search = _Search(planar_map, self, base_from_lidar)

@@ -18,10 +18,11 @@ from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines
 
 @dataclass(frozen=True, eq=False)
 class DistanceField:
-    """``distance``: (rows, columns) float32, metres from a cell's centre to the nearest line, at most ``reach``.
+    """A distance field of the map. ``distance``: (rows, columns) float32, metres from a cell's centre to the nearest
+    line, at most ``reach``.
 
     Row 0 is at the smallest y. ``origin``: (2,) metres in the map frame, the outer corner of cell (0, 0). ``floor``:
-    (rows, columns), True where the centre of a base can be: free, and inside the building if it is closed.
+    (rows, columns), True if the centre of a base can be there: free, and inside the building if it is closed.
     """
 
     distance: NDArray[np.float32]
@@ -71,7 +72,7 @@ class DistanceField:
         return index
 
     def floor_points(self) -> NDArray[np.float64]:
-        """Centres of the cells of the floor, (N, 2) metres in the map frame."""
+        """Return the centres of the cells of the floor, (N, 2) metres in the map frame."""
         points: NDArray[np.float64] = self.origin + (np.argwhere(self.floor)[:, ::-1] + 0.5) * self.resolution
         return points
 

@@ -44,10 +44,10 @@ class WheelOdometry(OdometryFilter):
     uses_gyro: ClassVar[bool] = False
 
     def reset(self, odometry: Pose2D) -> None:
-        """Implement ``OdometryFilter.reset``."""
+        """Do nothing: the odometry is used unchanged."""
 
     def update(self, odometry: Pose2D, turned: float, elapsed: float) -> Pose2D:
-        """Implement ``OdometryFilter.update``."""
+        """Return ``odometry`` unchanged."""
         return odometry
 
 
@@ -94,7 +94,7 @@ class OdometryEkf(OdometryFilter):
         return self._covariance
 
     def update(self, odometry: Pose2D, turned: float, elapsed: float) -> Pose2D:
-        """Implement ``OdometryFilter.update``."""
+        """Return the filtered pose; see ``OdometryFilter.update``."""
         for value, what in ((turned, "turned"), (elapsed, "elapsed")):
             if not math.isfinite(value):
                 raise ValueError(f"OdometryEkf {what} is {value:g}; it should be finite")

@@ -18,7 +18,7 @@ ENDS = 0.03
 SCALES = np.geomspace(0.08, 0.025, 10)
 """Metres, the residual beyond which a hit does not count, in each iteration, so that handles do not pull."""
 MIN_HITS, MIN_LENGTH = 20, 0.2
-"""Of what is seen of the front; metres."""
+"""Minimum number of hits on the front, and minimum visible length, metres."""
 
 
 @dataclass(frozen=True)

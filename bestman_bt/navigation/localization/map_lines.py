@@ -14,17 +14,17 @@ from bestman_bt.messages.grids import OCCUPIED
 from bestman_bt.world_model.semantic_map import SemanticMap
 
 PlanarMap: TypeAlias = SemanticMap | OccupancyGrid
-"""What localisation works on: walls and furniture with names, or cells."""
+"""The map for localisation: walls and furniture with names, or an occupancy grid."""
 
 CELL_STD = 0.3
 """Standard deviation of where in a cell a surface lies, cells: it may be anywhere between the cell's sides."""
 STRAIGHT = 0.8
-"""Cells by which the border of what is occupied may leave a line that it is taken for."""
+"""Maximum deviation of a border of occupied cells from its line, cells."""
 
 
 @dataclass(frozen=True, eq=False)
 class MapLines:
-    """``segments``: (N, 4) x1, y1, x2, y2 in metres. ``bodies``: (N,) index of the body of each.
+    """Lines of the map. ``segments``: (N, 4) x1, y1, x2, y2 in metres. ``bodies``: (N,) index of the body of each.
 
     ``body_std``: (M,) metres, standard deviation of a body as a whole.
     """
@@ -70,7 +70,7 @@ def open_furniture(planar_map: PlanarMap) -> NDArray[np.float64]:
 
 
 def within(rectangles: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which points (N, 2) lie in any of the rectangles (M, 5), as ``open_furniture`` gives them."""
+    """Return which points (N, 2) lie in any of the rectangles (M, 5) of ``open_furniture``."""
     x, y, theta, half_x, half_y = rectangles.T[:, :, None]
     dx, dy = points[:, 0] - x, points[:, 1] - y
     along, across = np.cos(theta) * dx + np.sin(theta) * dy, np.cos(theta) * dy - np.sin(theta) * dx

@@ -61,7 +61,7 @@ def inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def difference(pose: Pose2D, from_pose: Pose2D) -> NDArray[np.float64]:
-    """x, y and theta of one pose less those of another in the same frame, (3,); the angle within a half turn."""
+    """Return x, y and theta of one pose minus those of another in the same frame, (3,); the angle in [-π, π)."""
     return np.array([pose.x - from_pose.x, pose.y - from_pose.y, wrap_angle(pose.theta - from_pose.theta)])
 
 
@@ -71,6 +71,6 @@ def deviation(off: NDArray[np.float64], covariance: NDArray[np.float64]) -> floa
 
 
 def worst_position_std(covariance: NDArray[np.float64]) -> float:
-    """Standard deviation of the position along the worst direction, metres."""
+    """Return the standard deviation of the position along the worst direction, metres."""
     (xx, xy), (_, yy) = covariance[:2, :2].tolist()
     return math.sqrt((xx + yy) / 2.0 + math.hypot((xx - yy) / 2.0, xy))  # the larger eigenvalue of a 2 x 2 matrix

@@ -32,22 +32,21 @@ from bestman_bt.navigation.localization.ray_casting import cast_rays
 
 @dataclass(eq=False)
 class ScanToMap(Localizer):
-    """Scan-to-map tracking; needs a first pose within about 10 cm and 5°.
+    """Tracks the pose by scan-to-map matching; needs an initial pose within about 10 cm and 5°.
 
     Lengths in metres, angles in radians.
 
     ``iterations`` of the match; hits farther than ``gate_first`` · ``gate_decay``ᵏ + ``gate_last`` from everything in
-    the map are left out of iteration k. Which line a hit belongs to is asked again after a step of more than
-    ``associate_again`` (metres, radians). ``robust_scale``: residual at which a hit counts half. ``range_std``: noise
-    of a beam. ``wall_std``, ``furniture_std``: error of a wall and of a piece of furniture as a whole. ``slip``,
-    ``turn_slip``, ``turn_shift``, ``drift``: variance that the odometry gains; ``dragged_turn_slip``,
-    ``dragged_turn_shift``: of a base that drags its wheels in turns. A match is refused with less than
-    ``min_inlier_ratio`` of the hits explained, unless most others end more than ``early_by`` metres before the map:
-    then ``min_seen_ratio`` of the hits will do if they are ``min_consistent_ratio`` of those that do not end early. It
-    is also refused when it lies more than ``max_deviation`` standard deviations from the prediction; if it explains
-    ``sure_inlier_ratio`` of the hits all the same, the wheels have slipped, and the variances grow by ``surprise``
-    until it is believed. Nothing is matched where the pose is less certain than ``unknown_std``: a place that fits is
-    then no more than one of many.
+    the map are left out of iteration k. Lines are assigned to hits again after a step of more than ``associate_again``
+    (metres, radians). ``robust_scale``: residual at which a hit has half weight. ``range_std``: noise of a beam.
+    ``wall_std``, ``furniture_std``: error of a wall and of a piece of furniture as a whole. ``slip``, ``turn_slip``,
+    ``turn_shift``, ``drift``: variance added by odometry; ``dragged_turn_slip``, ``dragged_turn_shift``: of a base with
+    slipping wheels in turns. A match is rejected if it explains less than ``min_inlier_ratio`` of the hits, unless most
+    others end more than ``early_by`` metres before the map: then ``min_seen_ratio`` of the hits suffices if they are
+    ``min_consistent_ratio`` of those that do not end early. It is also rejected more than ``max_deviation`` standard
+    deviations from the prediction; if it still explains ``sure_inlier_ratio`` of the hits, the wheels have slipped, and
+    the variances grow by ``surprise`` until it is accepted. Matching is skipped if the pose is less certain than
+    ``unknown_std``, because a good match is then ambiguous.
     """
 
     planar_map: PlanarMap
@@ -90,11 +89,11 @@ class ScanToMap(Localizer):
         return self._estimate
 
     def expect_dragged_wheels(self) -> None:
-        """Implement ``Localizer.expect_dragged_wheels``."""
+        """Use the larger odometry noise of slipping wheels in turns."""
         self.turn_slip, self.turn_shift = self.dragged_turn_slip, self.dragged_turn_shift
 
     def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
-        """Implement ``Localizer.reset``."""
+        """Initialise the estimate; see ``Localizer.reset``."""
         position = checked_std(position_std, "ScanToMap position_std") ** 2
         heading = checked_std(heading_std, "ScanToMap heading_std") ** 2
         self._odometry, pose = odometry.checked("ScanToMap odometry"), pose.checked("ScanToMap pose")
@@ -102,7 +101,7 @@ class ScanToMap(Localizer):
         return self._estimate
 
     def predict(self, odometry: Pose2D) -> LocalizationEstimate:
-        """Implement ``Localizer.predict``."""
+        """Move the estimate by the odometry; see ``Localizer.predict``."""
         estimate = self.estimate
         moved = self._odometry.inverse() @ odometry.checked("ScanToMap odometry")
         self._odometry = odometry
@@ -113,7 +112,7 @@ class ScanToMap(Localizer):
         return self._estimate
 
     def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
-        """Implement ``Localizer.correct``."""
+        """Correct the estimate by a scan; see ``Localizer.correct``."""
         estimate = self.estimate
         hits = base_from_lidar.checked("ScanToMap base_from_lidar").apply(scan.points())
         if len(hits) < 10:

@@ -66,9 +66,9 @@ class Slam(ABC):
     @property
     @abstractmethod
     def grid(self) -> OccupancyGrid:
-        """The map so far; empty before the first scan."""
+        """The current map; empty before the first scan."""
 
     @property
     @abstractmethod
     def trajectory(self) -> SlamTrajectory:
-        """The keyframes so far."""
+        """The current keyframes."""

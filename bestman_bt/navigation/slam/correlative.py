@@ -21,9 +21,11 @@ from bestman_bt.messages.shapes import Count, Positive, Share
 
 @dataclass(frozen=True)
 class LikelihoodPyramid:
-    """``resolution``: metres per cell. ``std``: metres from a point at which a hit scores 61 %.
+    """Likelihood grids of several resolutions. ``resolution``: metres per cell. ``std``: metres from a point at which a
+    hit scores 61 %.
 
-    ``levels``: of the pyramid; the coarsest covers 2**(levels - 1) cells. ``min_score``: least mean score of the hits.
+    ``levels``: of the pyramid; the coarsest covers 2**(levels - 1) cells. ``min_score``: minimum mean score of the
+    hits.
     """
 
     resolution: Annotated[Positive, "m per cell"] = 0.05
@@ -42,7 +44,9 @@ class SearchWindow:
 
 @dataclass(frozen=True)
 class CorrelativeMatch:
-    """``pose``: to a cell and an angle step. ``score``: 0 to 1, mean score of the hits."""
+    """The result of a match. ``pose``: accurate to a cell and an angle step. ``score``: 0 to 1, mean score of the
+    hits.
+    """
 
     pose: Pose2D
     score: float

@@ -112,7 +112,7 @@ def shortest_tour(distances: NDArray[np.float64]) -> list[int]:
 
 NEIGHBOURS = np.ones((3, 3), dtype=bool)
 BLOCK = 5
-"""Cells along each side of a block that counts as seen as a whole: far away, rays leave some between them."""
+"""Cells along each side of a block that counts as seen as a whole, since distant rays leave gaps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,9 +125,9 @@ class Frontier:
 
 @dataclass(frozen=True)
 class FrontierView:
-    """A view. ``distance``: metres of the path to it.
+    """A candidate view. ``distance``: metres of the path to it.
 
-    ``gain``: m² of unknown floor visible from there, without what better views of the same tour show.
+    ``gain``: m² of unknown floor visible from there, without the part that better views of the same tour show.
     """
 
     pose: Pose2D
@@ -207,7 +207,9 @@ class FrontierExplorer:
         return [stops[number - 1] for number in shortest_tour(between)]
 
     def gain(self, grid: OccupancyGrid, point: NDArray[np.float64]) -> float:
-        """Square metres of unknown floor that a point (2,) promises: up to the first occupied cell of each ray."""
+        """Return the area of unknown floor, m², visible from a point (2,): up to the first occupied cell of each
+        ray.
+        """
         return float(self._seen(grid, _blocked(grid), point)[1].sum())
 
     def _seen(
