@@ -245,8 +245,9 @@ class XArmConnection(Connection):
         whole = arm_payload(self.model, self._arm.name, mass, centre, hand)
         millimetres = (1e3 * whole.centre).tolist()
         self._wire.tell("payload", lambda arm: arm.set_tcp_load(whole.mass, millimetres, wait=False))
-        if words := self._other_payload(whole.mass):
-            self.remarks = (*(remark for remark in self.remarks if not remark.startswith(COUNTS)), words)
+        words = self._other_payload(whole.mass)
+        others = tuple(remark for remark in self.remarks if not remark.startswith(COUNTS))
+        self.remarks = (*others, words) if words else others
 
     def _other_payload(self, mass: float) -> str:
         """What the controller counts on, read back, where that is not ``mass``; empty where it is, or is not told."""

@@ -102,7 +102,7 @@ class OpenpiPolicy(Policy):
     url: str = ""
     joint_names: tuple[str, ...] = ()
     prompt: str = ""
-    api_key: str = ""
+    api_key: str = field(default="", repr=False)
     connect_timeout: float = 5.0
     timeout: float = 10.0
     retries: int = 1

@@ -14,7 +14,7 @@ from hal.parts.streamed_joints import StreamedJointGroup
 from tests.hal.parts.test_streamed_joints import MODEL, PERIOD, Joints
 
 
-@pytest.mark.parametrize(("place", "end"), [([0.3, 1.7], [0.3, 1.48]), ([-2.4, 0.0], [-1.98, 0.0])])
+@pytest.mark.parametrize(("place", "end"), [([1.99, 1.7], [1.99, 1.48]), ([-2.4, 0.0], [-1.98, 0.0])])
 def test_joints_outside_of_their_range_go_back_slowly_and_the_others_stay(place: list[float], end: list[float]) -> None:
     channel = Joints(2)
     channel.at = np.array(place)

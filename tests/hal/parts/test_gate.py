@@ -209,6 +209,18 @@ def test_a_set_point_that_is_no_finite_number_brakes() -> None:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_joint_comes_to_rest_within_its_range_whichever_way_it_is_sent_out(sign: float) -> None:
+    joints = Rig().joints
+    gate, middle = SetpointGate(joints, PERIOD), (joints.lower + joints.upper) / 2
+    gate.start(middle + sign * ((joints.upper - middle)[0] - 0.1) * TURN)
+    for _ in range(round(1.0 / PERIOD)):
+        gate.admit(gate.position + sign * 0.5 * PERIOD * TURN, sign * 0.5 * TURN, PERIOD, PERIOD)
+    edge = joints.upper[0] if sign > 0.0 else joints.lower[0]
+    assert -2e-6 < sign * (edge - gate.position[0]) < 0.01
+    assert gate.reason == f"{joints.joint_names[0]} would leave its range"
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_stream_that_is_caught_up_with_is_not_overshot(sign: float) -> None:
     """A stream that sets out too hard and then moves at the limits: the joints follow, and end where it ends."""
     rig = Rig()

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import pytest
 
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.sensor_parts import CameraPart
 from hal.api import NoDataError
 from hal.hardware.clock import LatencyMonitor, RemoteTime, SynchronisedTime
 from hal.parts.simulated_clock import SimulatedClock
-from hal.rosbridge.link import TopicStream
+from hal.parts.stop_latch import StopLatch
+from hal.rosbridge.connection import RosCamera
+from hal.rosbridge.link import RosLink, TopicStream
+from hal.rosbridge.options import RosbridgeOptions
 
 
 class Clock(SimulatedClock):
@@ -169,3 +175,25 @@ def test_stamps_of_a_synchronised_clock_are_believed_and_those_that_cannot_be_of
     stream.forget_time()
     stream.take(message(clock.time + 999.9), clock.time)
     assert stream.age == pytest.approx(0.1, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("colors", "depths"), [((1.0, 1.1), (1.1,)), ((1.1,), (1.0, 1.1)), ((1.0, 1.1, 1.3), (1.2, 1.3))]
+)
+def test_of_colour_and_depth_that_do_not_belong_together_the_newer_one_is_kept(
+    robot_model: RobotModel,
+    clock: Clock,
+    monkeypatch: pytest.MonkeyPatch,
+    colors: tuple[float, ...],
+    depths: tuple[float, ...],
+) -> None:
+    (name, model), *_ = robot_model.of(CameraPart).items()
+    camera = RosCamera(name, model, RosLink("robot", clock), clock, RosbridgeOptions(), StopLatch())
+    for stream, stamps in ((camera._color, colors), (camera._depth, depths)):
+        monkeypatch.setattr(stream, "newer_than", partial(_newer, [({"at": at}, at) for at in stamps]))
+    color, depth, at = camera._pair(0.5, time.monotonic())
+    assert color["at"] == depth["at"] == at == colors[-1]
+
+
+def _newer(images: list[tuple[Any, float]], moment: float, deadline: float) -> tuple[Any, float] | None:
+    return next((image for image in images if image[1] > moment), None)

@@ -264,6 +264,11 @@ def test_a_lite6s_gripper_that_is_turned_round_half_way_goes_back_from_there(
     assert gripper.read().width == pytest.approx(middle)
     clock.time += travel
     assert gripper.read().width == pytest.approx(model.part.min_width)
+    gripper.send(model.max_width, 0.0, 0.0)
+    clock.time += travel / 2
+    gripper.halt()  # without power it stays
+    clock.time += travel
+    assert gripper.read().width == pytest.approx(middle)
 
 
 def test_a_gripper_is_halted_where_it_is_by_then(wire: XArmWire, arm: Arm, robot_model: RobotModel) -> None:

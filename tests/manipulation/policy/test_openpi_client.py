@@ -161,6 +161,10 @@ def test_a_camera_or_width_that_is_missing_is_refused_before_anything_is_sent() 
         policy.act(Observation(np.zeros(7), Pose()))
 
 
+def test_the_key_of_a_server_is_not_shown() -> None:
+    assert "s3cr3t" not in repr(OpenpiPolicy(url="ws://127.0.0.1:1", api_key="s3cr3t"))
+
+
 def test_the_specification_can_be_read_without_a_server(tmp_path: Path) -> None:
     path = tmp_path / "server.yaml"
     path.write_text("url: ws://127.0.0.1:9\njoint_names: [a, b]\ngripper_column: null\nspace: joint_deltas\n")
