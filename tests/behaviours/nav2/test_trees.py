@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
+from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import RUNNING, SUCCESS
 from bestman_bt.messages import Goals, Path2D, Pose2D
 from tests.behaviours.at_the_table import PERIOD, fastest, tick, tree_of
-from tests.behaviours.truth import audited
+from tests.behaviours.truth import audited, known_world
 
 pytestmark = pytest.mark.slow
 
 TO_POSE = "navigate_to_pose_w_replanning_and_recovery"
 THROUGH_POSES = "navigate_through_poses_w_replanning_and_recovery"
 BESIDE_THE_TABLE = Pose2D(2.0, -0.4, 0.0)
+UPSTREAM = Path(__file__).parent / "upstream"
+"""Trees of Nav2 as they are."""
 
 
 def drive(session, truth, tree, seconds=90.0):
@@ -110,3 +115,16 @@ def test_a_goal_in_a_wall_fails_and_is_told(kitchen) -> None:
     status, _, _ = drive(session, truth, tree)
     assert status not in (SUCCESS, RUNNING)
     assert {failure.error_code for failure in session.skills.failures} >= {"goal_blocked"}
+
+
+@pytest.mark.parametrize("name", [path.stem for path in sorted(UPSTREAM.glob("*.xml"))])
+def test_nav2s_own_trees_drive_through_the_apartment_unmodified(name: str) -> None:
+    with known_world(load_run("navigate_apartment", seed=3)) as (session, truth):
+        tree = session.load(UPSTREAM / f"{name}.xml")
+        goal = tree.blackboard["goal"]
+        start = truth.base_pose().to_pose2d()
+        status, poses, _ = drive(session, truth, tree)
+        assert status == SUCCESS
+        assert start.distance_to(goal) > 2.0
+        assert poses[-1].distance_to(goal) < 0.03
+        assert not audited(session).collisions
