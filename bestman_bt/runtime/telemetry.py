@@ -87,7 +87,8 @@ class TreeTap:
             self._tell_all()
         said, news = self._said, {}
         for node in self._leaves:
-            if node._s == RUNNING and node.feedback_message != said.get(node.uid, ""):
+            moved = node.tree is not self._tree  # into a tree that has taken the place of this one
+            if node._s == RUNNING and not moved and node.feedback_message != said.get(node.uid, ""):
                 news[node.uid] = said[node.uid] = node.feedback_message
         if news:
             self._states(*self._moment(self._tree.clock.now()), (), news)

@@ -16,8 +16,19 @@ from pathlib import Path
 import pytest
 
 from behaviours.failure import NodeFailure
-from bestman_bt.engine import FAILURE, IDLE, RUNNING, ManualClock, NodeRegistry, StatefulAction, Tree, load_tree
+from bestman_bt.engine import (
+    FAILURE,
+    IDLE,
+    RUNNING,
+    SUCCESS,
+    ManualClock,
+    NodeRegistry,
+    StatefulAction,
+    Tree,
+    load_tree,
+)
 from bestman_bt.engine.logs.btlog import read_btlog
+from bestman_bt.engine.reloading import watched
 from bestman_bt.monitor.event_stream import EventStream
 from bestman_bt.monitor.outbox import Outbox
 from bestman_bt.records.events import (
@@ -215,6 +226,53 @@ def test_an_event_that_cannot_be_made_is_told_and_the_others_still_come(tmp_path
         telemetry.end_as(executor.run())
     assert any("RuntimeError: of somebody's type" in line.message for line in read_log(tmp_path))
     assert isinstance(list(read_events(tmp_path))[-1], EndEvent)
+
+
+class Counting(StatefulAction):
+    """Tells how many ticks it has run; after twenty it has done."""
+
+    def on_start(self) -> int:
+        self.count = 0
+        return self.on_running()
+
+    def on_running(self) -> int:
+        self.count += 1
+        self.feedback_message = f"{self.count}"
+        return SUCCESS if self.count == 20 else RUNNING
+
+    def on_halted(self) -> None:
+        pass
+
+
+def test_a_tree_that_was_read_again_is_told_below_the_same_leaf_and_the_old_one_falls_silent(tmp_path: Path) -> None:
+    clock, registry, file = ManualClock(), NodeRegistry(), tmp_path / "t.xml"
+    registry.register(Counting)
+    text = '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence name="s">{}</Sequence></BehaviorTree></root>'
+    file.write_text(text.format('<Counting name="c"/>'))
+
+    def load(replaces: Tree | None = None) -> Tree:
+        return load_tree(file, registry, clock=clock, replaces=replaces)
+
+    executor = Executor(watched(load(), load, lambda words: None), clock)
+
+    def save() -> None:
+        if executor.ticks == 6:
+            file.write_text(text.format('<Counting name="c"/><AlwaysSuccess name="new"/>'))
+            os.utime(file, ns=(1, 1))
+
+    executor.after_tick = save
+    run = RunEvent("saved", "M", "", "", 0, str(tmp_path), os.getpid(), time.time(), 20.0, "simulated")
+    with Telemetry(executor, run, tmp_path) as telemetry:
+        telemetry.end_as(executor.run())
+    told = list(read_events(tmp_path))
+    trees = [event for event in told if isinstance(event, TreeEvent)]
+    assert [(tree.tree, tree.under, len(tree.nodes)) for tree in trees] == [(0, None, 1), (1, 1, 2), (2, 1, 3)]
+    states = [event for event in told if isinstance(event, StatesEvent) and event.time > 0.0]
+    (idle,) = (event for event in states if event.tree == 1 and event.changes)
+    assert idle.changes == [(1, IDLE), (2, IDLE)]
+    after = [event for event in states if event.tree == 1 and event.tick > 7]
+    assert not after
+    assert (3, SUCCESS) in [change for event in states if event.tree == 2 for change in event.changes]
 
 
 KILLED = """
