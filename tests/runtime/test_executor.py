@@ -251,6 +251,8 @@ def test_the_time_of_a_pause_does_not_count_for_the_time_limit() -> None:
     executor.watchers.append(Hardware())
     execution = executor.run()
     assert (execution.ending, execution.ticks, execution.sim_time_s) == (Ending.TIMEOUT, 5, 100.5)
+    again = executor.run()  # without a pause
+    assert (again.ending, again.sim_time_s) == (Ending.TIMEOUT, 0.5)
 
 
 def test_watchers_are_told_of_each_pause_with_its_reason_and_of_its_end() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -214,6 +215,25 @@ def test_the_battery_loses_the_energy_that_is_drawn(sensing_model: RobotModel, e
         power = after.current * after.voltage
         assert small.idle_power < power < small.idle_power + 60.0
         assert before.charge - after.charge == pytest.approx(power * 5.0 / small.capacity, rel=0.05)
+
+
+def test_a_battery_that_is_connected_again_has_the_charge_of_its_description(sensing_model: RobotModel) -> None:
+    model = dataclasses.replace(sensing_model.of(BatteryPart)["battery"], capacity=1000.0, noise_charge=0.0)
+    battery = SimulatedBattery("battery", model, np.random.default_rng(0))
+    simulation: Any = SimpleNamespace(
+        built=SimpleNamespace(max_efforts={}),
+        joint_names=(),
+        joints=lambda names: [],
+        joint_states=lambda: np.zeros((3, 0)),
+        efforts=lambda: np.zeros(0),
+        parameters=SimpleNamespace(time_step=1.0),
+        step_observers=[],
+        now=0.0,
+    )
+    for _ in range(2):
+        measure = battery.begin(simulation)
+        simulation.step_observers.pop()()
+        assert measure().charge == pytest.approx(model.charge - model.idle_power / model.capacity)
 
 
 def test_readings_come_with_their_latency(sensing_model: RobotModel, empty_world) -> None:

@@ -1,11 +1,15 @@
-"""Joints beyond their limits are told, by joint states that a test writes."""
+"""What the monitor notes: joints beyond their limits, by joint states that a test writes, and reads of the truth."""
 
 from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from bestman_bt.robot_model.model import ArmModel
-from hal.simulation.guards import ReadPurpose
+from hal.simulation.audit_record import Ledger
+from hal.simulation.guards import GuardedEngine, Reader, ReadPurpose
 from hal.simulation.motion_watcher import LIMIT_TOLERANCE, MotionWatcher
 from hal.simulation.observation import SimulationState
 from hal.simulation.robot import SimulatedRobot
@@ -25,3 +29,14 @@ def test_a_joint_beyond_its_limits_is_told_once_whichever_limit_that_is(
         joints[1, slot] = (1.0 + 0.1 * (beyond > 1.0)) * speed
         watcher._watch_limits(SimulationState(0.0, {}, [], joints, {}))
         assert (len(watcher.joint_limits), len(watcher.velocity_limits)) == (count, count)
+
+
+def test_a_view_of_the_truth_is_free_for_who_has_opened_it_before_it_was_closed() -> None:
+    engine: Any = SimpleNamespace(ledger=Ledger(), built=SimpleNamespace(robot=1), body_pose=lambda body: body)
+    engine.ledger.seal()
+    early, foreign = (Reader(engine, GuardedEngine(engine), ReadPurpose.SCRIPT, who) for who in (__name__, "other"))
+    engine.ledger.close_truth()
+    late = Reader(engine, GuardedEngine(engine), ReadPurpose.SCRIPT, __name__)
+    for reader, count in ((early, 0), (foreign, 1), (late, 2)):
+        assert reader.body_pose(7) == 7
+        assert engine.ledger.counts["truth_reads"] == count

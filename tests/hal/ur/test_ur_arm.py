@@ -335,6 +335,19 @@ def test_a_motion_of_the_controller_is_not_over_by_reports_from_before_it(
     assert controller.asked[-1] == "stop_speed"
 
 
+def test_no_motion_of_the_controller_begins_while_the_operator_holds_the_arm(
+    arm: URArm, controller: Controller, run: Run
+) -> None:
+    arm.speed_share = 0.0
+    motion = arm.speed_joints(-300 * NUDGE, 1.0)
+    run(0.5)
+    assert controller.asked == []
+    assert not motion.done
+    arm.speed_share = 1.0
+    run(PERIOD)
+    assert controller.asked == ["speed_joints"]
+
+
 def test_a_speed_is_renewed_ten_times_a_second_at_least_and_stopped_after_its_duration(
     arm: URArm, controller: Controller, run: Run
 ) -> None:
