@@ -66,6 +66,8 @@ TILTS = tuple(math.radians(degrees) for degrees in range(-50, 51, 10))
 """Turns of the hand about a hinge, from straight at a door."""
 SHORT_LEVER = 0.5
 """Share of the longest lever below which a place on a door is not pushed at."""
+SHUT = 0.005
+"""Least opening, metres or radians, from which a leaf is pushed: one that is believed shut may be open by as much."""
 POINTS = 6
 """How many places are tried with each pitch."""
 
@@ -193,7 +195,7 @@ def pushes(skills: SkillContext, leaf: FurnitureLeaf) -> Iterator[FrontPush]:
     """Yield ways to push a leaf shut, best points first: far from its hinge, or in the middle of a drawer; away from
     handles.
     """
-    start = max(0.0, skills.world.articulations.get(leaf.articulation, 0.0))
+    start = max(SHUT, skills.world.articulations.get(leaf.articulation, 0.0))
     tip, palm = skills.gripper_model.part.pad_size[1] / 2, _palm(skills.gripper_model)
     map_from_front = leaf.front(start)
     seen = [handle_shape(belief.handle) for belief in skills.world.handles_of(leaf.furniture, leaf.leaf)]

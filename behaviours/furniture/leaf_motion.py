@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -53,6 +54,7 @@ def withdraw(skill: Skill, leaf: FurnitureLeaf, posture: str, felt: Obstacle | N
     map's error allows; the arm only if it is that close already.
     """
     from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
+    from bestman_bt.manipulation.motion_planning.base import PlanningError
 
     skills = skill.skills
     position = skills.world.articulations.get(leaf.articulation, 0.0)
@@ -64,30 +66,41 @@ def withdraw(skill: Skill, leaf: FurnitureLeaf, posture: str, felt: Obstacle | N
     line = cartesian_path(skills.kinematics, skills.arm_positions(), back, world.is_free)
     if len(line.path) > 1:
         yield from follow_path(skill, line.path, world, speed=0.5)
-    around = _around(skills, leaf, position, felt)
-    yield from move_free(skill, [skills.robot.posture(posture, skills.arm_model.joint_names)], around)
+    goals = [skills.robot.posture(posture, skills.arm_model.joint_names)]
+    refusal: PlanningError | None = None
+    for around in _around(skills, leaf, position, felt):
+        try:
+            yield from move_free(skill, goals, around)
+        except PlanningError as error:
+            refusal = refusal or error  # close to the leaf there may be a way with less margin
+        else:
+            return
+    assert refusal is not None
+    raise refusal
 
 
-def _around(skills: SkillContext, leaf: FurnitureLeaf, position: float, felt: Obstacle | None) -> CollisionWorld:
-    """Return the collision world of the arm's retreat, including the leaf as felt, so as not to push it.
+def _around(
+    skills: SkillContext, leaf: FurnitureLeaf, position: float, felt: Obstacle | None
+) -> Iterator[CollisionWorld]:
+    """Yield collision worlds for the arm's retreat that it is clear of, the leaf with ever less margin.
 
-    If the arm is already inside that leaf, the leaf is left out: the grip was lost earlier, and the hand moved on
-    alone. Other contacts of the arm, such as with itself, are no evidence.
+    They include the leaf as felt, so as not to push it. If the arm is already inside that leaf, the leaf is left out:
+    the grip was lost earlier, and the hand moved on alone. Other contacts of the arm, such as with itself, are no
+    evidence.
     """
+    mapped: list[dict[str, Any]] = [{"margin": UNSURE[leaf.leaf.kind]}, {"margin": 0.0}]
+    measured: list[dict[str, Any]] = [] if felt is None else [{"felt": grown(felt, FELT)}, {"felt": felt}]
     positions = skills.arm_positions()
-
-    def clear_of_leaf(around: CollisionWorld) -> bool:
-        return not any(leaf.articulation in pair for pair in around.colliding_pairs(positions))
-
-    for boards in (grown(felt, FELT), felt) if felt is not None else ():
-        around = world_at_leaf(skills, leaf, position, "free", felt=boards)
-        if clear_of_leaf(around):
-            return around
-    for margin, ignore in ((UNSURE[leaf.leaf.kind], ()), (0.0, ()), (0.0, (leaf.articulation,))):
-        around = world_at_leaf(skills, leaf, position, "free", ignore=ignore, margin=margin)
-        if clear_of_leaf(around):
-            break
-    return around
+    for leaves in (measured, mapped):
+        clear = False
+        for included in leaves:
+            world = world_at_leaf(skills, leaf, position, "free", **included)
+            if not any(leaf.articulation in pair for pair in world.colliding_pairs(positions)):
+                clear = True
+                yield world
+        if clear:
+            return
+    yield world_at_leaf(skills, leaf, position, "free", ignore=(leaf.articulation,))
 
 
 def withdraw_after(

@@ -14,6 +14,7 @@ from behaviours.furniture.leaf import BASE_GAP, SAME_STAND, FurnitureLeaf, LeafW
 from behaviours.furniture.leaf_motion import UNSURE, withdraw
 from bestman_bt.engine import SUCCESS
 from bestman_bt.manipulation.kinematics.link_hulls import body_between
+from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
 from bestman_bt.messages import Handle, Pose, Pose2D
 from bestman_bt.world_model.openness import handle_shape
 from bestman_bt.world_model.world_model import BasePose, HandleBelief
@@ -121,6 +122,7 @@ def test_on_its_way_home_the_arm_keeps_clear_of_a_leaf_as_unsure_as_it_is_if_it_
 ) -> None:
     skills, leaf, _ = standing_at(name, part, 0.2)
     unsure, told = UNSURE[leaf.leaf.kind], []
+    refused: list[tuple[float, tuple[str, ...]]] = []
     touches: set[tuple[float, tuple[str, ...]]] = set()
     others: list[tuple[str, str]] = []
 
@@ -130,9 +132,14 @@ def test_on_its_way_home_the_arm_keeps_clear_of_a_leaf_as_unsure_as_it_is_if_it_
         return SimpleNamespace(which=which, is_free=lambda _: not pairs, colliding_pairs=lambda _: pairs)
 
     monkeypatch.setattr("behaviours.furniture.leaf_motion.world_at_leaf", around)
-    monkeypatch.setattr(
-        "behaviours.furniture.leaf_motion.move_free", lambda skill, goals, world: told.append(world.which) or iter(())
-    )
+
+    def move_free(skill: Any, goals: Any, world: Any) -> Any:
+        told.append(world.which)
+        if world.which in refused:
+            raise PlanningError(PlanningErrorCode.TIMED_PATH_INVALID, f"no way with a margin of {world.which[0]}")
+        yield from ()
+
+    monkeypatch.setattr("behaviours.furniture.leaf_motion.move_free", move_free)
     straight = "bestman_bt.manipulation.kinematics.cartesian_path.cartesian_path"
     monkeypatch.setattr(straight, lambda *_: SimpleNamespace(path=np.zeros((1, 7))))
     skill: Any = SimpleNamespace(skills=skills)
@@ -143,3 +150,11 @@ def test_on_its_way_home_the_arm_keeps_clear_of_a_leaf_as_unsure_as_it_is_if_it_
             list(withdraw(skill, leaf, "carry"))
             assert told[-1] == which
             touches.add(which)
+    touches.clear()
+    refused.append((unsure, ()))  # so close to the leaf that there is a way with less margin only
+    list(withdraw(skill, leaf, "carry"))
+    assert told[-2:] == [(unsure, ()), (0.0, ())]
+    refused.append((0.0, ()))
+    with pytest.raises(PlanningError, match=f"no way with a margin of {unsure}"):
+        list(withdraw(skill, leaf, "carry"))
+    assert told[-2:] == [(unsure, ()), (0.0, ())]  # never through the leaf

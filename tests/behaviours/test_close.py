@@ -49,7 +49,7 @@ def test_what_is_believed_to_stand_open_is_pushed_shut_by_the_fingers_alone(
         (declared,) = contacts.declared
         assert (declared.thing, declared.max_force) == (leaf, 140.0)
         pressed = [c.peak_force for c in session.robot.audit_record().contacts if c.leaf == leaf]
-        assert 10.0 < max(pressed) < 100.0  # at its end stop, too
+        assert 10.0 < max(pressed) < 90.0  # at its end stop, too
         assert truth.articulation_position(leaf) < 0.005
         assert session.skills.world.articulations[leaf] == 0.0
         assert audited(session).honest

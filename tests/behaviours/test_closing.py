@@ -12,6 +12,7 @@ import pytest
 
 from behaviours.furniture.close import FrontPush, pushes
 from behaviours.furniture.leaf import FurnitureLeaf, find_leaf
+from bestman_bt.manipulation.kinematics.arc_path import ArcPath
 from bestman_bt.messages import Box, Pose
 from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
 from bestman_bt.scene.furniture_file import read_furniture
@@ -106,3 +107,13 @@ def test_a_piece_that_was_measured_leaves_the_hand_more_room() -> None:
     vague = next(pushes(skills, leaf)).tilts
     known = replace(leaf, furniture=replace(leaf.furniture, position_error=0.0, heading_error=0.0))
     assert set(vague) < set(next(pushes(skills, known)).tilts)
+
+
+@pytest.mark.parametrize(("task", "articulation", "position"), [DOOR, DRAWER])
+def test_what_is_believed_shut_is_felt_for_and_pushed(task: str, articulation: str, position: float) -> None:
+    skills, leaf = standing_open(task, articulation, 0.0)
+    push = next(pushes(skills, leaf))
+    count = len(push.positions())
+    assert count > 1
+    guide = push.guide(ArcPath(np.zeros((count, 7)), (0,) * count, count, "", 0.5))
+    assert 0.0 < guide.ways[-1] <= 0.005

@@ -121,7 +121,7 @@ class Following:
     turn_lag: float = 0.1
     relax_time: float = 0.3
     time_factor: float = 4.0
-    stop_speed: float = 0.02
+    stop_speed: float = 0.01
     axis: AxisFitting = field(default_factory=AxisFitting)
 
 

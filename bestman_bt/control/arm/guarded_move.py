@@ -84,12 +84,12 @@ class ToolStream:
         return StreamStep.SENT
 
     def _towards(self, posture: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return a step (n,) in the null space of the tool's motion, of at most a third of what the joints may do."""
+        """Return a step (n,) in the null space of the tool's motion: at most a third of what each joint may do now."""
         wanted = self.streaming.posture_rate * self.streaming.period * (posture - self._positions)
-        wanted = wanted * min(1.0, 1.0 / max(float(np.abs(3.0 * wanted / self._largest_step).max()), 1e-9))
         jacobian = self._kinematics.jacobian(self._positions)
         step: NDArray[np.float64] = wanted - np.linalg.pinv(jacobian, rcond=1e-3) @ (jacobian @ wanted)
-        return step
+        most = np.minimum(self._largest_step, np.abs(self._step) + self._largest_change)
+        return step * min(1.0, 1.0 / max(float(np.abs(3.0 * step / most).max()), 1e-9))
 
 
 Array = NDArray[np.float64]

@@ -82,7 +82,7 @@ def test_what_does_not_give_way_is_told_within_the_force_limit(jam, end, words):
 
 
 def test_where_an_end_stop_may_be_met_it_moves_slowly_and_presses_less():
-    for stop, most in ((math.inf, 0.06), (0.1, 0.02)):
+    for stop, most in ((math.inf, 0.06), (0.1, 0.01)):
         it, handle = follow(drawer(jam=0.15), max_pull=30.0, end_stop=stop)
         assert handle.result.end is FollowEnd.JAMMED
         way = np.linalg.norm(it.arm.sent - it.arm.sent[0], axis=1)

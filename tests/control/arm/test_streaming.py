@@ -50,6 +50,19 @@ def test_a_step_that_a_joint_would_have_to_accelerate_too_much_for_is_not_sent(s
     assert len(arm.sent) == 3
 
 
+def test_a_posture_far_off_is_approached_with_a_third_of_the_acceleration_and_leaves_the_rest_to_the_tool():
+    arm = ScriptedArm(START, 2.0)
+    arm.model = arm_model(arm.joint_names, velocity=2.0, acceleration=5.0)  # 1.389 mrad more than the step before
+    posture = START.copy()
+    posture[6] += 1.0  # the gantry's seventh joint moves no tool
+    sent = ToolStream(arm, Gantry())
+    assert sent.send(moved(sent.pose, 0.0013), posture) is StreamStep.SENT
+    assert arm.sent[-1][6] - START[6] == pytest.approx(0.001389 / 3, rel=0.01)
+    for _ in range(20):
+        assert sent.send(moved(sent.pose, 0.0013), posture) is StreamStep.SENT
+    assert arm.sent[-1][6] - START[6] > 0.01
+
+
 def test_a_refused_pose_leaves_the_stream_where_it_was_and_a_sent_one_takes_it_on():
     sent, arm, kinematics = stream()
     first = sent.pose
