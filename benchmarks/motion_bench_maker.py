@@ -119,7 +119,7 @@ def _problem(title: str, family: str, request: dict, scene: dict, arm: ArmModel,
     if strange:
         raise ValueError(f"the goal moves {', '.join(strange)}, which the arm does not")
     if missing := [name for name in arm.joint_names if name not in start]:
-        raise ValueError(f"the start says nothing of {', '.join(missing)}")
+        raise ValueError(f"the start has no value for {', '.join(missing)}")
     base_from_world = _robot_pose(state.get("multi_dof_joint_state") or {}).inverse()
     bodies = (scene.get("world") or {}).get("collision_objects") or []
     return Problem(

@@ -114,7 +114,7 @@ class PolicyMotion:
             if handle is not None and handle.done and handle.status is not MotionStatus.SUCCEEDED:
                 failure = handle.failure
                 if failure is not None and failure.code == "guarded" and self._skills.clock.now() >= self.deadline:
-                    raise SkillFailure("timeout", "stopped in the middle of a chunk: not there in time")
+                    raise SkillFailure("timeout", "stopped in the middle of a chunk: the goal was not reached in time")
                 raise SkillFailure.of(failure)
 
     def _objection(self) -> str | None:
@@ -247,7 +247,7 @@ class RunPolicy(OnArm, Skill):
                 if self._succeeded(motion, goal):
                     break
             if clock.now() >= motion.deadline:
-                raise SkillFailure("timeout", f"not there in time{self._distance(goal)}")
+                raise SkillFailure("timeout", f"the goal was not reached in time{self._distance(goal)}")
             seen, (start, velocities) = clock.now(), motion.asked()
             chunk = yield self.compute("policy", policy.act, self._observation(spec, goal, velocities))
             path = chunk_path(chunk, start, self.skills.kinematics, self.skills.arm_model)

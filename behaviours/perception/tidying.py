@@ -164,7 +164,7 @@ def _model(skills: SkillContext, name: str) -> ObjectModel:
         return belief.model
     if name in skills.world.models:
         return skills.world.models[name]
-    raise SkillFailure("unknown_object", f"no model of {name!r} and nothing so called seen")
+    raise SkillFailure("unknown_object", f"no model of {name!r} and no detection with this label")
 
 
 def _is_wanted(belief: ObjectBelief, wanted: Sequence[str]) -> bool:

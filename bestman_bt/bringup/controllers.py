@@ -28,7 +28,7 @@ def identity(subject: BroughtUpRobot) -> Iterator[Finding]:
         if not told.serial_number and not owed:
             yield not_applicable(name, f"a controller behind {driver} tells no serial number")
             continue
-        text = f"{told.model or driver}, serial number {told.serial_number or 'not told'}, firmware {told.firmware}"
+        text = f"{told.model or driver}, serial number {told.serial_number or 'not reported'}, firmware {told.firmware}"
         if owed and told.serial_number != owed:
             text += f"; the bring-up was started with {owed}: start it again (--again)"
         elif firmware and told.firmware != firmware:

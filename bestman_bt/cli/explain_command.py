@@ -38,11 +38,11 @@ def command(
 
 def _explanation(run: Path) -> dict[str, Any]:
     if not run.is_dir():
-        raise InputError(f"{run} is no folder")
+        raise InputError(f"{run} is not a folder")
     result = _result(run / "result.json")
     logged = [line for line in _lines(run, "log.jsonl") if line.get("node") and line.get("level") == "warning"]
     if not result and not (run / "log.jsonl").is_file():
-        raise InputError(f"{run} is no run folder: it has neither result.json nor log.jsonl")
+        raise InputError(f"{run} is not a run folder: it has neither result.json nor log.jsonl")
     pictures = {
         (line.get("node"), line.get("time")): str(run / line["file"])
         for line in _lines(run, "events.jsonl", '"image"')
@@ -85,7 +85,7 @@ def _result(path: Path) -> dict[str, Any]:
         document = json.loads(read_regular(path, MOST_BYTES))
         document["task"], document["seed"]  # every result has them
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is no result of a run: {error}") from error
+        raise InputError(f"{path} is not a result of a run: {error}") from error
     found: dict[str, Any] = document
     return found
 

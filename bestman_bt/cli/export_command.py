@@ -40,7 +40,7 @@ def command(
 
     history = read(run, left_out=("blackboard", "image", "map", "path", "robot", "scan"))
     if not len(history.nodes):
-        raise wrong_input(str(run), f"tells of no tree: {'; '.join(history.faults)}")
+        raise wrong_input(str(run), f"does not describe a tree: {'; '.join(history.faults)}")
     try:
         FORMATS[form](history, out)
     except (OSError, sqlite3.Error) as error:

@@ -120,7 +120,7 @@ def _recorded(given: Iterable[Path]) -> list[Path]:
     for path in given:
         those = run_folders(path)
         if not those:
-            raise wrong_input(str(path), "is no run folder or log, and holds none")
+            raise wrong_input(str(path), "is not a run folder or log, and contains none")
         found += those
     return found
 

@@ -49,7 +49,7 @@ def writable_file(path: Path | None) -> Path | None:
     if path is None:
         return None
     if path.is_dir() or not path.parent.is_dir():
-        raise typer.BadParameter(f"'{path}' is a folder" if path.is_dir() else f"there is no folder '{path.parent}'")
+        raise typer.BadParameter(f"'{path}' is a folder" if path.is_dir() else f"there is not a folder '{path.parent}'")
     if not os.access(path if path.exists() else path.parent, os.W_OK):
         raise typer.BadParameter(f"'{path}' may not be written")
     return path
@@ -59,7 +59,7 @@ def refuse_unwritable_folder(path: Path, option: str) -> None:
     """Raise typer.BadParameter if the folder, which may not exist yet, cannot be written to."""
     there = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
     if not there.is_dir():
-        raise typer.BadParameter(f"'{there}' is no folder", param_hint=option)
+        raise typer.BadParameter(f"'{there}' is not a folder", param_hint=option)
     if not os.access(there, os.W_OK):
         raise typer.BadParameter(f"'{there}' may not be written", param_hint=option)
 

@@ -389,7 +389,7 @@ def exit_code(result: RunResult) -> int:
 def _replayed(recording: Path, tree: str | None, driver: str) -> RunConfig:
     """Return the recorded run, with another tree if one is given."""
     if not (recording / "config.yaml").is_file():
-        raise ConfigurationError([Problem("--recording", None, "", f"{recording} is no folder of a run")])
+        raise ConfigurationError([Problem("--recording", None, "", f"{recording} is not a run folder")])
     config = read_run(recording / "config.yaml")
     task = config.task if tree is None else dataclasses.replace(config.task, tree=tree)
     return dataclasses.replace(config, task=task, driver=driver, record=False, recording=str(recording))

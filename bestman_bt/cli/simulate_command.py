@@ -132,7 +132,7 @@ def _without_changes(run: SimulatedRun) -> SimulatedRun:
 def _warn_of_idle_rules(scenario: Scenario, coverage: Coverage) -> None:
     for pattern in scenario.nodes:
         if not any(fits(pattern, node) for node in coverage.tree.nodes):
-            print(f"warning: the scenario's '{pattern}' is no path, name or type of a node", file=sys.stderr)
+            print(f"warning: the scenario's '{pattern}' is not a path, name or type of a node", file=sys.stderr)
 
 
 def _states(coverage: Coverage) -> dict[int, int]:

@@ -37,7 +37,7 @@ def command(
     text, added = stub_source(unknown.values(), existing, str(output))
     if added:
         output.write_text(text, encoding="utf-8")
-    print(f"{output}: {len(added)} added, {len(unknown) - len(added)} were there or are no leaves")
+    print(f"{output}: {len(added)} added, {len(unknown) - len(added)} existed already or are not leaves")
     others = sorted(name for name, info in unknown.items() if info.kind not in ("Action", "Condition"))
     if others:
         print(f"no leaves, to be written by hand: {', '.join(others)}", file=sys.stderr)

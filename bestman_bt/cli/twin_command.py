@@ -51,7 +51,7 @@ def command(
         typer.Option(metavar="CONNECTION:FAULT[:VALUE]", help="Make a fault happen in twins that run, and end."),
     ] = None,
     at: Annotated[
-        Path | None, typer.Option(metavar="SOCKET", help="With --fault: the socket that the twins told.")
+        Path | None, typer.Option(metavar="SOCKET", help="With --fault: the socket that the twins printed.")
     ] = None,
     until_eof: Annotated[
         bool, typer.Option("--until-eof", help="End with the standard input: with the program that started this.")
@@ -124,7 +124,7 @@ def _make_fault(fault: str, at: Path | None) -> None:
     name, _, value = rest.partition(":")
     if at is None or not name:
         raise ConfigurationError(
-            [Problem("--fault", None, "", "give CONNECTION:FAULT, and with --at the socket that the twins told")]
+            [Problem("--fault", None, "", "give CONNECTION:FAULT, and with --at the socket that the twins printed")]
         )
     question: dict[str, object] = {"connection": connection, "fault": name}
     try:

@@ -27,7 +27,7 @@ def read_cloud(path: Path) -> PointCloud:
     library = open3d()
     with path.open("rb") as file:
         if path.suffix.lower() == ".ply" and file.read(3) != b"ply":  # of which Open3D would print words of its own
-            raise PerceptionError(f"{path}: is no PLY file, which begins with the line 'ply'")
+            raise PerceptionError(f"{path}: is not a PLY file, which begins with the line 'ply'")
     with library.utility.VerbosityContextManager(library.utility.VerbosityLevel.Error):
         cloud = library.io.read_point_cloud(str(path), remove_nan_points=True, remove_infinite_points=True)
     if cloud.is_empty():

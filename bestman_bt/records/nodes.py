@@ -101,7 +101,7 @@ class NodeList(Sequence[DescribedNode]):
         if event.under is not None:
             main_offset, count = self.range_of(MAIN_TREE)
             if not 0 < event.under <= count:
-                raise EventError(f"the tree {event.tree} is under the node {event.under}, which is not there")
+                raise EventError(f"the tree {event.tree} is under the node {event.under}, which does not exist")
             under = main_offset + event.under
         _check_order(event)
         added = [

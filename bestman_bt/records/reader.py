@@ -217,7 +217,7 @@ def read_picture(folder: Path, name: str) -> bytes:
         inside = folder.resolve() / PICTURES_FOLDER  # not resolved itself: it may be a link that leads elsewhere
         path = (folder / name).resolve()
         if not path.is_relative_to(inside) or path.suffix.lower() not in PICTURE_SUFFIXES:
-            raise RecordError("the run names a file that is no picture of its own")
+            raise RecordError("the run names a file that is not one of its pictures")
         return read_regular(path, LARGEST_PICTURE)
     except (OSError, ValueError) as error:
         raise RecordError(f"the picture cannot be read: {error}") from error

@@ -287,5 +287,5 @@ class RobotModel:
             raise KeyError(f"robot {self.name!r} has no posture {name!r}; it has {', '.join(self.postures) or 'none'}")
         missing = [joint for joint in joint_names if joint not in self.postures[name]]
         if missing:
-            raise KeyError(f"posture {name!r} of robot {self.name!r} says nothing of {', '.join(missing)}")
+            raise KeyError(f"posture {name!r} of robot {self.name!r} has no value for {', '.join(missing)}")
         return np.array([self.postures[name][joint] for joint in joint_names])

@@ -49,9 +49,9 @@ def read_srdf(path: Path) -> Srdf:
     try:
         robot = ET.parse(path).getroot()
     except (OSError, ET.ParseError) as error:
-        raise UrdfError(f"{path} is no SRDF: {error}") from error
+        raise UrdfError(f"{path} is not an SRDF: {error}") from error
     if robot.tag != "robot":
-        raise UrdfError(f"{path} is no SRDF: its root element is <{robot.tag}>, it should be <robot>")
+        raise UrdfError(f"{path} is not an SRDF: its root element is <{robot.tag}>, it should be <robot>")
     states: dict[str, dict[str, dict[str, float]]] = {}
     faults = []
     for state in robot.findall("group_state"):

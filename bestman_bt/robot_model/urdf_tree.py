@@ -62,7 +62,7 @@ class UrdfTree:
             raise UrdfError(f"{path} cannot be read as a URDF: {error}") from error
         if robot.tag != "robot":
             hint = "; xacro files have to be expanded first" if path.suffix == ".xacro" else ""
-            raise UrdfError(f"{path} is no URDF: its root element is <{robot.tag}>, it should be <robot>{hint}")
+            raise UrdfError(f"{path} is not a URDF: its root element is <{robot.tag}>, it should be <robot>{hint}")
         if any("xacro" in element.tag for element in robot.iter()):
             raise UrdfError(f"{path} has xacro macros in it: expand them first (xacro FILE > FILE.urdf)")
         distinguish_joints(robot)

@@ -61,7 +61,7 @@ class ControllerLock:
                 who = f"process {holder}" if holder else "another program"
                 raise ConnectionFailedError(
                     f"{self._name}: {who} on this machine is connected to its controller already; "
-                    "it could not tell the two apart and would follow both"
+                    "it could not distinguish the two and would follow both"
                 )
             time.sleep(0.05)
         with suppress(OSError):  # the number is for people; the lock is what counts
@@ -297,7 +297,7 @@ class Connection(ABC):
         owed = self.model.serial_numbers.get(self.name, "")
         if owed and (told := self.identity().serial_number) != owed:
             raise ConnectionFailedError(
-                f"{self.name}: the controller's serial number is {told or 'not told'}, the bring-up was signed for "
+                f"{self.name}: the controller's serial number is {told or 'not reported'}, the bring-up was signed for "
                 f"{owed} ({self.model.bringup}): bring this robot up (bestman-bt robot bringup {self.model.name})"
             )
 

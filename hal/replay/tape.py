@@ -168,7 +168,9 @@ def read_tape(path: Path) -> Tape:
     except FileNotFoundError as error:
         raise ReplayError(f"{path} holds no readings; record a run with --record") from error
     except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
-        raise ReplayError(f"{file} is no recording of a robot, or damaged: {type(error).__name__}: {error}") from error
+        raise ReplayError(
+            f"{file} is not a recording of a robot, or damaged: {type(error).__name__}: {error}"
+        ) from error
 
 
 def _bounded(stream: TextIO, most: int) -> Iterator[str]:
@@ -225,7 +227,7 @@ class _TapeReader:
             words = f"is no description of a robot: {type(error).__name__}: {error}"
             raise self._error(1, words) from error
         if time_step <= 0.0:
-            raise self._error(1, f"gives a time step of {time_step} s; above 0 is possible")
+            raise self._error(1, f"gives a time step of {time_step} s; it should be above 0")
         return robot, start, time_step, parts
 
     def _following(self, stream: Iterator[str]) -> Iterator[tuple[int, str]]:

@@ -82,7 +82,7 @@ def battery(message: Message, at: float) -> BatteryReading:
     """Decode ``sensor_msgs/BatteryState``, whose current is negative when discharging; unmeasured values are null."""
     charge, voltage, current = (message[what] for what in ("percentage", "voltage", "current"))
     if charge is None or voltage is None:
-        raise ValueError("a battery should tell its charge and voltage")
+        raise ValueError("a battery should report its charge and voltage")
     charging = int(message["power_supply_status"]) == CHARGING
     return BatteryReading(float(charge), float(voltage), -float(current or 0.0), charging, at)
 

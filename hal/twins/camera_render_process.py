@@ -102,7 +102,7 @@ class CameraRenderProcess:
                     raise TwinError(f"no picture of {camera} within {FRAME_TIME:g} s")
                 answer = self._wire.recv()
             except (OSError, EOFError) as error:
-                raise TwinError("the camera_render_process is gone") from error
+                raise TwinError("the camera render process has ended") from error
         if isinstance(answer, Exception):
             raise answer
         packed: Packed = answer

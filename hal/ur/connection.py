@@ -65,7 +65,7 @@ class URDigitalIO:
     def _report(self) -> Report:
         report = self._link.report
         if report is None:
-            raise NoDataError("the UR has told nothing of its inputs and outputs yet")
+            raise NoDataError("the UR has not reported its inputs and outputs yet")
         return report
 
     @staticmethod
@@ -344,7 +344,7 @@ class URJoints(JointChannel):
         """Return the newest reading."""
         report = self._link.report
         if report is None:
-            raise NoDataError("the UR has told no joint positions yet")
+            raise NoDataError("the UR has not reported joint positions yet")
         reading = self._reading
         if reading is None or report is not self._of:
             reading = JointReading(*(np.array(v) for v in (report.positions, report.velocities, report.torques)))
@@ -369,6 +369,6 @@ class URForceTorque(HardwareForceTorque):
     def _newest(self) -> Wrench:
         report = self._link.report
         if report is None:
-            raise NoDataError(f"{self.name} has told no wrench yet")
+            raise NoDataError(f"{self.name} has not reported a wrench yet")
         values = np.array(report.wrench)
         return Wrench(values[:3], values[3:], self._link.heard)

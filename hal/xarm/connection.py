@@ -46,7 +46,7 @@ class XArmJoints(JointChannel):
     def read(self) -> JointReading:
         """Return the reading of the last cycle."""
         if self._reading is None:
-            raise NoDataError("the xArm has told no joint positions yet")
+            raise NoDataError("the xArm has not reported joint positions yet")
         return self._reading
 
     def refresh(self) -> None:

@@ -262,7 +262,7 @@ class XArmWire:
         except Exception as error:  # the SDK raises nothing narrower
             raise ConnectionFailedError(f"{self._name}: the xArm controller refuses the connection") from error
         if not arm.connected:
-            raise ConnectionFailedError(f"{self._name}: the xArm controller does not tell its version")
+            raise ConnectionFailedError(f"{self._name}: the xArm controller does not report its version")
         arm.set_timeout(options.reply_timeout)
         self._heard, self._fault = self._clock.now(), None
 

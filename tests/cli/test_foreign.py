@@ -102,7 +102,7 @@ def test_simulate_tells_the_outcome_and_what_was_not_tried(bestman_bt: Command, 
     assert "t.xml: 1 run: 1 success\n  2.00 to 2.00 s of simulated time" in answer.out
     assert "67% of 3 nodes began" in answer.out
     assert "recovery never used: Fallback::1" in answer.out
-    assert "the scenario's 'Opn' is no path, name or type of a node" in answer.err
+    assert "the scenario's 'Opn' is not a path, name or type of a node" in answer.err
     assert "stroke-dasharray" in (folder / "t.svg").read_text()
 
 
@@ -121,7 +121,10 @@ def test_simulate_many_runs_as_json(bestman_bt: Command, folder: Path) -> None:
 
 def test_stub_writes_leaves_that_run_with_the_tree(bestman_bt: Command, folder: Path) -> None:
     written(folder / "t.xml", '<Sequence><OpenLid side="{s}"/></Sequence>')
-    assert bestman_bt("stub", "t.xml", "-o", "leaves.py").out == "leaves.py: 1 added, 0 were there or are no leaves\n"
+    assert (
+        bestman_bt("stub", "t.xml", "-o", "leaves.py").out
+        == "leaves.py: 1 added, 0 existed already or are not leaves\n"
+    )
     assert bestman_bt("validate", "t.xml", "--plugin", "leaves.py").code == 0
     (folder / "leaves.py").write_text("def f(:")
     refused = bestman_bt("stub", "t.xml", "-o", "leaves.py")

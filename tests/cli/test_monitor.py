@@ -69,7 +69,7 @@ def address_of(program: Program) -> str:
 
 @pytest.mark.slow
 def test_what_cannot_be_shown_is_told_before_anything_starts(tmp_path: Path, free_port: int) -> None:
-    assert "is no run folder or log, and holds none" in refusal(tmp_path, tmp_path / "nothing")
+    assert "is not a run folder or log, and contains none" in refusal(tmp_path, tmp_path / "nothing")
     assert "at least 16 characters" in refusal(tmp_path, "--token", "short")
     with socket.socket() as other:
         other.bind(("127.0.0.1", free_port))

@@ -93,7 +93,7 @@ def test_the_replay_of_a_run_that_was_cancelled_ends_where_that_did(bestman_bt: 
     ("arguments", "words"),
     [
         (["--task", "pick_place_table", "--driver", "replay"], "replay needs a recording"),
-        (["--driver", "replay", "--recording", "nowhere"], "--recording: nowhere is no folder of a run"),
+        (["--driver", "replay", "--recording", "nowhere"], "--recording: nowhere is not a run folder"),
         (["--driver", "pybullet", "--recording", "nowhere"], "nowhere"),
     ],
 )

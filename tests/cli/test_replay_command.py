@@ -28,7 +28,7 @@ def test_a_folder_that_is_not_there_is_told(tmp_path: Path) -> None:
 
 def test_a_damaged_recording_is_told(tmp_path: Path) -> None:
     (tmp_path / "recording.rrd").write_bytes(b"<script>" * 100)
-    with pytest.raises(ConfigurationError, match=r"recording\.rrd: is no Rerun recording"):
+    with pytest.raises(ConfigurationError, match=r"recording\.rrd: is not a Rerun recording"):
         command([tmp_path], browser=True)
 
 

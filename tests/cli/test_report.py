@@ -64,10 +64,10 @@ def test_what_is_damaged_is_told_on_standard_error_too(bestman_bt: Command, fold
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["nowhere"], "nowhere is no folder"),
+        (["nowhere"], "nowhere is not a folder"),
         (["."], "is not a run folder and contains none"),
         ([".", "-o", "report.pdf"], "reports are HTML files"),
-        ([".", "-o", "not/there.html"], "there is no folder"),
+        ([".", "-o", "not/there.html"], "there is not a folder"),
     ],
 )
 def test_wrong_input_is_told_and_nothing_is_written(

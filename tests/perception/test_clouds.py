@@ -41,7 +41,11 @@ def test_a_cloud_is_read_as_it_was_written(cloud: PointCloud, tmp_path: Path, su
 
 def test_a_file_that_is_no_cloud_is_told_in_words(tmp_path: Path, cloud: PointCloud) -> None:
     (tmp_path / "text.ply").write_text("nothing of the kind")
-    for path, words in (("text.ply", "is no PLY file"), ("gone.ply", "no such file"), ("picture.png", "ends in .ply")):
+    for path, words in (
+        ("text.ply", "is not a PLY file"),
+        ("gone.ply", "no such file"),
+        ("picture.png", "ends in .ply"),
+    ):
         with pytest.raises(PerceptionError, match=words):
             clouds.read_cloud(tmp_path / path)
     with pytest.raises(PerceptionError, match="cannot be written"):

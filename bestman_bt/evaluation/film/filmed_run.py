@@ -78,7 +78,7 @@ def _doings(folder: Path) -> tuple[tuple[float, str], ...]:
     try:
         history = read(folder, ("blackboard", "map", "path", "robot", "scan"))
     except RecordError as error:
-        raise FilmError(f"which leaf ran when cannot be told: {error}") from error
+        raise FilmError(f"the running leaves cannot be determined: {error}") from error
     leaves = {node.uid: node.type for node in history.nodes if node.is_leaf}
     running: set[int] = set()
     found = [(0.0, "")]

@@ -53,7 +53,7 @@ def run_folders(given: Path, depth: int = 4) -> list[Path]:
     if is_log(given):
         return [given]
     if not given.is_dir():
-        raise ReportError(f"{given} is no folder")
+        raise ReportError(f"{given} is not a folder")
     found = list(_below(given, depth))
     if not found:
         raise ReportError(f"{given} is not a run folder and contains none: none has {' or '.join(PARTS)}")
@@ -86,7 +86,7 @@ def read_story(folder: Path) -> RunStory:
             notes.append(_short(error))
     notes += history.faults
     if result is None and not config and not history.version:
-        raise ReportError(f"{folder}: {'; '.join(notes) or 'nothing of a run is in it'}")
+        raise ReportError(f"{folder}: {'; '.join(notes) or 'it does not contain a run'}")
     task = about.get("task") if isinstance(about.get("task"), dict) else {}
     end = history.end["time"] if history.end else 0.0
     name = _text(about.get("name") or history.about.get("task")) or folder.name
@@ -245,7 +245,7 @@ def _picture(folder: Path, name: str, caption: str, notes: list[str]) -> StoryPi
         if not path.resolve(strict=True).is_relative_to(folder.resolve()):
             raise ValueError("it leads out of the run folder")
         if not path.is_file() or path.stat().st_size > MAX_FILE:
-            raise ValueError(f"it is no picture of at most {MAX_FILE} bytes")
+            raise ValueError(f"it is not a picture of at most {MAX_FILE} bytes")
         with Image.open(path, formats=("PNG", "JPEG")) as image:
             if image.width * image.height > MAX_PIXELS:
                 raise ValueError(f"it has {image.width} × {image.height} pixels; that is too much")

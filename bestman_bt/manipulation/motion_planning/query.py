@@ -91,7 +91,9 @@ def _check_start(
             in_the_way(MotionStage.START, world, start),
         )
     if constraint is not None and not constraint.satisfied(start):
-        raise PlanningError(PlanningErrorCode.START_VIOLATES_CONSTRAINT, f"the start breaks: {constraint.description}")
+        raise PlanningError(
+            PlanningErrorCode.START_VIOLATES_CONSTRAINT, f"the start violates: {constraint.description}"
+        )
 
 
 def _goal_refusal(

@@ -46,12 +46,14 @@ class PolicyNormalization:
         try:
             arrays = {name: np.array(values[name], dtype=float) for name in cls.__dataclass_fields__}
         except (KeyError, TypeError, ValueError) as error:
-            raise PolicyModelError(f"this is no normalisation: {error!r}") from error
+            raise PolicyModelError(f"this is not a normalisation: {error!r}") from error
         result = cls(**arrays)
         for side in ("input", "output"):
             mean, scale = arrays[f"{side}_mean"], arrays[f"{side}_scale"]
             if mean.ndim != 1 or mean.shape != scale.shape or not np.isfinite(mean).all() or not (scale > 0).all():
-                raise PolicyModelError(f"{side}_mean and {side}_scale should be finite, as long, the scales above 0")
+                raise PolicyModelError(
+                    f"{side}_mean and {side}_scale should be finite and of equal length, with scales above 0"
+                )
         return result
 
 
@@ -178,4 +180,4 @@ class OnnxPolicy(Policy):
         try:
             return onnxruntime.InferenceSession(str(self._path), options, providers=["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime's errors share no narrower class
-            raise PolicyModelError(f"{self._path} is no ONNX model that onnxruntime can load: {error}") from error
+            raise PolicyModelError(f"{self._path} is not an ONNX model that onnxruntime can load: {error}") from error

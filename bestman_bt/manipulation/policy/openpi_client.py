@@ -218,7 +218,7 @@ class OpenpiPolicy(Policy):
                 )
                 connection = self._open.enter_context(connecting)
             except ValueError as error:
-                raise PolicyUnreachableError(f"{self.url!r} is no websocket address: {error}") from error
+                raise PolicyUnreachableError(f"{self.url!r} is not a websocket address: {error}") from error
             except _lost() as error:
                 raise _ConnectionLostError(_words(error, self.connect_timeout)) from error
             try:

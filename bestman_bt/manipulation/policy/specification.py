@@ -109,7 +109,7 @@ class PolicySpecification:
     def __post_init__(self) -> None:
         faults = list(_faults(self))
         if faults:
-            raise PolicyModelError(f"this is no policy specification: {'; '.join(faults)}")
+            raise PolicyModelError(f"this is not a policy specification: {'; '.join(faults)}")
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
@@ -119,12 +119,12 @@ class PolicySpecification:
     def from_dict(cls, values: Any) -> PolicySpecification:
         """Return the inverse of ``to_dict``. Raises PolicyModelError naming the faults."""
         if not isinstance(values, dict):
-            raise PolicyModelError(f"this is no policy specification: it should hold fields, got {values!r}")
+            raise PolicyModelError(f"this is not a policy specification: it should hold fields, got {values!r}")
         names = [option.name for option in fields(cls)]
         unknown = [f"unknown field {name!r}, known: {', '.join(names)}" for name in values if name not in names]
         missing = [f"{name} is missing" for name in ("joint_names", "space", "horizon", "dt") if name not in values]
         if unknown or missing:
-            raise PolicyModelError(f"this is no policy specification: {'; '.join(unknown + missing)}")
+            raise PolicyModelError(f"this is not a policy specification: {'; '.join(unknown + missing)}")
         joints, images, box = values["joint_names"], values.get("images", {}), values.get("workspace")
         try:
             if not isinstance(joints, (list, tuple)):
@@ -136,7 +136,7 @@ class PolicySpecification:
                 "workspace": None if box is None else tuple(tuple(float(x) for x in corner) for corner in box),
             }
         except (AttributeError, IndexError, TypeError, ValueError) as error:
-            raise PolicyModelError(f"this is no policy specification: {error}") from error
+            raise PolicyModelError(f"this is not a policy specification: {error}") from error
         return cls(**known)
 
     def to_json(self) -> str:
@@ -149,7 +149,7 @@ class PolicySpecification:
         try:
             return cls.from_dict(json.loads(text))
         except json.JSONDecodeError as error:
-            raise PolicyModelError(f"this is no policy specification: {error}") from error
+            raise PolicyModelError(f"this is not a policy specification: {error}") from error
 
 
 def _faults(given: PolicySpecification) -> Iterator[str]:

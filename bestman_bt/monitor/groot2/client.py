@@ -81,7 +81,7 @@ class Groot2Client:
         try:
             return self.ask(RequestKind.FULL_TREE).decode()
         except UnicodeDecodeError as error:
-            raise Groot2Error(f"{self._address} sends a tree that is no UTF-8: {error}") from error
+            raise Groot2Error(f"{self._address} sends a tree that is not UTF-8: {error}") from error
 
     def states(self) -> dict[int, int]:
         """uid → state."""

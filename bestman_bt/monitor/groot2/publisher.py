@@ -146,7 +146,7 @@ class Groot2Publisher:
             Groot2Error: the extra is not installed, a port is in use, or the tree cannot be shown.
         """
         if len(self.tree.nodes) > MOST_NODES:
-            raise Groot2Error(f"the tree has {len(self.tree.nodes)} nodes; Groot2 can tell {MOST_NODES} apart")
+            raise Groot2Error(f"the tree has {len(self.tree.nodes)} nodes; Groot2 can distinguish {MOST_NODES}")
         try:
             self._xml = full_tree_xml(self.tree).encode()
         except XmlError as error:

@@ -56,7 +56,7 @@ class DepthCalibration:
         scale, offset = (float(value) for value in solved.x)
         if not scale > 0.0:
             raise CalibrationError(
-                f"told depths fall as true ones rise (scale {scale:.3f}): is the depth image aligned?"
+                f"measured depths decrease as true ones increase (scale {scale:.3f}): is the depth image aligned?"
             )
         deviations = np.sqrt(np.diag(covariance))
         return DepthErrorResult(

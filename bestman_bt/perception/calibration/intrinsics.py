@@ -72,7 +72,7 @@ class IntrinsicsCalibration:
         if sum(tilt >= self.min_tilt for tilt in tilts) < 3:
             raise DegenerateMotionError(
                 f"fewer than three views show the board leaning by {math.degrees(self.min_tilt):.0f}° or more; "
-                "held parallel to the image it does not tell focal length from distance"
+                "held parallel to the image, focal length and distance cannot be separated"
             )
         if not math.isfinite(error) or not np.isfinite(matrix).all():
             raise CalibrationError(

@@ -114,7 +114,7 @@ class _Network:
         try:
             session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime's errors share no narrower class
-            raise DetectorModelError(f"{path} is no ONNX model that onnxruntime can load: {error}") from error
+            raise DetectorModelError(f"{path} is not an ONNX model that onnxruntime can load: {error}") from error
         self._session, self._path = session, path
         self.size = self._input_size(session.get_inputs(), p)
         self.classes = p.classes or _named_classes(session)

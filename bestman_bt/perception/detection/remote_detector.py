@@ -98,7 +98,7 @@ def reply_detections(content: bytes, image: RGBDImage, names: Sequence[str]) -> 
 
 def _mask(mask: RemoteMask, shape: tuple[int, int], where: str) -> NDArray[np.bool_]:
     if (mask.png is None) == (mask.counts is None):
-        raise ValueError(f"{where}: has to have either png or counts")
+        raise ValueError(f"{where}: needs either png or counts")
     if mask.png is not None:
         return _decoded(mask.png, shape, f"{where}.png")
     counts = np.array(mask.counts, dtype=np.int64)
@@ -115,7 +115,7 @@ def _decoded(text: str, shape: tuple[int, int], where: str) -> NDArray[np.bool_]
     except (binascii.Error, ValueError) as error:
         raise ValueError(f"{where}: is not base64") from error
     if not data.startswith(_PNG) or len(data) < 24:
-        raise ValueError(f"{where}: is no PNG")
+        raise ValueError(f"{where}: is not a PNG")
     # The size stands at the beginning: a small file may unpack to gigabytes.
     width, height = int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
     if (height, width) != shape:
@@ -169,7 +169,7 @@ class RemoteDetector(FromImage):
             raise DetectorUnreachableError(f"{self.url} {error}") from error
         except (httpx.UnsupportedProtocol, httpx.InvalidURL) as error:
             raise DetectorUnreachableError(
-                f"{self.url!r} is no http address; give 'url' of detection/remote"
+                f"{self.url!r} is not an http address; give 'url' of detection/remote"
             ) from error
         except (AnswerRefusedError, ValueError) as error:
             raise DetectorReplyError(f"{self.url}: {error}") from error

@@ -68,7 +68,7 @@ class _Chain:
         self.count += 1
         if self.count > MAX_ACTIONS:
             raise PlanningError(
-                f"the tree would have more than {MAX_ACTIONS} actions; the builder 'reactive' has one each"
+                f"the tree would have more than {MAX_ACTIONS} actions; the builder 'reactive' needs one per action"
             )
         action = self.actions[index]
         children = self.conditions(action.pre, index, given)

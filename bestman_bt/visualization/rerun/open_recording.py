@@ -169,7 +169,7 @@ class RobotEntities:
         for name, position in joint_positions.items():
             if name not in self._joints:
                 raise RecordingError(
-                    f"snapshot: joint {name!r} is no movable joint of robot {self.name!r}; "
+                    f"snapshot: joint {name!r} is not a movable joint of robot {self.name!r}; "
                     f"it has {', '.join(self._joints) or 'none'}"
                 )
             joint = self._joints[name]

@@ -85,7 +85,7 @@ def check_recording(path: Path) -> None:
     with path.open("rb") as file:
         head = file.read(_HEAD.size)
         if head[:4] != b"RRF2" or len(head) < _HEAD.size:
-            raise RecordingError(f"is no Rerun recording: it begins with {head[:4]!r} instead of b'RRF2'")
+            raise RecordingError(f"is not a Rerun recording: it begins with {head[:4]!r} instead of b'RRF2'")
         messages = 0
         while len(frame := file.read(_MESSAGE.size)) == _MESSAGE.size:
             kind, length = _MESSAGE.unpack(frame)

@@ -42,7 +42,7 @@ def test_a_damaged_log_of_states_is_refused_in_words(run_folder: Path, tmp_path:
     shutil.copytree(run_folder, tmp_path, dirs_exist_ok=True)
     (tmp_path / "transitions.btlog").write_bytes(content)
 
-    with pytest.raises(FilmError, match=r"which leaf ran when cannot be told: .*transitions\.btlog"):
+    with pytest.raises(FilmError, match=r"the running leaves cannot be determined: .*transitions\.btlog"):
         read_filmed_run(tmp_path)
 
 

@@ -226,7 +226,7 @@ def test_a_log_with_an_entity_bomb_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_folder_of_nothing_is_refused_in_words(tmp_path: Path) -> None:
-    with pytest.raises(ReportError, match="is no folder"):
+    with pytest.raises(ReportError, match="is not a folder"):
         run_folders(tmp_path / "not_there")
     with pytest.raises(ReportError, match="is not a run folder and contains none"):
         run_folders(tmp_path)

@@ -275,7 +275,7 @@ def test_an_order_beyond_a_limit_is_refused_and_nothing_is_sent(
 def test_it_has_no_width_before_it_was_read(robot_model: RobotModel, latch: StopLatch) -> None:
     class Silent(Fingers):
         def read(self) -> GripperReading:
-            raise NoDataError("it has told nothing yet")
+            raise NoDataError("it has not reported anything yet")
 
     gripper = CommandedGripper("gripper", robot_model.of(GripperModel)["gripper"], Silent(), latch)
     with pytest.raises(NotConnectedError):

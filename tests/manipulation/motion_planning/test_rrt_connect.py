@@ -165,6 +165,6 @@ def test_what_the_hand_holds_stays_upright(arm, kinematics, rng):
     plan = RRTConnect().plan(start, [goal], free, arm, rng, constraint=upright)
     assert max(tilts(RRTConnect().plan(start, [goal], free, arm, rng).path)) > np.radians(27)
     assert max(tilts(plan.path)) <= np.radians(25.0) + 1e-6
-    with pytest.raises(PlanningError, match="the start breaks: the held object upright within 25 degrees") as refused:
+    with pytest.raises(PlanningError, match="the start violates: the held object upright within 25 degrees") as refused:
         RRTConnect().plan(start, [goal], free, arm, rng, constraint=Upright(kinematics, Pose()))
     assert refused.value.code is PlanningErrorCode.START_VIOLATES_CONSTRAINT

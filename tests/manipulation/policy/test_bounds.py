@@ -149,7 +149,7 @@ def test_a_specification_says_what_can_be(wrong: dict, told: str) -> None:
 def test_a_normalisation_that_cannot_be_undone_is_refused(wrong: dict) -> None:
     right = {"input_mean": [0.0], "input_scale": [1.0], "output_mean": [0.0, 1.0], "output_scale": [1.0, 2.0]}
     assert PolicyNormalization.from_dict(right).to_dict() == right
-    with pytest.raises(PolicyModelError, match="should be finite, as long, the scales above 0"):
+    with pytest.raises(PolicyModelError, match="should be finite and of equal length, with scales above 0"):
         PolicyNormalization.from_dict(right | wrong)
 
 

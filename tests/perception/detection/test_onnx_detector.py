@@ -204,7 +204,7 @@ def test_no_file_and_no_network_in_the_file_are_told(tmp_path: Path) -> None:
         OnnxDetector().find(image(np.zeros((8, 8, 3), np.uint8)), ["a"])
     path = tmp_path / "text.onnx"
     path.write_text("not a network")
-    with pytest.raises(DetectorModelError, match="is no ONNX model that onnxruntime can load"):
+    with pytest.raises(DetectorModelError, match="is not an ONNX model that onnxruntime can load"):
         OnnxDetector(model=str(path)).find(image(np.zeros((8, 8, 3), np.uint8)), ["a"])
 
 

@@ -121,9 +121,9 @@ def test_boxes_are_cut_at_the_border_and_labels_that_nobody_asked_for_are_ignore
         (reply(thing(box=[1, 2, 3])), "detections.0.box"),
         (reply(thing(box=[30, 5, 10, 25])), "detections.0.box: .* is not left < right"),
         (reply(thing(), thing(box=[100, 5, 130, 25])), "detections.1.box: .* outside of the image of 64 x 48"),
-        (reply(thing(mask={})), "detections.0.mask: has to have either png or counts"),
+        (reply(thing(mask={})), "detections.0.mask: needs either png or counts"),
         (reply(thing(mask={"png": "%%%"})), "mask.png: is not base64"),
-        (reply(thing(mask={"png": base64.b64encode(b"GIF89a").decode()})), "mask.png: is no PNG"),
+        (reply(thing(mask={"png": base64.b64encode(b"GIF89a").decode()})), "mask.png: is not a PNG"),
         (reply(thing(mask={"png": png(np.ones((10, 10)))})), "mask.png: has 10 x 10 pixels, the image 64 x 48"),
         (reply(thing(mask={"png": png(np.ones((HEIGHT, WIDTH)))[:60]})), "mask.png: is a PNG that cannot be read"),
         (reply(thing(mask={"counts": [5, 7]})), "mask.counts: runs of 12 pixels, the image has 3072"),
@@ -192,7 +192,7 @@ def test_a_refused_connection_is_told(server: Server) -> None:
 
 @pytest.mark.parametrize("url", ["", "gpu-box", "ftp://gpu-box/", "http://[::bad"])
 def test_what_is_no_address_is_told(url: str) -> None:
-    with pytest.raises(DetectorUnreachableError, match="is no http address; give 'url' of detection/remote"):
+    with pytest.raises(DetectorUnreachableError, match="is not an http address; give 'url' of detection/remote"):
         detector(url).find(picture(), ["cup"])
 
 

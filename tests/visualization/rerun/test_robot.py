@@ -60,7 +60,7 @@ def test_collision_shapes_stay_out_of_the_recording_and_primitives_are_solid(rec
 
 
 def test_a_joint_that_the_robot_does_not_have_is_named(record):
-    with record() as recorder, pytest.raises(RecordingError, match="'elbow' is no movable joint of robot 'cart'"):
+    with record() as recorder, pytest.raises(RecordingError, match="'elbow' is not a movable joint of robot 'cart'"):
         recorder.snapshot(RobotSnapshot(0.0, 0, Pose(), {"elbow": 0.1}))
 
 
