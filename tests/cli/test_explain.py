@@ -67,6 +67,10 @@ def test_what_is_no_run_is_refused(bestman_bt: Command, folder: Path) -> None:
     (folder / "empty").mkdir()
     broken = write_run(folder / "broken")
     (broken / "result.json").write_text("{")
-    for path, why in (("none", "is not a folder"), ("empty", "no run folder"), ("broken", "is not a result of a run")):
+    for path, why in (
+        ("none", "is not a folder"),
+        ("empty", "is not a run folder"),
+        ("broken", "is not a result of a run"),
+    ):
         answer = bestman_bt("explain", path)
         assert (answer.code, why in answer.err) == (2, True)

@@ -140,7 +140,7 @@ def test_a_recording_of_another_robot_or_none_is_refused(replay: ReplayRobot, tm
     with pytest.raises(ConnectionFailedError, match="--record"):
         ReplayRobot(replay.model, recording=tmp_path).connect()
     (tmp_path / TAPE_NAME).write_bytes(b"nothing of the kind")
-    with pytest.raises(ConnectionFailedError, match="no recording"):
+    with pytest.raises(ConnectionFailedError, match="is not a recording"):
         ReplayRobot(replay.model, recording=tmp_path).connect()
 
 

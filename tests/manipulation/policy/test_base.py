@@ -27,7 +27,7 @@ def test_a_specification_goes_through_json_unchanged() -> None:
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", SPECIFICATION.to_json().replace('"dt": 0.1', '"dt": "fast"')])
 def test_what_is_no_specification_is_refused(text: str) -> None:
-    with pytest.raises(PolicyModelError, match="no policy specification"):
+    with pytest.raises(PolicyModelError, match="not a policy specification"):
         PolicySpecification.from_json(text)
 
 

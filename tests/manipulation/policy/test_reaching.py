@@ -116,7 +116,7 @@ def test_files_that_are_missing_or_something_else_are_refused(copy: Path, seen: 
     with pytest.raises(PolicyModelError, match="no ONNX file"):
         OnnxPolicy(str(tmp_path / "absent.onnx")).act(seen)
     copy.write_bytes(b"no network")
-    with pytest.raises(PolicyModelError, match="no ONNX model"):
+    with pytest.raises(PolicyModelError, match="not an ONNX model"):
         load_policy(copy).act(seen)
     copy.with_suffix(".json").unlink()
     with pytest.raises(PolicyModelError, match="does not describe a policy"):
