@@ -226,7 +226,7 @@ def test_a_pictures_folder_that_is_a_link_does_not_leave_the_run(folder: Path) -
     elsewhere = folder.parent / "elsewhere"
     (folder / "pictures").rename(elsewhere)
     (folder / "pictures").symlink_to(elsewhere)
-    with pytest.raises(RecordError, match="no picture of its own"):
+    with pytest.raises(RecordError, match="is not one of its pictures"):
         read_picture(folder, "pictures/0001.jpg")
 
 

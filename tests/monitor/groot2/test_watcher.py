@@ -235,7 +235,7 @@ def answer(*parts: bytes) -> bytes:
         (_GREETING + READY + answer(b"\x01" + HEAD[1:], b"<root/>"), "version 1 of Groot2's protocol"),
         (_GREETING + READY + answer(HEAD[:2] + b"\x09" + HEAD[3:], b"<root/>"), "answers another request"),
         (_GREETING + READY + answer(HEAD, b"<root"), "cannot be read"),
-        (_GREETING + READY + answer(HEAD, b"\xff\xfe"), "no UTF-8"),
+        (_GREETING + READY + answer(HEAD, b"\xff\xfe"), "not UTF-8"),
         (
             _GREETING + READY + answer(HEAD, b"<root><BehaviorTree ID='A'><Sequence _uid='7'/></BehaviorTree></root>"),
             "out of order",
