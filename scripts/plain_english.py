@@ -55,6 +55,11 @@ REFUSED = {
     "for good": '"permanently"',
     "now and then": '"sometimes"',
     "mend": '"repair" or "fix"',
+    "to be had": '"available"',
+    "so called": '"of this name"',
+    "has told": '"has reported"',
+    "begun again": '"restarted"',
+    "takes in": '"processes"',
     "mends": '"repairs" or "fixes"',
 }
 """Phrase → what to write instead, in docstrings, messages and pages."""
@@ -76,7 +81,7 @@ LEFT = {
     "let go": (5, 9),
     "what is": (85, 93),
     "is no": (109, 16),
-    "by itself": (18, 9),
+    "by itself": (18, 10),
     "of its own": (31, 46),
     "in the way": (7, 4),
 }
