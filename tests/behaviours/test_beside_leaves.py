@@ -12,6 +12,7 @@ import pytest
 from behaviours.furniture.close import ROOM, pushes
 from behaviours.furniture.leaf import BASE_GAP, SAME_STAND, FurnitureLeaf, LeafWay, room_beside, world_at_leaf
 from behaviours.furniture.leaf_motion import UNSURE, withdraw
+from behaviours.furniture.opening import plan_opening
 from bestman_bt.engine import SUCCESS
 from bestman_bt.manipulation.kinematics.link_hulls import body_between
 from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
@@ -48,6 +49,20 @@ def test_a_leaf_may_be_open_more_or_less_by_the_margin(name: str, part: str, pos
             front = (base_from_map @ leaf.front(position + off)).position
             there = bool(np.linalg.norm(places - front, axis=1).min() < 1e-6)
             assert there is (abs(off) <= margin)
+
+
+@pytest.mark.parametrize(("name", "part", "position", "asked"), [(*DRAWER, 0.1, 0.2), (*DOOR, 0.4, 0.9)])
+def test_a_leaf_that_is_half_open_is_opened_by_the_rest(name: str, part: str, position: float, asked: float) -> None:
+    skills, leaf, _ = standing_at(name, part, position)
+    belief = skills.world.handles["handle"]
+    half = plan_opening(skills, leaf.articulation, belief, asked)
+    skills.world.believe_articulation(leaf.articulation, 0.0)
+    shut = plan_opening(skills, leaf.articulation, belief, asked)
+    assert (half.start, shut.start) == (position, 0.0)
+    if leaf.leaf.kind == "prismatic":
+        assert shut.distance - half.distance == pytest.approx(position)
+    else:
+        assert shut.angle - half.angle == pytest.approx(position)
 
 
 @pytest.mark.parametrize("theta", [0.0, 2.1, -1.2])

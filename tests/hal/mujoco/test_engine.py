@@ -48,6 +48,20 @@ def test_what_a_program_writes_into_the_data_is_counted(robot, name: str, kind: 
     assert getattr(robot.audit_record(), kind) == 1
 
 
+def test_the_velocity_of_the_robot_is_that_of_its_centre_of_mass_whatever_it_turns_about(robot) -> None:
+    engine = engine_of(robot)
+    body, data = engine.built.robot, engine.data
+    start = engine._free[body]
+    off = data.xipos[body] - data.xpos[body]
+    assert np.linalg.norm(off) > 0.01
+    moving, turning = np.array([0.3, -0.2, 0.1]), np.array([0.4, -0.5, 1.2])
+    data.qvel[start : start + 3] = moving
+    data.qvel[start + 3 : start + 6] = data.xmat[body].reshape(3, 3).T @ turning
+    velocity, rate = engine.body_velocity(body)
+    assert rate == pytest.approx(turning)
+    assert velocity == pytest.approx(moving + np.cross(turning, off))
+
+
 def test_an_honest_run_is_clean(robot) -> None:
     robot.part("base", MobileBase).set_velocity(0.3, 0.0, 0.0)
     robot.clock.sleep(0.3)
