@@ -17,7 +17,7 @@ from behaviours.perception.perceive import DetectObject
 from benchmarks.fault_trials.hand import MoveFingers
 from benchmarks.fault_trials.left_behind import LeftBehind
 from benchmarks.fault_trials.truth import place
-from bestman_bt.engine import Fallback, Node, RetryUntilSuccessful, Sequence, Sleep
+from bestman_bt.engine import Fallback, Node, Sequence, Sleep
 from bestman_bt.messages import Pose2D
 from bestman_bt.runtime.robot_session import Session, open_session
 from bestman_bt.runtime.setup import Setup
@@ -221,8 +221,5 @@ def _acts(trial: Trial, session: Session) -> tuple[Node, Node]:
             names = {"object": goal.object, "surface": goal.source}
             return (
                 Sequence("look", [Sleep(msec=500), DetectObject(**names)]),
-                # Twice: on a busy machine the twin's first image after the fault may come too late.
-                RetryUntilSuccessful(
-                    "look again", Sequence("look", [LookAt(surface=goal.source), DetectObject(**names)]), num_attempts=2
-                ),
+                Sequence("look again", [LookAt(surface=goal.source), DetectObject(**names)]),
             )

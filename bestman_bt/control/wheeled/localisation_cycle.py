@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from bestman_bt.control.history import History, NotRecordedError, pose_between
 from bestman_bt.control.inertial import FusedOdometry
+from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.control.lidar import LidarSensor, deskewed
 from bestman_bt.messages import LaserScan, Pose2D
 from bestman_bt.navigation.localization.base import Localizer, OdometryScan
@@ -142,7 +144,15 @@ class LocalisationCycle:
         seconds.
         """
         believed = self.world.base.pose
-        return believed @ self.odometry.inverse() @ self._odometries.at(stamp) if self._odometries else believed
+        if not self._odometries:
+            return believed
+        try:
+            odometry = self._odometries.at(stamp)
+        except NotRecordedError:  # a busy machine holds ``step`` up: the present odometry covers the time since
+            with contextlib.suppress(*READING_ERRORS):
+                self._odometries.add(self.clock.now(), self._odometer.pose())
+            odometry = self._odometries.at(stamp)
+        return believed @ self.odometry.inverse() @ odometry
 
     def step(self) -> None:
         """Run one control tick. Raises NotConnectedError or NoDataError."""

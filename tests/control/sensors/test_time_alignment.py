@@ -9,7 +9,8 @@ import pytest
 
 from bestman_bt.control.history import NotRecordedError
 from bestman_bt.control.rgbd import CameraError, CameraErrorCode, RGBDSensor
-from bestman_bt.messages import Pose
+from bestman_bt.messages import Pose, Pose2D
+from hal.api import NoDataError
 
 
 @pytest.fixture
@@ -65,7 +66,11 @@ def test_what_a_turning_robot_sees_lies_where_it_is(turning) -> None:
             assert seen.map_from_lidar.theta == pytest.approx((base.to_pose2d() @ lidar).theta, abs=math.radians(1.0))
 
 
-def test_an_image_of_a_time_that_nothing_tells_of_is_none(simulate) -> None:
+def silent() -> Pose2D:
+    raise NoDataError("no odometry")
+
+
+def test_an_image_of_a_time_that_nothing_tells_of_is_none(simulate, monkeypatch) -> None:
     it = simulate(2)
     it.joints.start(it.robot.clock)
     it.robot.clock.sleep(3.0)
@@ -79,6 +84,10 @@ def test_an_image_of_a_time_that_nothing_tells_of_is_none(simulate) -> None:
     it.base.close()
     it.base.localisation.begin()
     it.robot.clock.sleep(1.0)
+    assert sensor.capture().stamp > it.robot.clock.now() - 0.2, "held up for a second, it reads the odometry"
+    it.base.localisation.begin()
+    it.robot.clock.sleep(1.0)
+    monkeypatch.setattr(it.base.localisation._odometer, "pose", silent)
     with pytest.raises(CameraError, match="nothing tells where the robot was when head_camera took its image") as error:
         sensor.capture()
     assert error.value.code is CameraErrorCode.STALE
