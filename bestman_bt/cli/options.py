@@ -49,7 +49,9 @@ def writable_file(path: Path | None) -> Path | None:
     if path is None:
         return None
     if path.is_dir() or not path.parent.is_dir():
-        raise typer.BadParameter(f"'{path}' is a folder" if path.is_dir() else f"there is not a folder '{path.parent}'")
+        raise typer.BadParameter(
+            f"'{path}' is a folder" if path.is_dir() else f"the folder '{path.parent}' does not exist"
+        )
     if not os.access(path if path.exists() else path.parent, os.W_OK):
         raise typer.BadParameter(f"'{path}' may not be written")
     return path

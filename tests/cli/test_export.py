@@ -29,7 +29,7 @@ def test_a_run_and_its_log_alone_are_exported_alike(bestman_bt: Command, folder:
     [
         (("nowhere", "--format", "chrome", "-o", "x"), "nowhere is not a run folder"),
         (("run", "--format", "csv", "-o", "x"), "'csv' is not one of 'sqlite', 'chrome', 'jsonl'"),
-        (("run", "--format", "chrome", "-o", "no/x"), "there is not a folder 'no'"),
+        (("run", "--format", "chrome", "-o", "no/x"), "the folder 'no' does not exist"),
         (("run", "--format", "sqlite", "-o", "other.txt"), "cannot be written: file is not a database"),
     ],
 )

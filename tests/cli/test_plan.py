@@ -219,10 +219,10 @@ def test_an_empty_goal_is_refused_and_a_slip_in_one_before_a_world_is_built(best
 def test_what_cannot_be_written_is_told_before_anything_is_planned(bestman_bt: Command, folder: Path) -> None:
     (folder / "file").write_text("")
     for arguments, words in (
-        (("-o", "nowhere/tree.xml"), "there is not a folder 'nowhere'"),
+        (("-o", "nowhere/tree.xml"), "the folder 'nowhere' does not exist"),
         (("-o", "."), "is a folder"),
-        (("--svg", "nowhere/tree.svg"), "there is not a folder 'nowhere'"),
-        (("--record", "nowhere/talk.jsonl"), "there is not a folder 'nowhere'"),
+        (("--svg", "nowhere/tree.svg"), "the folder 'nowhere' does not exist"),
+        (("--record", "nowhere/talk.jsonl"), "the folder 'nowhere' does not exist"),
         (("--run", "--runs", "file/runs"), "is not a folder"),
     ):
         answer = bestman_bt("plan", "--goal", GOAL, "--scene", "no_such_scene", *arguments)

@@ -67,7 +67,7 @@ def test_what_is_damaged_is_told_on_standard_error_too(bestman_bt: Command, fold
         (["nowhere"], "nowhere is not a folder"),
         (["."], "is not a run folder and contains none"),
         ([".", "-o", "report.pdf"], "reports are HTML files"),
-        ([".", "-o", "not/there.html"], "there is not a folder"),
+        ([".", "-o", "not/there.html"], "does not exist"),
     ],
 )
 def test_wrong_input_is_told_and_nothing_is_written(
