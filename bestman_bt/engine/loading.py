@@ -7,6 +7,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
@@ -538,11 +539,16 @@ class Builder:
 
     def _earlier_board(self, node: SubTree, path: str) -> Blackboard | None:
         """Return the blackboard of the same SubTree, with the same ports, in the tree that this one replaces."""
-        replaces = self.tree.replaces
-        if replaces is None or path not in replaces.blackboards:
+        replaces, earlier = self.tree.replaces, self._earlier_subtrees.get(path)
+        if replaces is None or earlier is None or earlier.attributes != node.attributes:
             return None
-        found = next(one for one in replaces.nodes if isinstance(one, SubTree) and one.subtree_path == path)
-        return replaces.blackboards[path] if found.attributes == node.attributes else None
+        return replaces.blackboards.get(path)
+
+    @cached_property
+    def _earlier_subtrees(self) -> dict[str, SubTree]:
+        """The SubTrees of the tree that this one replaces, by the path of what they stand for."""
+        nodes = [] if self.tree.replaces is None else self.tree.replaces.nodes
+        return {node.subtree_path: node for node in nodes if isinstance(node, SubTree)}
 
 
 _FIELDS = {"_onSuccess": "on_success", "_onFailure": "on_failure", "_onHalted": "on_halted", "_post": "post"}

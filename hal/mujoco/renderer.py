@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 import os
 import sys
+from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import CameraIntrinsics, Pose
+from bestman_bt.messages import CameraIntrinsics, PlacedShape, Pose
 from hal.mujoco.package import mujoco
-from hal.mujoco.world_builder import SEEN, SOLID_AND_SEEN
+from hal.mujoco.parameters import MujocoParameters
+from hal.mujoco.world_builder import SEEN, SOLID_AND_SEEN, Shapes
 from hal.simulation.bodies import SimulationError, Viewpoint
+from hal.simulation.camera import smooth
 
 NO_RENDERER = (
     "MuJoCo finds no OpenGL to draw without a window ({error}). On Debian this helps: "
@@ -157,3 +160,24 @@ class Renderer:
             self._size = max(size[0], self._size[0]), max(size[1], self._size[1])
             mujoco.mjr_resizeOffscreen(*self._size, self._context)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
+
+
+def render_object(
+    parts: Sequence[tuple[PlacedShape, tuple[float, float, float]]],
+    viewpoint: Viewpoint,
+    width: int = 480,
+    height: int = 480,
+) -> NDArray[np.uint8]:
+    """Render shapes with their colours on white: (height, width, 3) uint8."""
+    shapes = Shapes(MujocoParameters())
+    shapes.light()
+    body = shapes.body(shapes.spec.worldbody, "object", Pose())
+    shapes.geoms(body, [part for part, _ in parts], [(*color, 1.0) for _, color in parts], None)
+    model = shapes.spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    renderer = Renderer(model, data)
+    try:
+        return smooth(renderer.view(viewpoint, 2 * width, 2 * height), 2)
+    finally:
+        renderer.close()

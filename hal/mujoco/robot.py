@@ -9,7 +9,7 @@ from bestman_bt.robot_model.model import LeggedBaseModel, RobotModel
 from bestman_bt.scene.scene import World
 from hal.mujoco.engine import MujocoEngine
 from hal.mujoco.parameters import MujocoParameters
-from hal.mujoco.pictures import render_object
+from hal.mujoco.renderer import render_object
 from hal.simulation.bodies import SimulationError
 from hal.simulation.robot import SimulatedRobot
 

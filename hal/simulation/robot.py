@@ -75,7 +75,7 @@ class SimulatedRobot(Robot):
     parameters_class: ClassVar[type[SimulationParameters]] = SimulationParameters
     """Of the constructor's ``parameters``."""
     render_object: ClassVar[Callable[..., NDArray[np.uint8]]]
-    """Draws shapes before white, without a robot: ``hal.mujoco.pictures``, ``hal.pybullet.pictures``."""
+    """Renders shapes on white, without a robot: ``hal.mujoco.renderer``, ``hal.pybullet.pictures``."""
     clock: SimulatedClock
 
     def __init__(

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, Node, NodeRegistry, StatefulAction, Tree, load_tree
-from bestman_bt.engine.reloading import watched
+from bestman_bt.engine.reloading import WatchedTree, watched
 
 began: list[str] = []
 
@@ -64,7 +64,8 @@ def running(tmp_path: Path, registry: NodeRegistry) -> Callable[[str], tuple[Pat
 
 
 def inner(tree: Tree) -> Tree:
-    return tree.root.current  # type: ignore[attr-defined]  # of the WatchedTree
+    assert isinstance(tree.root, WatchedTree)
+    return tree.root.current
 
 
 def state_of(tree: Tree, path: str) -> Node:

@@ -59,7 +59,7 @@ def robot_stops_and_recovers(twin: TwinProcess, session: Session, trial: Trial) 
     assert told < trial.allowed + OVERDUE
     assert (report.stopped is not None) is trial.stops
     assert report.at_rest
-    assert report.recovered
+    assert report.recovered, [failure.why for failure in session.skills.failures]
 
 
 FIXTURES = robot_name, twin, session
