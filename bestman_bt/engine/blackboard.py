@@ -214,17 +214,16 @@ class Slot:
             value = self._fit(value)
         self.write(value, writer)
 
-    def take(self, value: Any, *, typed: bool) -> None:
+    def take(self, value: Any, kind: Any) -> None:
         """Store the value that a native py_trees behaviour wrote under this entry's key, and notify the watchers.
 
-        ``typed``: the value must fit the locked type; if False, the lock is removed.
+        ``kind``: the type that a port declares, which the value must fit, also after the entry was cleared; None: any.
 
         Raises:
             BlackboardError: the value does not fit.
         """
-        if not typed:
-            self.kind = None
-        elif value is not None and type(value) is not self.kind:
+        self.kind = kind
+        if kind is not None and value is not None and type(value) is not kind:
             value = self.store.mirror[self.path] = self._fit(value)
         previous, self.value = self.value, value
         self.exists = True
@@ -482,7 +481,7 @@ class SharedEntries:
         weakref.finalize(board.store, _unregister, [behaviour.blackboards for behaviour in behaviours])
         self._board = board
         self._slots: dict[str, Slot | None] = {}
-        self._typed = {slot for slot in board.slots() if slot.kind is not None}
+        self._kinds = {slot: slot.kind for slot in board.slots()}
         self.take_over()
 
     def take_over(self) -> None:
@@ -502,7 +501,7 @@ class SharedEntries:
                 if slot.sequence:
                     slot.clear()
             elif value is not slot.value:
-                slot.take(value, typed=slot in self._typed)
+                slot.take(value, self._kinds.get(slot))
 
     def _slot_of(self, path: str) -> Slot | None:
         """Return the entry that is py_trees' key, or None if it is one of another blackboard of a tree."""

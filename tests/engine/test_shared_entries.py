@@ -136,6 +136,18 @@ def test_the_type_of_a_port_holds_for_native_writers_and_other_entries_change_ty
         tree.tick_exactly_once()
 
 
+def test_the_type_of_a_port_holds_after_its_entry_was_cleared() -> None:
+    class Clears(behaviours.Success):
+        def update(self) -> Status:
+            PyTreesBlackboard.storage.pop("/steps", None)
+            return Status.SUCCESS
+
+    first, second = (behaviours.SetBlackboardVariable("write", "steps", value, True) for value in (7, "many"))
+    tree = build_tree(Sequence([first, Clears(), second, Adds(steps="{steps}")]))
+    with pytest.raises(NodeError, match="write .*'steps' is locked to int"):
+        tree.tick_exactly_once()
+
+
 def test_setup_may_write_and_the_activity_stream_tells_each_write_once() -> None:
     class Opens(Counts):
         def setup(self, **kwargs: Any) -> None:
