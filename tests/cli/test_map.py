@@ -55,7 +55,7 @@ def test_a_wrong_map_is_wrong_input(bestman_bt: Command, folder: Path, text: str
 
 
 @pytest.mark.parametrize(
-    ("png", "words"), [("nowhere/a.png", "is not a folder"), ("hall.foo", "FILE.png"), (".", "FILE.png")]
+    ("png", "words"), [("nowhere/a.png", "does not exist"), ("hall.foo", "FILE.png"), (".", "FILE.png")]
 )
 def test_a_picture_that_cannot_be_written_is_wrong_input(
     bestman_bt: Command, folder: Path, png: str, words: str
