@@ -15,12 +15,9 @@ from bestman_bt.engine.core.status import IDLE, STATUS_NAMES
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import EngineError
+from bestman_bt.engine.palette import STATE_COLORS, STATE_MARKS
 
 # A tree as text, with the nodes' states where they are known.
-
-
-STATE_MARKS = ("·", "▶", "✓", "✗", "↷")
-"""Marks of IDLE, RUNNING, SUCCESS, FAILURE and SKIPPED."""
 
 
 def render_text(tree: Tree, states: Mapping[int, int] | None = None, *, ports: bool = True) -> str:
@@ -118,7 +115,6 @@ _FILL: Final = {
     "Decorator": "#f1ecf9",
     "SubTree": "#e7f5ea",
 }
-_STATE: Final = ("#8a8f98", "#1f6feb", "#1a7f37", "#cf222e", "#9a6700")
 
 
 @dataclass
@@ -128,7 +124,7 @@ class NodeBox:
     lines: list[str]
     tooltip: str
     fill: str = "#ffffff"
-    stroke: str = _STATE[IDLE]
+    stroke: str = STATE_COLORS[IDLE]
     stroke_width: float = 1
     dashed: bool = False
     children: list[NodeBox] = field(default_factory=list)
@@ -187,7 +183,7 @@ def _box(node: Node, states: Mapping[int, int] | None) -> NodeBox:
         lines,
         f"{node.path} {STATUS_NAMES[status]}",
         _FILL.get(node.KIND, "#ffffff"),
-        _STATE[status],
+        STATE_COLORS[status],
         1 if status == IDLE else 2.5,
         _is_placeholder(node),
         [_box(child, states) for child in node.children if isinstance(child, Node)],
@@ -224,7 +220,7 @@ def _draw(box: NodeBox, parts: list[str]) -> None:
         middle = (x0 + x1) / 2
         parts.append(
             f'<path d="M{x0:.1f},{y0:.1f} C{middle:.1f},{y0:.1f} {middle:.1f},{y1:.1f} {x1:.1f},{y1:.1f}" '
-            'fill="none" stroke="#8a8f98"/>'
+            f'fill="none" stroke="{STATE_COLORS[IDLE]}"/>'
         )
     dashes = ' stroke-dasharray="5 3"' if box.dashed else ""
     parts.append(f"<g><title>{_in_xml(box.tooltip)}</title>")
@@ -260,7 +256,7 @@ def render_dot(tree: Tree, states: Mapping[int, int] | None = None) -> str:
         label = "\\n".join(_escaped(line) for line in [node_label(node), *port_texts(node)])
         lines.append(
             f'  n{node.uid} [label="{label}", shape={_SHAPES.get(node.KIND, "box")}, '
-            f'fillcolor="{_FILL.get(node.KIND, "#ffffff")}", color="{_STATE[status]}"{dashes}];'
+            f'fillcolor="{_FILL.get(node.KIND, "#ffffff")}", color="{STATE_COLORS[status]}"{dashes}];'
         )
         lines.extend(f"  n{node.uid} -> n{child.uid};" for child in node.children if isinstance(child, Node))
     return "\n".join([*lines, "}"]) + "\n"

@@ -1,22 +1,17 @@
-"""The appearance of states in all viewers; the colours are in ``palette.json``, which the live page also uses.
-
-The hues follow Okabe and Ito, so that they are distinguishable for colour-blind people.
-"""
+"""The appearance of nodes in all viewers, by their states now and before."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
-from pathlib import Path
 
 from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.engine.palette import PALETTE
 from bestman_bt.records.states import NO, NodeStates
 
 Color = tuple[int, int, int]
 """Red, green, blue, 0 to 255."""
 _GREY, _KEPT = 120, 0.6
 """What was is shown as a mixture of its colour with grey; the share of the colour."""
-_PALETTE: dict[str, dict[str, str]] = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)
@@ -30,7 +25,7 @@ class Look:
 
 
 def _look(name: str) -> Look:
-    told = _PALETTE[name]
+    told = PALETTE[name]
     light, dark = (tuple(bytes.fromhex(told[ground][1:])) for ground in ("light", "dark"))
     return Look(told["word"], told["icon"], (light[0], light[1], light[2]), (dark[0], dark[1], dark[2]))
 
@@ -64,5 +59,5 @@ def look_of(nodes: NodeStates, uid: int) -> Look:
 
 def css_variables() -> str:
     """Return ``--running: #0967c4; …`` for light and dark colour schemes."""
-    light, dark = (" ".join(f"--{name}: {told[g]};" for name, told in _PALETTE.items()) for g in ("light", "dark"))
+    light, dark = (" ".join(f"--{name}: {told[g]};" for name, told in PALETTE.items()) for g in ("light", "dark"))
     return f":root {{ {light} }}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n"

@@ -22,7 +22,7 @@ function licences(): Plugin {
 }
 
 /** The colours of the states as custom properties: one file has them for this page and for all that Python shows. */
-const PALETTE = "../../records/palette.json";
+const PALETTE = "../../engine/palette.json";
 
 function palette(): Plugin {
   const name = "virtual:palette.css";

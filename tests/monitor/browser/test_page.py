@@ -55,7 +55,7 @@ def test_the_page_does_what_the_story_tells(story: Path) -> None:
 
 
 def test_the_built_page_is_of_these_sources() -> None:
-    names = ["../../records/palette.json", "index.html", "package-lock.json"]
+    names = ["../../engine/palette.json", "index.html", "package-lock.json"]
     for folder in ("src", "public"):
         names += [path.relative_to(PAGE).as_posix() for path in (PAGE / folder).rglob("*") if path.is_file()]
     digest = hashlib.sha256()
