@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from bestman_bt.control.robot_stop import RobotStop
     from bestman_bt.control.touch import TactileSensor, WristWrench
     from bestman_bt.control.wheeled.base_controller import BaseController
+    from bestman_bt.manipulation.base_placement import ReachingArm
     from bestman_bt.manipulation.collision.base import CollisionModel, CollisionWorld
     from bestman_bt.manipulation.collision.planning_scene import PlanningScene
     from bestman_bt.manipulation.kinematics.base import InverseKinematics
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap
     from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
     from bestman_bt.manipulation.policy.base import Policy
-    from bestman_bt.manipulation.stand_pose import ReachingArm
     from bestman_bt.navigation.global_planning.base import GlobalPlanner
     from bestman_bt.navigation.global_planning.costmap import Costmap
     from bestman_bt.navigation.global_planning.footprint import Footprint
@@ -236,7 +236,7 @@ class SkillContext:
 
     def reaching_arm(self, reachability: ReachabilityMap | None = None) -> ReachingArm:
         """Return the current arm, for a search of base placements."""
-        from bestman_bt.manipulation.stand_pose import ReachingArm
+        from bestman_bt.manipulation.base_placement import ReachingArm
 
         return ReachingArm(self.kinematics, self.arm_model, self.arm_positions(), self.rng, reachability)
 

@@ -17,8 +17,8 @@ import time
 from itertools import pairwise
 from pathlib import Path
 
+from bestman_bt.manipulation.base_placement import PathPlacements
 from bestman_bt.manipulation.kinematics.reachability_map import ReachabilitySampling
-from bestman_bt.manipulation.stand_along import ArcStands
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -27,9 +27,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from bestman_bt.evaluation.interval import wilson_interval
+from bestman_bt.manipulation.base_placement import ReachingArm, placements_around
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
-from bestman_bt.manipulation.stand_along import stands_around
-from bestman_bt.manipulation.stand_pose import ReachingArm
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import ArmModel, RobotModel
@@ -81,10 +80,10 @@ def doors(count: int, seed: int) -> dict[str, object]:
             door = door_stations(hinge, rng.uniform(0.25, 0.6), int(rng.choice([-1, 1])))
             if stiff:
                 door = [[poses[5]] for poses in door]
-            around = stands_around(door[len(door) // 2][len(door[0]) // 2].position)
+            around = placements_around(door[len(door) // 2][len(door[0]) // 2].position)
             candidates = [s for s in around if hinge.inverse().apply(np.array([s.x, s.y, 0.0]))[0] < -0.4]
             began = time.process_time()
-            ranked = ArcStands().rank(candidates, door, ReachingArm(kinematics, arm, home, rng, used))
+            ranked = PathPlacements().rank(candidates, door, ReachingArm(kinematics, arm, home, rng, used))
             seconds.append(time.process_time() - began)
             opened += bool(ranked)
             stands.append(len(ranked))

@@ -6,12 +6,9 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
-
 from behaviours.context import DRIVEN
 from behaviours.furniture.close import BEFORE, FrontPush, pushes
 from behaviours.furniture.leaf import (
-    SAME_STAND,
     UNKNOWN_ARTICULATION,
     FurnitureLeaf,
     LeafWay,
@@ -20,14 +17,15 @@ from behaviours.furniture.leaf import (
     room_beside,
 )
 from behaviours.furniture.opening import Opening, before, plan_opening, pull_grasps, stations
-from behaviours.skill import ArticulationName, Declaration, OnArm, Skill, SkillFailure, Steps
+from behaviours.manipulation.base_placement import FindBasePlacement
+from behaviours.skill import ArticulationName, Declaration, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.messages.shapes import NonNegative
 from bestman_bt.world_model.world_model import MOVED, HandleBelief
 
 if TYPE_CHECKING:
-    from bestman_bt.manipulation.stand_along import StandAlong
+    from bestman_bt.manipulation.base_placement import PathPlacement
 
 
 # Standing to close a door or drawer: from where the arm pushes its front all the way shut.
@@ -39,37 +37,29 @@ CLOSE_BEARINGS = tuple(math.radians(degrees) for degrees in range(-90, 91, 15))
 TURNS = (0.0, -0.5, 0.5)
 
 
-class FindCloseStand(OnArm, Skill):
+class FindCloseStand(FindBasePlacement):
     """Choose a base placement from which the arm can push a door or drawer shut from its believed opening.
 
     Each further call gives another placement, until none is left.
     """
 
-    REQUIRES = ("base", "lidar", "arm", "gripper")
     articulation = In[str](ArticulationName, "furniture/leaf of the map")
-    stand = Out(Pose2D, "where to stand, in the map frame", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,
         "no_stand": "look where it stands now: FindLookStand, DetectHandle",
     }
     DECLARATION = Declaration(effects=("stand_known({articulation})",))
 
-    def on_load(self) -> None:
-        """Reset the tried placements."""
-        self._tried: list[Pose2D] = []
-
-    def execute(self) -> Steps:
+    def _best(self) -> StepsTo[Pose2D]:
         """Search the ways to push in turn for a base placement."""
         leaf = find_leaf(self.skills, self.articulation)
         stands = yield self.compute("stand_planning", self._rank, leaf)
         if not stands:
             raise SkillFailure("no_stand", f"no free base placement lets the arm push {leaf.articulation} shut")
-        best = stands[0].pose
-        self._tried.append(best)
-        self.stand = best
-        self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
+        best: Pose2D = stands[0].pose
+        return best
 
-    def _rank(self, leaf: FurnitureLeaf) -> Sequence[StandAlong]:
+    def _rank(self, leaf: FurnitureLeaf) -> Sequence[PathPlacement]:
         return find_stands(self.skills, leaf, self._ways(leaf))
 
     def _ways(self, leaf: FurnitureLeaf) -> Iterator[LeafWay]:
@@ -83,17 +73,16 @@ class FindCloseStand(OnArm, Skill):
                 around[point] = [stand for stand in _around(push) if self._is_new(stand) and is_base_free(stand)]
             yield LeafWay(around[point], [push.stations(BEFORE)[0], *push.stations()], positions, "fingers", skip=1)
 
-    def _is_new(self, stand: Pose2D) -> bool:
-        return all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)
-
 
 def _around(push: FrontPush) -> tuple[Pose2D, ...]:
-    from bestman_bt.manipulation.stand_along import stands_around
+    from bestman_bt.manipulation.base_placement import placements_around
 
     middle = push.start / 2
     outward = -push.leaf.front(middle).rotation[:, 0]
     front = math.atan2(outward[1], outward[0])
-    return stands_around(push.at(middle)[:2], CLOSE_DISTANCES, [front + bearing for bearing in CLOSE_BEARINGS], TURNS)
+    return placements_around(
+        push.at(middle)[:2], CLOSE_DISTANCES, [front + bearing for bearing in CLOSE_BEARINGS], TURNS
+    )
 
 
 LOOK_DISTANCES = (0.90, 1.05, 0.75, 1.20)
@@ -127,7 +116,7 @@ class FindLookStand(Skill):
 
         If the believed opening has changed, it starts straight in front again.
         """
-        from bestman_bt.manipulation.stand_along import stands_around
+        from bestman_bt.manipulation.base_placement import placements_around
 
         articulation: str = self.articulation
         leaf = find_leaf(self.skills, articulation)
@@ -140,7 +129,7 @@ class FindLookStand(Skill):
         first = self._asked % len(LOOK_BEARINGS)
         self._asked += 1
         for bearing in (*LOOK_BEARINGS[first:], *LOOK_BEARINGS[:first]):
-            stands = stands_around(front.position[:2], LOOK_DISTANCES, (facing + bearing,), (0.0,))
+            stands = placements_around(front.position[:2], LOOK_DISTANCES, (facing + bearing,), (0.0,))
             stand = next((stand for stand in stands if clearance(stand) > 0.0), None)
             if stand is not None:
                 self.stand = stand
@@ -149,17 +138,15 @@ class FindLookStand(Skill):
         raise SkillFailure("no_stand", f"no room to stand in front of {articulation}")
 
 
-class FindOpenStand(OnArm, Skill):
+class FindOpenStand(FindBasePlacement):
     """Choose a base placement from which the arm can grasp a handle and follow it over the requested opening.
 
     The arm stays on one branch of inverse kinematics. Each further call gives another placement, until none is left.
     """
 
-    REQUIRES = ("base", "lidar", "arm", "gripper")
     articulation = In[str](ArticulationName, "furniture/leaf of the map")
     handle = In(str, "a believed handle")
     opening = In[float](NonNegative, "how far to open: metres of a drawer, radians of a door")
-    stand = Out(Pose2D, "where to stand, in the map frame", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,
         "handle_not_found": "DetectHandle first",
@@ -167,11 +154,7 @@ class FindOpenStand(OnArm, Skill):
     }
     DECLARATION = Declaration(pre=("handle_known({handle})",), effects=("stand_known({articulation})",))
 
-    def on_load(self) -> None:
-        """Reset the tried placements."""
-        self._tried: list[Pose2D] = []
-
-    def execute(self) -> Steps:
+    def _best(self) -> StepsTo[Pose2D]:
         """Rank base placements around the handle by how well the arm follows the whole path."""
         name: str = self.handle
         articulation: str = self.articulation
@@ -182,17 +165,15 @@ class FindOpenStand(OnArm, Skill):
         stands = yield self.compute("stand_planning", self._rank, opening, belief)
         if not stands:
             raise SkillFailure("no_stand", f"no free base placement lets the arm open {articulation} as far as asked")
-        best = stands[0].pose
-        self._tried.append(best)
-        self.stand = best
-        self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
+        best: Pose2D = stands[0].pose
+        return best
 
-    def _rank(self, opening: Opening, belief: HandleBelief) -> Sequence[StandAlong]:
+    def _rank(self, opening: Opening, belief: HandleBelief) -> Sequence[PathPlacement]:
         """For all grasps."""
         return find_stands(self.skills, opening.leaf, self._ways(opening, belief))
 
     def _ways(self, opening: Opening, belief: HandleBelief) -> Iterator[LeafWay]:
-        from bestman_bt.manipulation.stand_along import stands_around
+        from bestman_bt.manipulation.base_placement import placements_around
 
         skills = self.skills
         position, outward = opening.handle.pose.position, opening.handle.outward
@@ -200,8 +181,8 @@ class FindOpenStand(OnArm, Skill):
         is_base_free = room_beside(skills, opening.leaf, opening.positions())
         stands = [
             stand
-            for stand in stands_around(position[:2], DISTANCES, [front + bearing for bearing in BEARINGS], TURNS)
-            if all(stand.distance_to(tried) > SAME_STAND for tried in self._tried) and is_base_free(stand)
+            for stand in placements_around(position[:2], DISTANCES, [front + bearing for bearing in BEARINGS], TURNS)
+            if self._is_new(stand) and is_base_free(stand)
         ]
         for candidate in pull_grasps(skills, opening, belief):
             grasp, pre_grasp = skills.map_from_base @ candidate.grasp, skills.map_from_base @ candidate.pre_grasp

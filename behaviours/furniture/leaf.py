@@ -17,11 +17,11 @@ from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf
 from bestman_bt.world_model.world_model import BasePose, Obstacle, WorldModel
 
 if TYPE_CHECKING:
+    from bestman_bt.manipulation.base_placement import PathPlacement, PathPlacements
     from bestman_bt.manipulation.collision.base import CollisionWorld
     from bestman_bt.manipulation.collision.planning_scene import PlanningScene
     from bestman_bt.manipulation.kinematics.arc_path import IsFreeAt, Stations
     from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap
-    from bestman_bt.manipulation.stand_along import ArcStands, StandAlong
 
 
 MEASURED = 0.01
@@ -190,7 +190,6 @@ def free_along(
 
 BASE_GAP = 0.05
 """Metres that the robot's body keeps from where the leaf passes."""
-SAME_STAND = 0.05
 BATCHES = (slice(0, 6), slice(6, 18))
 """Ranges of the most promising base placements: checked first for all ways, then if none is good."""
 ROOM = 0.05
@@ -248,25 +247,25 @@ class LeafWay:
     skip: int = 0
 
 
-def find_stands(skills: SkillContext, leaf: FurnitureLeaf, ways: Iterable[LeafWay]) -> list[StandAlong]:
+def find_stands(skills: SkillContext, leaf: FurnitureLeaf, ways: Iterable[LeafWay]) -> list[PathPlacement]:
     """Return the base placements from which the arm follows the whole of one of ``ways``, best first; may be empty.
 
     The arm's reachability map limits the candidates, so that few searches fail.
     """
-    from bestman_bt.manipulation.stand_along import ArcStands
+    from bestman_bt.manipulation.base_placement import PathPlacements
 
     kinematics, current = skills.kinematics, skills.world.base.pose
     reachability = _reachability(skills)
-    found: list[StandAlong] = []
+    found: list[PathPlacement] = []
     promising: list[LeafWay] = []
     worlds: LeafWorlds = {}
-    few = ArcStands(enough=2, starts=3)
+    few = PathPlacements(enough=2, starts=3)
     for batch in BATCHES:
         for way in promising or ways:
             if batch is BATCHES[0]:
                 stands = way.stands
                 if reachability is not None:
-                    stands = ArcStands().promising(stands, way.stations, kinematics, reachability, current)
+                    stands = PathPlacements().promising(stands, way.stations, kinematics, reachability, current)
                 way = replace(way, stands=stands)
                 promising.append(way)
             these = replace(way, stands=way.stands[batch])
@@ -281,9 +280,9 @@ def stands_along_leaf(
     leaf: FurnitureLeaf,
     way: LeafWay,
     worlds: LeafWorlds,
-    search: ArcStands,
+    search: PathPlacements,
     reachability: ReachabilityMap | None = None,
-) -> tuple[StandAlong, ...]:
+) -> tuple[PathPlacement, ...]:
     """Return the base placements of ``way``, best first, from which the arm follows it while the leaf moves.
 
     ``worlds``: as in ``free_along``.

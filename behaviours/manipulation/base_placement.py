@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -22,8 +23,8 @@ from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface
 from bestman_bt.world_model.world_model import BasePose
 
 if TYPE_CHECKING:
+    from bestman_bt.manipulation.base_placement import BasePlacement
     from bestman_bt.manipulation.collision.base import CollisionWorld
-    from bestman_bt.manipulation.stand_pose import StandPose
 
 
 SAME_STAND = 0.05
@@ -47,19 +48,42 @@ class StandTarget:
     at: NDArray[np.float64]
 
 
-class FindStandPose(OnArm, Skill):
+class FindBasePlacement(OnArm, Skill, ABC):
+    """Base of the skills that choose where the base stands for the arm to work; each call gives another placement."""
+
+    REQUIRES = ("base", "lidar", "arm", "gripper")
+    stand = Out(Pose2D, "where to stand, in the map frame", required=True)
+
+    def on_load(self) -> None:
+        """Reset the tried placements."""
+        self._tried: list[Pose2D] = []
+
+    def execute(self) -> Steps:
+        """Return the best placement that has not been given yet."""
+        best = yield from self._best()
+        self._tried.append(best)
+        self.stand = best
+        self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
+
+    @abstractmethod
+    def _best(self) -> StepsTo[Pose2D]:
+        """Return the best of the placements that are new. Raises SkillFailure (``no_stand``) if none is left."""
+
+    def _is_new(self, stand: Pose2D) -> bool:
+        return all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)
+
+
+class FindStandPose(FindBasePlacement):
     """Choose a base placement to reach an object (where it was seen), a goal on a surface, or the surface itself.
 
     The middle of a surface is preferred; if it is out of reach, another part is used. Each further call for the same
     target gives another placement, until none is left.
     """
 
-    REQUIRES = ("base", "lidar", "arm", "gripper")
     USES = ("wrist_camera",)
     surface = In[str](SurfaceName, "the surface to stand at, such as table")
     object = In[str | None](ObjectName, "the object to reach, if it has been seen", required=False)
     goal = In(Pose, "the place to reach, in the map frame", required=False)
-    stand = Out(Pose2D, "where to stand, in the map frame", required=True)
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         "no_stand": "the obstacle may have gone: ForgetBlocked, then retry",
@@ -67,12 +91,12 @@ class FindStandPose(OnArm, Skill):
     DECLARATION = Declaration(effects=("stand_known({surface})",))
 
     def on_load(self) -> None:
-        """Reset the tried placements."""
+        """Reset the tried placements and their target."""
+        super().on_load()
         self._target = np.full(2, np.inf)
-        self._tried: list[Pose2D] = []
 
-    def execute(self) -> Steps:
-        """Rank the base placements along the furniture by the arm's reach."""
+    def _best(self) -> StepsTo[Pose2D]:
+        """The first along the furniture by the arm's reach; those that have been tried again once all have been."""
         furniture, _ = find_surface(self.skills, self.surface)
         targets = self._targets()
         if np.linalg.norm(targets[0].at - self._target) > SAME_TARGET:
@@ -83,15 +107,14 @@ class FindStandPose(OnArm, Skill):
             stands = yield from self._first_reached(furniture, targets)
         if not stands:
             raise self._why_none(furniture, targets[0])
-        best = stands[0].pose
-        self._tried.append(best)
-        self.stand = best
-        self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
+        return stands[0].pose
 
-    def _first_reached(self, furniture: MapFurniture, targets: Sequence[StandTarget]) -> StepsTo[tuple[StandPose, ...]]:
+    def _first_reached(
+        self, furniture: MapFurniture, targets: Sequence[StandTarget]
+    ) -> StepsTo[tuple[BasePlacement, ...]]:
         """Stands, best first, from where one of the targets is reached, those of the first one that is."""
         for target in targets:
-            stands: tuple[StandPose, ...] = yield self.compute("stand_planning", self._rank, furniture, target)
+            stands: tuple[BasePlacement, ...] = yield self.compute("stand_planning", self._rank, furniture, target)
             if stands:
                 return stands
         return ()
@@ -133,12 +156,12 @@ class FindStandPose(OnArm, Skill):
         assert held is not None
         return float(self._middle()[2] - held.model.bounds()[0, 2])
 
-    def _rank(self, furniture: MapFurniture, target: StandTarget) -> tuple[StandPose, ...]:
-        from bestman_bt.manipulation.stand_pose import StandSearch
+    def _rank(self, furniture: MapFurniture, target: StandTarget) -> tuple[BasePlacement, ...]:
+        from bestman_bt.manipulation.base_placement import BasePlacements
 
         skills = self.skills
         costmap = skills.seen_costmap(DRIVEN)
-        return StandSearch().rank(
+        return BasePlacements().rank(
             self._beside(furniture, target),
             target.tool_poses,
             skills.reaching_arm(),
@@ -149,11 +172,11 @@ class FindStandPose(OnArm, Skill):
 
     def _beside(self, furniture: MapFurniture, target: StandTarget) -> list[Pose2D]:
         """Stands at the furniture that have not been tried, free or not."""
-        from bestman_bt.manipulation.stand_pose import StandSearch
+        from bestman_bt.manipulation.base_placement import BasePlacements
 
         front = float(np.array(self.skills.base.model.footprint)[:, 0].max())
-        beside = StandSearch().beside(with_open_drawers(self.skills, furniture), target.at, front)
-        return [stand for stand in beside if all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)]
+        beside = BasePlacements().beside(with_open_drawers(self.skills, furniture), target.at, front)
+        return [stand for stand in beside if self._is_new(stand)]
 
     def _why_none(self, furniture: MapFurniture, target: StandTarget) -> SkillFailure:
         """Return the failure: no room for the base, or the obstacle of the arm at the placement nearest to the

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from behaviours.furniture.close import ROOM, pushes
-from behaviours.furniture.leaf import BASE_GAP, SAME_STAND, FurnitureLeaf, LeafWay, room_beside, world_at_leaf
+from behaviours.furniture.leaf import BASE_GAP, FurnitureLeaf, LeafWay, room_beside, world_at_leaf
 from behaviours.furniture.leaf_motion import UNSURE, withdraw
 from behaviours.furniture.opening import plan_opening
+from behaviours.manipulation.base_placement import SAME_STAND
 from bestman_bt.engine import SUCCESS
 from bestman_bt.manipulation.kinematics.link_hulls import body_between
 from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from bestman_bt.manipulation.base_placement import BasePlacements, ReachingArm
 from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
 from bestman_bt.manipulation.collision.scene_from_world_model import finger_contacts, planning_scene_from_world_model
 from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
@@ -14,7 +15,6 @@ from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastS
 from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
 from bestman_bt.manipulation.motion_planning.upright import Upright
-from bestman_bt.manipulation.stand_pose import ReachingArm, StandSearch
 from bestman_bt.manipulation.trajectory.base import SpeedScale, first_touch
 from bestman_bt.manipulation.trajectory.toppra import Toppra
 from bestman_bt.messages import Cylinder, ObjectModel, PlacedShape, Pose, Pose2D
@@ -42,7 +42,7 @@ def test_a_cup_is_reached_lifted_and_carried_upright(diff_panda, seed):
     ]
 
     front = max(x for x, _ in diff_panda.of(BaseModel)["base"].footprint)
-    search = StandSearch()
+    search = BasePlacements()
     stands = search.rank(search.beside(TABLE, cup, front), grasps, ReachingArm(kinematics, arm, carry, rng))
     stand = stands[0].pose @ Pose2D(*rng.normal(0, 0.01, 2), rng.normal(0, 0.01))
     belief.base = BasePose(stand, 0.01, 0.01, 0.0)

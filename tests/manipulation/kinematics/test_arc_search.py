@@ -7,9 +7,8 @@ from itertools import product
 import numpy as np
 import pytest
 
+from bestman_bt.manipulation.base_placement import BasePlacements, PathPlacements, ReachingArm
 from bestman_bt.manipulation.kinematics.arc_path import ArcSearch
-from bestman_bt.manipulation.stand_along import ArcStands
-from bestman_bt.manipulation.stand_pose import ReachingArm, StandSearch
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.world_model.semantic_map import MapFurniture
 from tests.manipulation.kinematics.slides import LIMITS, Slides, at
@@ -103,21 +102,21 @@ HOME = np.zeros(2)
 
 def along(candidates, stations=MARKS, search=None, **options):
     rng = np.random.default_rng(0)
-    return (search or ArcStands()).rank(
+    return (search or PathPlacements()).rank(
         candidates, stations, ReachingArm(SLIDES, LIMITS, HOME, rng), arc=STIFF, **options
     )
 
 
 def test_stands_where_the_base_may_not_be_do_not_count_as_tried():
     stands = [Pose2D(-0.1 * i, 0.0) for i in range(4)]
-    found = along(stands, is_base_free=lambda stand: stand is stands[3], search=ArcStands(most=1))
+    found = along(stands, is_base_free=lambda stand: stand is stands[3], search=PathPlacements(most=1))
     assert [stand.pose for stand in found] == [stands[3]]
 
 
 def test_a_partial_path_does_not_end_the_search_and_comes_after_a_complete_one():
     """From a metre back the last station is refused; that stand promises most and has more room."""
     partial, whole = Pose2D(-0.5, 0.0), Pose2D(0.2, 0.0)
-    half = ArcStands(enough=1, min_fraction=0.5)
+    half = PathPlacements(enough=1, min_fraction=0.5)
 
     def is_free_at(stand):
         return lambda q, station: stand is whole or station < 2
@@ -136,7 +135,7 @@ def test_of_equal_stands_the_one_that_takes_less_driving_is_better_whichever_way
     for stands in ([near, far], [far, near]):
         ranked = along(stands, stations, current=current)
         assert [stand.pose for stand in ranked] == [near, far]
-        assert ArcStands().promising(stands, stations, SLIDES, Even(), current) == (near, far)
+        assert PathPlacements().promising(stands, stations, SLIDES, Even(), current) == (near, far)
     first, second = along([Pose2D(0.0, 0.0), Pose2D(0.0, 1.0)], current=Pose2D(0.0, 0.2))
     assert (first.pose.y, second.pose.y) == (0.0, 1.0)
     assert first.score - second.score == pytest.approx(0.05 * 0.6)
@@ -167,7 +166,7 @@ def test_a_stand_promises_what_the_worst_station_on_its_best_way_does():
     back = Table({0.3: 0.9, 0.5: 0.3, 0.1: 0.1, 0.2: 0.1, 0.4: 0.1, 0.6: 0.1})
     for table, promise in ((jump, 0.2), (step, 0.3), (back, 0.3)):
         here = Pose2D()
-        costs = ArcStands(travel_cost=1.0)
+        costs = PathPlacements(travel_cost=1.0)
         for rival, order in ((promise - 0.01, 1), (promise + 0.01, -1)):
             # The rival's own promise is known: all its stations score alike.
             shifted = Table(
@@ -180,7 +179,7 @@ def test_a_stand_promises_what_the_worst_station_on_its_best_way_does():
 def test_stations_of_other_numbers_of_places_are_entered_from_anywhere():
     stations = [[at(0.1), at(0.2)], [at(0.4)], [at(0.5), at(0.6)]]
     good = Table({0.1: 0.1, 0.2: 0.9, 0.4: 0.8, 0.5: 0.7, 0.6: 0.1, 1.1: 0.6, 1.2: 0.6, 1.4: 0.6, 1.5: 0.6, 1.6: 0.6})
-    assert ArcStands().promising([Pose2D(-1.0, 0.0), Pose2D()], stations, SLIDES, good)[0] == Pose2D()
+    assert PathPlacements().promising([Pose2D(-1.0, 0.0), Pose2D()], stations, SLIDES, good)[0] == Pose2D()
 
 
 class Downwind(Even):
@@ -195,20 +194,20 @@ def test_approaches_are_looked_at_in_the_frame_of_the_base():
     forward = Pose.from_xyz_rpy((0.1, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
     opposite = Pose.from_xyz_rpy((0.1, 0.0, 0.0), (0.0, -np.pi / 2, 0.0))
     right, left = Pose2D(0.0, 0.0, -np.pi / 2), Pose2D(0.0, 0.0, np.pi / 2)
-    assert ArcStands().promising([left, right], [[forward]], SLIDES, Downwind())[0] == right
-    ranked = StandSearch(enough=1).rank(
+    assert PathPlacements().promising([left, right], [[forward]], SLIDES, Downwind())[0] == right
+    ranked = BasePlacements(enough=1).rank(
         [left, right], [[opposite, forward]], ReachingArm(SLIDES, LIMITS, HOME, np.random.default_rng(0), Downwind())
     )
     assert [stand.pose for stand in ranked] == [right]
 
 
 def test_stands_out_of_reach_of_a_station_promise_nothing():
-    assert ArcStands().promising([Pose2D(), Pose2D(-1.5, 0.0)], MARKS, SLIDES, Even()) == (Pose2D(),)
+    assert PathPlacements().promising([Pose2D(), Pose2D(-1.5, 0.0)], MARKS, SLIDES, Even()) == (Pose2D(),)
     assert along([Pose2D(-1.5, 0.0)]) == ()
 
 
 def rank(candidates, alternatives, search=None, **options):
-    search, rng = search or StandSearch(), np.random.default_rng(0)
+    search, rng = search or BasePlacements(), np.random.default_rng(0)
     return search.rank(candidates, alternatives, ReachingArm(SLIDES, LIMITS, HOME, rng), **options)
 
 
@@ -238,7 +237,7 @@ def test_each_pose_is_sought_from_the_solution_before():
             seeds.append(np.array(reference))
             return super().solve(base_from_tool, reference, *args, **options)
 
-    StandSearch().rank(
+    BasePlacements().rank(
         [Pose2D()],
         [[at(0.2), at(0.6)]],
         ReachingArm(Noting(), LIMITS, HOME, np.random.default_rng(0)),
@@ -250,7 +249,7 @@ def test_each_pose_is_sought_from_the_solution_before():
 def test_the_last_pose_of_an_alternative_tells_which_stand_is_tried_first():
     """The grasp at 1.24 m, 0.62 of the reach, is best; the pre-grasp alone would prefer the other stand."""
     poses = [at(0.24), at(1.24)]
-    ranked = rank([Pose2D(-1.0, 0.0), Pose2D()], [poses], search=StandSearch(enough=1))
+    ranked = rank([Pose2D(-1.0, 0.0), Pose2D()], [poses], search=BasePlacements(enough=1))
     assert [stand.pose for stand in ranked] == [Pose2D()]
 
 
@@ -263,7 +262,7 @@ def test_a_turn_the_short_way_costs_the_stand_little():
 
 def test_stands_keep_beside_furniture_that_is_narrower_than_their_offsets():
     table = MapFurniture("table", Pose2D(), (0.4, 1.0), 0.7, (), False)
-    search = StandSearch(gaps=(0.1,), offsets=(0.0, 0.3))
+    search = BasePlacements(gaps=(0.1,), offsets=(0.0, 0.3))
     left = search.beside(table, (0.1, 0.0), 0.3, ("left",))
     assert [(stand.x, stand.y) for stand in left] == [pytest.approx((0.1, 0.9)), pytest.approx((0.2, 0.9))]
     front = search.beside(table, (0.0, 0.4), 0.3, ("front",))

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
+from bestman_bt.manipulation.base_placement import BasePlacements, ReachingArm
 from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
 from bestman_bt.manipulation.collision.scene_from_world_model import planning_scene_from_world_model
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
 from bestman_bt.manipulation.kinematics.reachability_map import ReachabilitySampling
-from bestman_bt.manipulation.stand_pose import ReachingArm, StandSearch
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.robot_model.model import ArmModel, BaseModel
 from bestman_bt.world_model.semantic_map import MapFurniture, SemanticMap
@@ -39,7 +39,7 @@ def front_of(robot):
 
 def test_stands_face_the_asked_side_and_keep_the_gap(diff_panda):
     front = front_of(diff_panda)
-    parameters = StandSearch(gaps=(0.1,), offsets=(0.0,))
+    parameters = BasePlacements(gaps=(0.1,), offsets=(0.0,))
     normals = {"front": (-1, 0), "back": (1, 0), "left": (0, 1), "right": (0, -1)}
     for side, normal in normals.items():
         (stand,) = parameters.beside(TABLE, OBJECT, front, (side,))
@@ -48,7 +48,7 @@ def test_stands_face_the_asked_side_and_keep_the_gap(diff_panda):
         assert np.dot([in_furniture.x, in_furniture.y], normal) == pytest.approx(depth + front + 0.1)
         assert np.allclose([math.cos(in_furniture.theta), math.sin(in_furniture.theta)], np.negative(normal))
     with pytest.raises(ManipulationError, match="side should be one of front, back, left, right but is 'top'"):
-        StandSearch().beside(TABLE, OBJECT, front, ("top",))
+        BasePlacements().beside(TABLE, OBJECT, front, ("top",))
 
 
 def test_every_ranked_stand_reaches_the_object_without_touching_the_table(diff_panda, mobile, rng):
@@ -60,9 +60,11 @@ def test_every_ranked_stand_reaches_the_object_without_touching_the_table(diff_p
         belief = WorldModel(semantic_map, base=BasePose(stand, 0.01, 0.01, 0.0))
         return model.world(planning_scene_from_world_model(belief, diff_panda, diff_panda.postures["home"]))
 
-    candidates = StandSearch().beside(TABLE, OBJECT, front_of(diff_panda))
+    candidates = BasePlacements().beside(TABLE, OBJECT, front_of(diff_panda))
     alternatives = grasps(OBJECT)
-    ranked = StandSearch().rank(candidates, alternatives, ReachingArm(kinematics, limits, home, rng), world_at=world_at)
+    ranked = BasePlacements().rank(
+        candidates, alternatives, ReachingArm(kinematics, limits, home, rng), world_at=world_at
+    )
     assert ranked
     assert [stand.score for stand in ranked] == sorted((stand.score for stand in ranked), reverse=True)
     for stand in ranked:
@@ -74,8 +76,8 @@ def test_every_ranked_stand_reaches_the_object_without_touching_the_table(diff_p
 @pytest.mark.slow
 def test_stands_where_the_base_may_not_be_are_left_out(diff_panda, mobile, rng):
     kinematics, limits, home = mobile
-    candidates = StandSearch().beside(TABLE, OBJECT, front_of(diff_panda))
-    ranked = StandSearch().rank(
+    candidates = BasePlacements().beside(TABLE, OBJECT, front_of(diff_panda))
+    ranked = BasePlacements().rank(
         candidates, grasps(OBJECT), ReachingArm(kinematics, limits, home, rng), is_base_free=lambda pose: pose.x > 3.15
     )
     assert ranked
@@ -84,21 +86,23 @@ def test_stands_where_the_base_may_not_be_are_left_out(diff_panda, mobile, rng):
 
 def test_nothing_is_ranked_where_nothing_is_reachable(diff_panda, mobile, rng):
     kinematics, limits, home = mobile
-    candidates = StandSearch().beside(TABLE, OBJECT, front_of(diff_panda))
+    candidates = BasePlacements().beside(TABLE, OBJECT, front_of(diff_panda))
     assert (
-        StandSearch().rank(candidates, grasps(np.add(OBJECT, [0, 0, 1.5])), ReachingArm(kinematics, limits, home, rng))
+        BasePlacements().rank(
+            candidates, grasps(np.add(OBJECT, [0, 0, 1.5])), ReachingArm(kinematics, limits, home, rng)
+        )
         == ()
     )
     with pytest.raises(ManipulationError, match="alternatives"):
-        StandSearch().rank(candidates, [], ReachingArm(kinematics, limits, home, rng))
+        BasePlacements().rank(candidates, [], ReachingArm(kinematics, limits, home, rng))
 
 
 def test_of_equal_stands_the_nearer_one_is_preferred(diff_panda, mobile, rng):
     kinematics, limits, home = mobile
-    sides = [StandSearch().beside(TABLE, (3.0, 1.0), front_of(diff_panda), (side,)) for side in ("front", "back")]
+    sides = [BasePlacements().beside(TABLE, (3.0, 1.0), front_of(diff_panda), (side,)) for side in ("front", "back")]
     assert sides[1]
     target = np.array([3.0, 1.0, 0.77])
-    ranked = StandSearch().rank(
+    ranked = BasePlacements().rank(
         sides[0] + sides[1],
         grasps(target),
         ReachingArm(kinematics, limits, home, rng),
@@ -111,7 +115,7 @@ def test_of_equal_stands_the_nearer_one_is_preferred(diff_panda, mobile, rng):
 def test_a_reachability_map_puts_the_stands_that_reach_first(diff_panda, mobile, rng):
     kinematics, limits, home = mobile
     map_ = ReachabilitySampling(samples=100_000).build(kinematics, limits)
-    near = StandSearch().beside(TABLE, OBJECT, front_of(diff_panda))
+    near = BasePlacements().beside(TABLE, OBJECT, front_of(diff_panda))
     far = tuple(stand @ Pose2D(-0.6, 0.0, 0.0) for stand in near)
     asked = []
 
@@ -119,9 +123,9 @@ def test_a_reachability_map_puts_the_stands_that_reach_first(diff_panda, mobile,
         asked.append(stand)
         return True
 
-    ranked = StandSearch().rank(
+    ranked = BasePlacements().rank(
         far + near, grasps(OBJECT), ReachingArm(kinematics, limits, home, rng, map_), is_base_free
     )
-    assert len(ranked) == StandSearch().enough
+    assert len(ranked) == BasePlacements().enough
     assert all(stand.pose in near for stand in ranked)
     assert len(asked) <= len(ranked) + 2

@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from bestman_bt.manipulation.base_placement import PathPlacements, ReachingArm, placements_around
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
 from bestman_bt.manipulation.kinematics.reachability_map import ReachabilitySampling
-from bestman_bt.manipulation.stand_along import ArcStands, stands_around
-from bestman_bt.manipulation.stand_pose import ReachingArm
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.robot_model.model import ArmModel
 from tests.manipulation.kinematics.door_stations import door_stations
@@ -31,9 +30,11 @@ def test_a_door_is_opened_by_eighty_degrees_from_each_ranked_stand(mobile, radiu
     hinge = Pose.from_xyz_rpy((3.0, 1.0, height), (0, 0, 0.4))
     door = door_stations(hinge, radius, side)
     candidates = [
-        stand for stand in stands_around(door[9][5].position) if hinge.inverse().apply([stand.x, stand.y, 0])[0] < -0.35
+        stand
+        for stand in placements_around(door[9][5].position)
+        if hinge.inverse().apply([stand.x, stand.y, 0])[0] < -0.35
     ]
-    ranked = ArcStands().rank(candidates, door, ReachingArm(kinematics, limits, home, rng, map_))
+    ranked = PathPlacements().rank(candidates, door, ReachingArm(kinematics, limits, home, rng, map_))
     assert len(ranked) >= 3
     assert [stand.score for stand in ranked] == sorted((stand.score for stand in ranked), reverse=True)
     for stand in ranked:
@@ -49,9 +50,9 @@ def test_a_door_is_opened_by_eighty_degrees_from_each_ranked_stand(mobile, radiu
 def test_without_a_map_the_distance_orders_the_stands_and_equal_input_gives_equal_stands(mobile):
     kinematics, limits, home, _ = mobile
     door = door_stations(Pose(np.array([0.0, 0.0, 0.9])), 0.4, 1)
-    candidates = [stand for stand in stands_around(door[9][5].position) if stand.x < -0.35]
+    candidates = [stand for stand in placements_around(door[9][5].position) if stand.x < -0.35]
     first, again = (
-        ArcStands(enough=1).rank(candidates, door, ReachingArm(kinematics, limits, home, np.random.default_rng(5)))
+        PathPlacements(enough=1).rank(candidates, door, ReachingArm(kinematics, limits, home, np.random.default_rng(5)))
         for _ in range(2)
     )
     assert len(first) == 1
@@ -62,16 +63,16 @@ def test_without_a_map_the_distance_orders_the_stands_and_equal_input_gives_equa
 def test_stands_and_arm_positions_that_are_not_free_are_left_out(mobile, rng):
     kinematics, limits, home, map_ = mobile
     door = door_stations(Pose(np.array([0.0, 0.0, 0.9])), 0.4, 1)
-    candidates = [stand for stand in stands_around(door[9][5].position) if stand.x < -0.35]
-    ranked = ArcStands(enough=1).rank(
+    candidates = [stand for stand in placements_around(door[9][5].position) if stand.x < -0.35]
+    ranked = PathPlacements(enough=1).rank(
         candidates, door, ReachingArm(kinematics, limits, home, rng, map_), is_base_free=lambda stand: stand.y > 0.5
     )
     assert ranked
     assert all(stand.pose.y > 0.5 for stand in ranked)
-    few = ArcStands(most=3)
+    few = PathPlacements(most=3)
     refuse = lambda stand: lambda q, station: station < 12  # noqa: E731
     assert few.rank(candidates, door, ReachingArm(kinematics, limits, home, rng, map_), is_free_at=refuse) == ()
-    partial = ArcStands(most=3, min_fraction=0.5).rank(
+    partial = PathPlacements(most=3, min_fraction=0.5).rank(
         candidates, door, ReachingArm(kinematics, limits, home, rng, map_), is_free_at=refuse
     )
     assert partial
@@ -82,11 +83,13 @@ def test_stands_and_arm_positions_that_are_not_free_are_left_out(mobile, rng):
 def test_nothing_is_found_out_of_reach(mobile, rng):
     kinematics, limits, home, map_ = mobile
     door = door_stations(Pose(np.array([0.0, 0.0, 2.6])), 0.4, 1)
-    assert ArcStands().rank(stands_around([0, 0]), door, ReachingArm(kinematics, limits, home, rng, map_)) == ()
+    assert (
+        PathPlacements().rank(placements_around([0, 0]), door, ReachingArm(kinematics, limits, home, rng, map_)) == ()
+    )
 
 
 def test_stands_lie_round_the_target_and_look_at_it():
-    stands = stands_around([2.0, 1.0], (0.5, 0.7), (0.0, math.pi / 2), (0.0,))
+    stands = placements_around([2.0, 1.0], (0.5, 0.7), (0.0, math.pi / 2), (0.0,))
     assert len(stands) == 4
     assert stands[0] == Pose2D(2.5, 1.0, stands[0].theta)
     for stand in stands:
@@ -97,16 +100,16 @@ def test_stands_lie_round_the_target_and_look_at_it():
 def test_bad_requests_are_refused_by_name(mobile, rng):
     kinematics, limits, home, _ = mobile
     with pytest.raises(ManipulationError, match="at least one station"):
-        ArcStands().rank([], [], ReachingArm(kinematics, limits, home, rng))
+        PathPlacements().rank([], [], ReachingArm(kinematics, limits, home, rng))
     with pytest.raises(ManipulationError, match="reference should be finite"):
-        ArcStands().rank([], [[Pose()]], ReachingArm(kinematics, limits, home * np.nan, rng))
+        PathPlacements().rank([], [[Pose()]], ReachingArm(kinematics, limits, home * np.nan, rng))
 
 
 def test_which_stands_are_in_reach_does_not_depend_on_how_many_are_asked_about(mobile):
     kinematics, _, _, map_ = mobile
     door = door_stations(Pose(np.array([0.0, 0.0, 0.9])), 0.4, 1)
-    stands = stands_around(door[9][5].position, distances=(0.6, 1.1), turns=(0.0, 0.5))
-    together = ArcStands().promising(stands, door, kinematics, map_)
-    alone = [stand for stand in stands if ArcStands().promising([stand], door, kinematics, map_)]
+    stands = placements_around(door[9][5].position, distances=(0.6, 1.1), turns=(0.0, 0.5))
+    together = PathPlacements().promising(stands, door, kinematics, map_)
+    alone = [stand for stand in stands if PathPlacements().promising([stand], door, kinematics, map_)]
     assert 0 < len(alone) < len(stands)
     assert set(together) == set(alone)
