@@ -11,7 +11,7 @@ PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 # Where it is set, each of the many processes that tests start compiles every module that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help install demo test test-all test-cluster properties mutants eval eval-full gallery lint types contracts format docs lock page page-packages dist release clean
+.PHONY: help install demo test test-quick test-all test-cluster properties mutants eval eval-full gallery lint style types contracts format docs lock page page-packages dist release clean
 
 help:
 	@echo "make demo      install, then watch the robot fetch a cup"
@@ -39,11 +39,15 @@ install:
 demo: install
 	$(BIN)/bestman-bt demo
 
-# Tests against real-time clocks run after the others; those that take the whole machine run one after the other.
-test: lint page-packages
-	$(PYTEST) -m "not slow and not real_time"
+# Tests against real-time clocks run after the others; those that take the whole machine run one after the other. The types are
+# checked beside tests that have no such clock.
+test: style page-packages
+	@$(MAKE) --no-print-directory --jobs 3 types contracts test-quick
 	$(PYTEST) -m "not slow and real_time and not alone" $(REAL_TIME)
 	$(BIN)/python -m pytest -m "not slow and alone" $(REAL_TIME)
+
+test-quick: install
+	$(PYTEST) -m "not slow and not real_time"
 
 # REST=1 leaves out what `make test` has run.
 test-all: install page-packages
@@ -71,11 +75,13 @@ gallery: install
 	$(BIN)/uv pip install --quiet --python $(BIN)/python "av>=14,<18"
 	$(BIN)/python scripts/gallery --jobs $(JOBS)
 
-lint: install
+lint: style
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync types contracts
+
+style: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python scripts/plain_english.py
-	@$(MAKE) --no-print-directory --jobs 2 --output-sync types contracts
 
 # NumPy's own types differ between Python 3.11 and later ones; the code is typed for those of 3.11.
 types: install

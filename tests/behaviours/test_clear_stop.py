@@ -53,6 +53,7 @@ def refusing(session: Session, times: int, monkeypatch: pytest.MonkeyPatch) -> l
     return asked
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("example", "stops"), [pytest.param(0, 1, marks=pytest.mark.slow), (0, 2), (1, 1)])
 def test_the_examples_of_the_docs_get_there_after_stops(at_table: Session, example: int, stops: int) -> None:
     assert stopped_on_the_way(at_table, EXAMPLES[example], stops) == SUCCESS

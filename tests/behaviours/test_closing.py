@@ -92,6 +92,7 @@ def test_the_palm_stays_clear_of_a_door_that_is_turned_by_what_the_map_is_wrong_
             assert not any(in_palm(skills, board, hand, 0.0) for hand in hands_of(push))
 
 
+@pytest.mark.slow
 def test_beside_a_handle_the_hand_is_held_along_it_and_tilted_less_where_it_is_broad() -> None:
     with_handle = tilts_of_level_hands(*standing_open(*DOOR))
     without = tilts_of_level_hands(*standing_open(*DOOR, handle_seen=False))

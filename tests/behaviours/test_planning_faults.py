@@ -38,6 +38,7 @@ def free_now(session: Session) -> bool:
     return skills.arm_world(skills.planning_scene()).is_free(skills.arm_positions())
 
 
+@pytest.mark.slow
 def test_an_arm_that_is_believed_to_touch_something_moves_out_of_it_first(arm: Session) -> None:
     assert succeeds(arm, '<MoveArm posture="home"/>')
     before = arm.skills.arm_positions()

@@ -138,6 +138,7 @@ def test_a_policy_that_does_nothing_has_stalled(robot: Session) -> None:
     assert "from the goal" in why
 
 
+@pytest.mark.slow
 def test_a_policy_that_dithers_runs_into_the_timeout(robot: Session) -> None:
     signs = iter(int(i % 2 == 0) * 2 - 1 for i in range(10000))
     Scripted(robot, lambda observation: deltas(0.01 * next(signs))(observation))
@@ -228,6 +229,7 @@ def test_a_hand_that_is_full_is_not_opened_for_a_policy(robot: Session) -> None:
         robot.skills.held = None
 
 
+@pytest.mark.slow
 def test_closing_in_the_air_and_going_up_is_no_lift(robot: Session) -> None:
     """The gripper closes as told and the tool rises: without anything in the hand that is not success."""
     up = deltas(-0.02, joint=1)
@@ -240,6 +242,7 @@ def test_closing_in_the_air_and_going_up_is_no_lift(robot: Session) -> None:
     assert robot.skills.held is None
 
 
+@pytest.mark.slow
 def test_without_a_goal_it_ends_when_the_gripper_holds_something(robot: Session) -> None:
     """In empty air it never does: the gripper closes as told, and that does not count as holding."""
     width = np.zeros(10)

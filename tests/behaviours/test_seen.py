@@ -69,6 +69,7 @@ def test_an_object_is_at_a_goal_within_its_tolerance(looked, off: float, status:
     assert tick(tree) == status
 
 
+@pytest.mark.slow
 def test_there_is_room_where_the_table_is_empty_and_none_where_the_can_stands(looked) -> None:
     robot, truth, found = looked
     body = '<FindPlacePose object="cup" surface="table" goal="{there}" pose="{place}"/>'

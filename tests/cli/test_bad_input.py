@@ -459,6 +459,7 @@ def test_a_suite_that_is_misspelt_is_told_as_a_task_is(refused: Callable[..., st
     assert "unknown task 'fetch_cpu'; did you mean 'fetch_cup'?" in refused("eval", "fetch_cpu")
 
 
+@pytest.mark.slow
 def test_a_planner_that_is_not_installed_is_told_with_what_installs_it(
     refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

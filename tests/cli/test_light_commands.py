@@ -66,6 +66,7 @@ def test_a_failure_is_explained_as_quickly(tmp_path: Path) -> None:
     assert not loaded & (HEAVY | {"pydantic"})
 
 
+@pytest.mark.slow
 def test_a_report_is_written_without_the_simulator_and_without_algorithms(tmp_path: Path) -> None:
     write_run(tmp_path / "run")
     out, loaded = answer("report", "run", "-o", "run.html", folder=tmp_path)
@@ -73,12 +74,14 @@ def test_a_report_is_written_without_the_simulator_and_without_algorithms(tmp_pa
     assert not loaded & HEAVY
 
 
+@pytest.mark.slow
 def test_pybullet_tells_nothing_of_itself_when_a_command_imports_it(tmp_path: Path) -> None:
     program = "import hal.pybullet.robot, sys; sys.exit('pybullet' not in sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+@pytest.mark.slow
 def test_any_tree_may_include_the_shipped_subtrees(tmp_path: Path) -> None:
     tree = tmp_path / "mine.xml"
     tree.write_text(

@@ -8,6 +8,8 @@ from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
+import pytest
+
 from bestman_bt.cli.options import PlanningOptions
 from bestman_bt.cli.plan_command import _to_run
 from bestman_bt.configuration.run import load_run
@@ -42,6 +44,7 @@ def test_a_plan_is_printed_and_its_tree_is_written(bestman_bt: Command, folder: 
     assert "PickUp '1_PickUp'" in "".join(ElementTree.parse(folder / "tree.svg").getroot().itertext())
 
 
+@pytest.mark.slow
 def test_by_default_it_is_planned_in_the_furnished_kitchen_and_a_drawer_needs_no_number(
     bestman_bt: Command, folder: Path
 ) -> None:
@@ -105,6 +108,7 @@ def test_what_the_robot_has_seen_elsewhere_cannot_be_given(bestman_bt: Command, 
     assert "the robot has seen the cup, on table/top" in answer.err
 
 
+@pytest.mark.slow
 def test_a_goal_may_be_the_name_of_a_problem_file(bestman_bt: Command, folder: Path) -> None:
     (folder / "goal.pddl").write_text("(define (problem p) (:domain d) (:goal (and (on cup counter__top))))")
     answer = bestman_bt("plan", "--goal", "goal.pddl", "--json")
@@ -130,6 +134,7 @@ def test_what_was_not_seen_is_searched_for_first(bestman_bt: Command) -> None:
     assert answer.document["goal"] == ["on(cup, counter/top)"]
 
 
+@pytest.mark.slow
 def test_a_goal_that_holds_needs_no_actions(bestman_bt: Command) -> None:
     answer = bestman_bt("plan", "--goal", "hand_empty")
     assert (answer.code, "nothing to do" in answer.out) == (0, True)

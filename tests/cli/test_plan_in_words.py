@@ -37,6 +37,7 @@ def at(monkeypatch: pytest.MonkeyPatch) -> Callable[[Server], None]:
     return set_environment
 
 
+@pytest.mark.slow
 def test_words_become_a_checked_tree_with_cost_and_goal_told_and_the_key_nowhere(
     bestman_bt: Callable[..., Answer], folder: Path, at: Callable[[Server], None]
 ) -> None:

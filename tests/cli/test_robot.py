@@ -12,6 +12,7 @@ from PIL import Image
 from tests.robot_model.small_robot import SRDF, arm_urdf, written
 
 
+@pytest.mark.slow
 def test_robots_lists_robots_parts_and_how_many_ways_they_go_together(bestman_bt) -> None:
     answer = bestman_bt("robots", "--json")
     assert answer.code == 0
@@ -64,6 +65,7 @@ def test_a_node_is_shown_with_the_parts_that_it_requires(bestman_bt) -> None:
     assert "requires camera; uses head" in bestman_bt("nodes", "ScanScene").out
 
 
+@pytest.mark.slow
 def test_show_tells_what_a_combination_can_do_and_draws_it(bestman_bt, folder) -> None:
     answer = bestman_bt("robot", "show", "omni_base+xarm6_arm+xarm_gripper", "--png", "robot.png", "--json")
     assert answer.code == 0
@@ -101,6 +103,7 @@ def test_all_faults_of_an_import_are_told_each_with_the_file_once(bestman_bt, fo
     assert "7 errors, nothing was started" in answer.err
 
 
+@pytest.mark.slow
 def test_an_imported_part_can_be_built_into_a_robot(bestman_bt, folder) -> None:
     written(folder, arm_urdf())
     written(folder, SRDF, "small.srdf")

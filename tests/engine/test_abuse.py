@@ -134,6 +134,7 @@ def test_a_tree_as_deep_as_accepted_ticks_in_every_mode() -> None:
     tree.halt()
 
 
+@pytest.mark.slow
 def test_many_ticks_keep_memory_flat() -> None:
     tree = load_tree(HERE / "bench_trees" / "scripts100.xml", _bench_registry())
     mixed = load_tree(HERE / "bench_trees" / "mixed1000.xml", _bench_registry())

@@ -185,6 +185,7 @@ def test_errors_inside_python_trees_name_the_node(tmp_path: Path, registry: Node
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "message"),
     [

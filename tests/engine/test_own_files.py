@@ -43,12 +43,14 @@ def word_of(path: Path) -> str:
     return str(tree.blackboard["word"])
 
 
+@pytest.mark.slow
 def test_each_tree_finds_the_helpers_beside_it(two: list[Path]) -> None:
     words = [word_of(place / "tree.py") for place in (*two, *two)]
     assert words == ["one_one", "two_two", "one_one", "two_two"]
     assert not {str(place) for place in two} & set(sys.path)
 
 
+@pytest.mark.slow
 def test_a_tree_does_not_find_the_helpers_of_another_folder(two: list[Path], tmp_path: Path) -> None:
     word_of(two[0] / "tree.py")
     alone = folder(tmp_path, "alone", tree=TREE.format(name="alone"))
@@ -104,6 +106,7 @@ def test_a_module_that_is_asked_whether_it_has_a_skill_of_another_says_no(module
         _ = asked.Grasp
 
 
+@pytest.mark.slow
 def test_a_tree_that_loads_a_tree_of_another_folder_keeps_its_own_helpers(two: list[Path]) -> None:
     (two[0] / "tree.py").write_text(
         "from bestman_bt.engine import load_tree\nimport helpers\n"
@@ -141,6 +144,7 @@ def test_packages_beside_a_tree_can_be_imported_and_installed_ones_are_kept(tmp_
         __import__("helpers")
 
 
+@pytest.mark.slow
 def test_an_error_in_a_helper_is_told_with_the_helpers_line(two: list[Path]) -> None:
     (two[0] / "helpers.py").write_text("x = 1\nWORD = 1 / 0\n")
     with pytest.raises(TreeLoadError) as error:

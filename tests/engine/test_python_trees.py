@@ -213,6 +213,7 @@ def test_a_tree_that_contains_itself_is_refused() -> None:
         build_tree(Sequence([]))
 
 
+@pytest.mark.slow
 def test_faults_of_a_python_tree_name_the_line_that_makes_the_node(tmp_path: Path) -> None:
     (tmp_path / "parts_beside.py").write_text(
         "from bestman_bt.engine import AlwaysSuccess, Sequence, Sleep\n\n\n"

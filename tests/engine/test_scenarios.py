@@ -70,6 +70,7 @@ def test_entries_that_nobody_writes_get_a_value_and_are_told() -> None:
     assert (given.outcome, given.invented) == ("success", [])
 
 
+@pytest.mark.slow
 def test_a_tree_that_never_ends_reaches_the_time_limit() -> None:
     run = played("<KeepRunningUntilFailure><Move/></KeepRunningUntilFailure>", default="SUCCESS")
     assert run.outcome == "time limit"

@@ -81,6 +81,7 @@ def test_a_damaged_segment_ends_early(tmp_path: Path, damage: object) -> None:
     assert len(found) < len(data)
 
 
+@pytest.mark.slow
 def test_a_segment_that_unpacks_to_more_than_allowed_is_not_unpacked(tmp_path: Path) -> None:
     path = tmp_path / "log.0001.jsonl.xz"
     path.write_bytes(lzma.compress(bytes(50 << 20)))

@@ -186,6 +186,7 @@ def test_an_entry_that_a_native_leaf_may_write_is_not_warned_of() -> None:
     assert tree_warnings(build_tree(Sequence([Counts(), ScriptCondition(code="steps > 1")]))) == []
 
 
+@pytest.mark.slow
 def test_a_file_may_be_loaded_again_once_its_tree_is_gone(tmp_path: Path) -> None:
     file = tmp_path / "tree.py"
     file.write_text(

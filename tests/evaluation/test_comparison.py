@@ -47,6 +47,7 @@ def test_long_names_in_a_picture_are_shortened_where_they_are_alike() -> None:
     assert short_names(first, second) == ["…one/with/a/very/long…", "…two/with/a/very/long…"]
 
 
+@pytest.mark.slow
 def test_an_evaluation_is_read_from_its_folder_entry_by_entry(tmp_path: Path) -> None:
     finished_evaluation(tmp_path / "mine", {"rrt": RRT, "bit": BIT})
 
@@ -70,6 +71,7 @@ def test_what_is_written_of_an_evaluation_holds_no_secret_of_a_controller(tmp_pa
     assert not [path for path in written if b"HIDDEN" in path.read_bytes()]
 
 
+@pytest.mark.slow
 def test_a_picture_has_a_panel_for_success_and_each_metric_with_a_line_per_pair(tmp_path: Path) -> None:
     (compared,) = within([entry("a"), entry("b", shift=1.0)])
     compared.draw(tmp_path / "picture.svg")

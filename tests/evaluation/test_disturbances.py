@@ -87,6 +87,7 @@ def test_an_object_is_moved_on_its_surface_once_it_was_seen_and_only_once(table:
     assert len(table.told()) == 1
 
 
+@pytest.mark.slow
 def test_what_the_robot_has_had_in_its_hand_is_not_moved_any_more(table: Stage) -> None:
     table.hold("cup")
     table.wait(0.1)
@@ -96,6 +97,7 @@ def test_what_the_robot_has_had_in_its_hand_is_not_moved_any_more(table: Stage) 
     assert table.told() == []
 
 
+@pytest.mark.slow
 def test_an_object_is_put_on_another_surface() -> None:
     with staged(
         "plan_swap", "[{kind: elsewhere, object: cup, surface: counter, after: [0, 0]}]", "predicate=null"
@@ -159,6 +161,7 @@ def test_a_run_without_disturbances_has_none(fetch) -> None:
     assert fetch.result["audit"]["disturbances"] == []
 
 
+@pytest.mark.slow
 def test_a_task_without_disturbances_forgives_nothing() -> None:
     """A plug-in that makes an injector in time, and uses it during the run, is found by ``run_episode`` itself."""
     made: list[DisturbanceInjector] = []

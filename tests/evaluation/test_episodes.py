@@ -117,6 +117,7 @@ def test_two_jobs_give_the_same_document_as_one(look: Path, tmp_path: Path) -> N
         assert sorted(json.loads((folder / "result.json").read_text())["seed"] for folder in folders) == [3, 4]
 
 
+@pytest.mark.slow
 def test_an_episode_that_breaks_counts_as_failed_with_its_cause_and_the_batch_goes_on(tmp_path: Path) -> None:
     (tmp_path / "broken.xml").write_text(BROKEN)
     (tmp_path / "break.py").write_text(BREAK)
@@ -129,6 +130,7 @@ def test_an_episode_that_breaks_counts_as_failed_with_its_cause_and_the_batch_go
         assert json.loads((folder / "result.json").read_text())["outcome"] == "error"
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_the_batch_and_what_was_done_is_summarised(look: Path) -> None:
     def interrupt(_: RunResult) -> None:
         os.kill(os.getpid(), signal.SIGINT)
@@ -141,6 +143,7 @@ def test_an_interrupt_ends_the_batch_and_what_was_done_is_summarised(look: Path)
     assert document["episodes"] == 1
 
 
+@pytest.mark.slow
 def test_an_episode_that_is_stopped_ends_the_batch_and_does_not_count(tmp_path: Path) -> None:
     """As ``bestman-bt stop`` does: a robot that somebody stopped must not start anew."""
     (tmp_path / "stop.py").write_text(STOP)

@@ -206,6 +206,7 @@ def test_a_scene_without_the_cup_cannot_be_a_success(tmp_path: Path) -> None:
     assert result.failure.why == "there is no cup in the scene"
 
 
+@pytest.mark.slow
 def test_a_run_that_takes_too_long_has_failed(tmp_path: Path) -> None:
     result = judged('<NavigateTo goal="1.5;-0.4;0"/>', tmp_path, "time_limit=1 s")
     assert (result.outcome, result.tree_status) == (Outcome.FAILURE, "IDLE")

@@ -62,6 +62,7 @@ def test_it_finds_itself_from_an_unknown_start_and_needs_fewer_particles_then(ki
     assert errors(estimates, truths)[-10:, 0].max() < 0.05
 
 
+@pytest.mark.slow
 def test_it_notices_that_it_was_carried_off_and_finds_itself_again(kitchen):
     localizer = ParticleFilter(kitchen)
     localizer.reset(START, Pose2D(), 0.03, 0.02)

@@ -85,6 +85,7 @@ def result(
     return found
 
 
+@pytest.mark.slow
 def test_a_tree_of_the_workshop_runs_and_is_judged_by_its_goal(
     run: ModuleType, data: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

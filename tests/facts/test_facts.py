@@ -52,6 +52,7 @@ def says(end: ScriptedEnd) -> str:
     return verdict.why
 
 
+@pytest.mark.slow
 def test_what_stands_where_the_goal_says_is_there(tmp_path: Path) -> None:
     """In physics, whatever the tree has done."""
     goal = {"goal": "on(cup, table) and closed(drawer_3) and hand_empty"}

@@ -51,6 +51,7 @@ def test_a_sensor_takes_four_files_and_a_vendor_three() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_limits_are_read_where_the_page_says(folder: Path) -> None:
     assert script("show_limits.py").startswith("base: 0.6 m/s; ")
 

@@ -60,7 +60,7 @@ def test_the_hooks_are_the_checks_of_make_lint_with_the_locked_tools() -> None:
         assert folder == ".venv/bin"
         assert name == "python" or TOOL_OF.get(name, name) in locked
     recipes = re.findall(
-        r"^(?:lint|types|contracts):.*\n((?:\t.+\n)+)", (CHECKOUT / "Makefile").read_text(), re.MULTILINE
+        r"^(?:lint|style|types|contracts):.*\n((?:\t.+\n)+)", (CHECKOUT / "Makefile").read_text(), re.MULTILINE
     )
     checks = {tool for recipe in recipes for tool in re.findall(r"\$\(BIN\)/(\S+)", recipe)}
     assert checks == {program.rpartition("/")[2] for program in programs}

@@ -38,6 +38,7 @@ def fences(page: str, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
 
 
+@pytest.mark.slow
 def test_the_trees_in_python_load(tmp_path: Path) -> None:
     programs = [text for text in fences("docs/writing_a_tree.md", "python") if "def build" in text]
     assert programs
@@ -136,6 +137,7 @@ def test_the_skill_of_the_readme_runs_and_fails_as_it_declares(tmp_path: Path) -
     assert failure.error_code in nod.FAILS
 
 
+@pytest.mark.slow
 def test_the_skill_with_outputs_and_names_runs(tmp_path: Path) -> None:
     (text,) = (text for text in fences("docs/writing_a_skill.md", "python") if "LookAround(Skill)" in text)
     plugin = tmp_path / "look_around.py"

@@ -147,6 +147,7 @@ TAKEN_FOR_GRANTED = Problem(
 """There is no plan: what was put must be still. At the start nothing was put."""
 
 
+@pytest.mark.slow
 @examples(60)
 @example(TAKEN_FOR_GRANTED)
 @given(problems(given_of=("p", "q", "still")))
@@ -160,6 +161,7 @@ def test_a_forall_that_depends_on_what_changes_is_refused_with_its_name(problem)
     assert any(one.given.predicate in ("p", "q") for one in named.assumed)
 
 
+@pytest.mark.slow
 @examples(60)
 @given(problems())
 def test_the_join_finds_the_actions_that_trying_all_things_finds_and_in_their_order(problem):
@@ -176,6 +178,7 @@ def test_the_join_finds_the_actions_that_trying_all_things_finds_and_in_their_or
     assert list(found) == [one for one in every if one not in waiting]
 
 
+@pytest.mark.slow
 @examples(40)
 @given(problems(), st.randoms())
 def test_the_order_of_objects_and_operators_decides_nothing_but_among_equals(problem, random):
@@ -193,6 +196,7 @@ def test_the_order_of_objects_and_operators_decides_nothing_but_among_equals(pro
     assert found(problem) == found(mixed)
 
 
+@pytest.mark.slow
 @examples(40)
 @given(problem=problems())
 def test_what_is_written_in_pddl_and_read_again_has_a_plan_where_the_problem_has_one(problem, tmp_path_factory):

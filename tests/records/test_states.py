@@ -86,6 +86,7 @@ def test_beyond_the_limit_old_parts_keep_their_keyframes_and_new_ones_everything
     assert held <= 4200
 
 
+@pytest.mark.slow
 def test_keyframes_have_a_limit_too() -> None:
     limit = 20 * BYTES_A_NODE * 11
     history, told = recorded(6000, 10, HistoryLimits(changes=2000, keyframe_bytes=limit, chunk=200))

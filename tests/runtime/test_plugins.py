@@ -89,6 +89,7 @@ def test_a_tree_of_plug_in_leaves_runs_on_the_robot(plugin: str) -> None:
         assert execution.sim_time_s > 0.2
 
 
+@pytest.mark.slow
 def test_a_configuration_chooses_an_algorithm_of_a_plug_in_with_its_parameters(plugin: str) -> None:
     settings = (
         "algorithms.global_planning.algorithm=straight_line",
@@ -294,6 +295,7 @@ def test_an_algorithm_may_be_named_by_its_file_and_class(
     assert type(Algorithms(config, prepare(config).robot_model).global_planning).__name__ == "Mine"
 
 
+@pytest.mark.slow
 def test_an_algorithm_may_be_named_by_module_and_class_or_with_its_slot() -> None:
     for named in ("bestman_bt.navigation.global_planning.theta_star:ThetaStar", "global_planning/theta_star"):
         config = load_run("fetch_cup", settings=[f"algorithms.global_planning.algorithm={named}"])

@@ -77,6 +77,7 @@ def test_a_refused_tree_leaves_no_facts_behind_and_all_that_is_wrong_with_it_is_
         assert [line for line, _ in told if line != 2] == [1, 3, 3]
 
 
+@pytest.mark.slow
 def test_a_task_brings_its_own_scene_and_robot() -> None:
     with session(task="navigate_kitchen", seed=3) as opened:
         task = opened.setup.config.task

@@ -215,6 +215,7 @@ def tree_beside_planners(folder: Path, name: str) -> Path:
     return folder / "my.xml"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["planners.py:Mine", "planners:Mine"])
 def test_trees_and_what_they_include_find_the_planners_beside_them_and_no_others(
     name: str, kitchen: Setup, tmp_path: Path

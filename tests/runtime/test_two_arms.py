@@ -153,6 +153,7 @@ def test_what_one_hand_holds_stays_there_and_is_in_the_way_of_the_other_arm(
     assert any("cup" in pair for pair in pairs)
 
 
+@pytest.mark.slow
 def test_the_base_keeps_room_for_both_arms_and_what_they_hold(opened: Session, cup_left: HeldObject) -> None:
     skills = opened.skills
     for arm in ("left", "right"):

@@ -62,6 +62,7 @@ def test_chairs_stand_in_nothing_and_cut_nothing_off(worlds: list[World]) -> Non
         assert after.room[after.cells(world.robot_start.xy)] > 0.45
 
 
+@pytest.mark.slow
 def test_a_chair_of_an_apartment_may_have_been_moved_while_the_map_has_it_where_it_was() -> None:
     scene = load_scene("apartment", {"generator.apartment.moved_chairs": 1.0})
     far = []
@@ -120,6 +121,7 @@ def test_a_coarse_cell_has_the_room_of_the_fine_cell_that_holds_its_middle(count
     np.testing.assert_array_equal(coarse.room, fine.room[fine.cells(middles)])
 
 
+@pytest.mark.slow
 def test_presence_decides_whether_a_piece_came() -> None:
     scene = load_scene("kitchen_with_chairs", {"unmapped.chair_1.presence": 0.5})
     there = [any(piece.name == "chair_1" for piece in draw_world(scene, seed).furniture) for seed in range(24)]
@@ -141,6 +143,7 @@ def test_faults_are_told_with_the_field(overrides: dict[str, object], message: s
     assert message in str(error.value)
 
 
+@pytest.mark.slow
 def test_walkers_have_rounds_on_the_free_floor_away_from_the_robot() -> None:
     scene = load_scene("apartment_walkers")
     for seed in range(3):

@@ -25,6 +25,7 @@ POSES = st.builds(Pose2D, COORDINATE, COORDINATE, st.floats(-3.1, 3.1).map(lambd
 SIZES = st.tuples(st.floats(0.1, 3.0), st.floats(0.1, 3.0)).map(lambda size: (round(size[0], 2), round(size[1], 2)))
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(POSES, SIZES, COORDINATE, COORDINATE)
 def test_depth_and_distance_are_those_of_the_rectangles_own_frame(

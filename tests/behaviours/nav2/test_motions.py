@@ -24,6 +24,7 @@ def test_a_spin_turns_by_its_angle_on_the_spot(driver, angle) -> None:
     assert succeeds(driver, f'<Spin spin_dist="{-angle}" time_allowance="30"/>')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("motion", "moved"),
     [

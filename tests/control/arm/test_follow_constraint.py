@@ -75,6 +75,7 @@ def test_a_locked_door_is_told_within_the_force_limit(stand_before):
     assert resting(scene)
 
 
+@pytest.mark.slow
 def test_fingers_without_friction_lose_the_handle(stand_before):
     scene = stand_before(*DRAWER, finger_friction=0.001, flip=True)
     scene.grasp()

@@ -29,6 +29,7 @@ def test_a_guarded_move_ends_on_what_it_meets(stand_before):
     assert float(moved.result.force @ scene.handle.outward) >= 8.0
 
 
+@pytest.mark.slow
 def test_a_guarded_move_through_free_space_goes_its_whole_way(stand_before):
     scene = tared(stand_before(*DRAWER, flip=True))
     start = scene.truth.frame_pose("panda_grasptarget").position
@@ -97,6 +98,7 @@ def test_contact_where_none_is_expected_stops_the_arm_and_is_told(stand_before):
     assert np.abs(arm.positions() - rest).max() < 0.01 * 0.2  # it leans on what it has met, and trembles there
 
 
+@pytest.mark.slow
 def test_a_quick_swing_through_free_air_is_no_contact(stand_before):
     scene = tared(stand_before(*DRAWER, flip=True))
     scene.wait(scene.arm.move_until(scene.handle.outward, 0.1, 0.15, 20.0))

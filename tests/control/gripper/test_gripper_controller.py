@@ -36,6 +36,7 @@ def test_a_release_opens_slowly_and_only_a_little(simulate, world_with_bar):
     assert np.diff(widths).max() < 0.02 * 0.05 * 1.5
 
 
+@pytest.mark.slow
 def test_opening_to_a_width_ends_there(simulate):
     simulated = simulate()
     simulated.wait(simulated.gripper.close())
@@ -50,6 +51,7 @@ def test_a_width_beyond_the_range_is_refused(simulate):
     assert handle.failure.code is MotionErrorCode.REFUSED
 
 
+@pytest.mark.slow
 def test_a_slip_watch_is_silent_while_it_holds_and_speaks_when_it_does_not(simulate, world_with_bar):
     simulated = simulate(world=world_with_bar)
     simulated.wait(simulated.gripper.close(force=30.0))

@@ -15,6 +15,7 @@ from tests.robot_models import with_limits
 FRAME = "head_camera_optical_frame"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("point", [(0.7, 0.0, 0.75), (0.8, 0.4, 0.9), (0.5, -0.8, 0.0), (-0.5, 1.2, 1.0)])
 def test_the_camera_truly_looks_at_the_point_when_the_head_rests(simulate, point):
     simulated = simulate()

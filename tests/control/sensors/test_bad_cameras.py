@@ -131,6 +131,7 @@ def test_an_image_of_another_size_than_its_intrinsics_is_none(robot, camera, kin
     assert (error.value.code, error.value.failure.part) == (CameraErrorCode.NO_IMAGE, camera.name)
 
 
+@pytest.mark.slow
 def test_algorithms_see_a_pinhole_whatever_the_lens_and_the_depth_sensor(robot, model, kinematics, joints, world):
     straight = model.of(CameraPart)["head_camera"]
     exact = replace(straight, noise_base=0.0, noise_quadratic=0.0, dropout=0.0, edge_dropout=0.0, depth_step=0.0)

@@ -68,6 +68,7 @@ def test_the_filter_is_told_what_the_gyroscope_feels_and_how_much_time_passes(ro
     assert told.turned == pytest.approx(turned, abs=0.03)
 
 
+@pytest.mark.slow
 def test_wheels_that_count_too_much_are_put_right_by_the_gyroscope(robot, monkeypatch):
     base = robot.part("base", MobileBase)
     counted = base.odometry

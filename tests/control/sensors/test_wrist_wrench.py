@@ -42,6 +42,7 @@ def mean_force(robot, wrist: WristWrench) -> float:
     return float(np.linalg.norm(np.mean(forces, axis=0)))
 
 
+@pytest.mark.slow
 def test_a_free_hand_feels_nothing_in_whatever_posture_once_the_offset_is_known(robot, wrist):
     robot.clock.sleep(0.5)
     assert not wrist.tared

@@ -161,6 +161,7 @@ def test_a_wall_in_the_way_is_reported_as_blocked(simulate):
     assert handle.failure.code is MotionErrorCode.BLOCKED
 
 
+@pytest.mark.slow
 def test_the_base_stops_before_what_nobody_knows_of_and_says_where_it_is(simulate):
     world = draw_world(load_scene("kitchen"), 1)
     part = PlacedShape(Box((0.3, 0.3, 0.5)), Pose(np.array([0.0, 0.0, 0.25])))

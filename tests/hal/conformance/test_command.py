@@ -126,6 +126,7 @@ def test_a_driver_that_breaks_its_promises_fails(folder: Path) -> None:
     assert "one clear_stop() should be enough" in said
 
 
+@pytest.mark.slow
 def test_pytest_has_no_option_of_the_suite_where_nobody_asks_for_it(folder: Path) -> None:
     (folder / "test_nothing.py").write_text("def test_nothing(): pass\n")
     command = [str(PYTEST), "test_nothing.py", "--driver", "memory_robot:MemoryRobot"]

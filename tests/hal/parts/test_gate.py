@@ -125,6 +125,7 @@ def test_the_first_sample_of_a_stream_and_a_stream_that_ends_at_speed_keep_the_a
     assert rig.arm.resting
 
 
+@pytest.mark.slow
 def test_tool_and_elbow_stay_in_their_box() -> None:
     home = Rig()
     tool, elbow = home.tool.places(home.home)

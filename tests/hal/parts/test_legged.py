@@ -62,6 +62,7 @@ def test_attitude_turns_with_the_gyroscope_and_gravity_sets_it_upright() -> None
     assert gravity_felt == pytest.approx(tilted, abs=0.05)
 
 
+@pytest.mark.slow
 def test_attitude_learns_the_bias_while_it_stands() -> None:
     attitude, bias = Attitude(), np.array([0.01, -0.02, 0.015])
     for _ in range(20 * 240):  # ten times as long as it takes to learn most of it

@@ -36,6 +36,7 @@ def test_a_trapezoid_arrives_with_all_joints_together_within_the_limits(start, t
         assert share[:, 0] == pytest.approx(share[:, 1], abs=1e-6)
 
 
+@pytest.mark.slow
 @given(positions, positions, st.floats(-1.0, 1.0))
 @settings(max_examples=50, deadline=None)
 def test_reaching_from_motion_arrives_within_the_limits(start, target, first_speed) -> None:

@@ -202,6 +202,7 @@ def test_a_velocity_lapses_and_streamed_set_points_wait_while_the_controller_is_
     assert channel.at == pytest.approx(here)
 
 
+@pytest.mark.slow
 def test_velocities_and_targets_are_slowed_down_too(group: StreamedJointGroup, channel: Joints) -> None:
     for _ in range(80):
         group.command(velocities=[0.8, 0.0])

@@ -117,6 +117,7 @@ def test_all_stays_closed_while_nobody_pulls(robot: PyBulletRobot, truth: Ground
     assert not pybullet.getContactPoints(bodyA=body, physicsClientId=robot.client.id)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", _the_others_slow(LEAVES))
 def test_a_pull_at_the_handle_opens_it_once_it_exceeds_the_friction(
     robot: PyBulletRobot, truth: GroundTruth, world: World, name: str

@@ -51,6 +51,7 @@ def test_an_object_stays_in_a_moving_hand_and_where_it_is_released(name, robot_m
         assert judged.joint_limit_violations == judged.velocity_limit_violations == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["box", pytest.param("can", marks=pytest.mark.slow)])
 def test_fingers_press_along_their_way_after_the_hand_has_turned(name, robot_model, table_worlds, operator) -> None:
     """Bullet keeps normals of contact as they were in the world: they have to be found afresh on the way."""
@@ -86,6 +87,7 @@ def test_slippery_fingers_hold_nothing(robot_model, table_worlds, operator) -> N
         assert hand.gripper.state().empty
 
 
+@pytest.mark.slow
 def test_an_object_that_sticks_to_the_opened_hand_is_seen(robot_model, table_worlds, operator) -> None:
     with PyBulletRobot(robot_model, table_worlds["box"], seed=3) as robot:
         hand = operator(robot)
@@ -113,6 +115,7 @@ def test_an_object_that_sticks_to_the_opened_hand_is_seen(robot_model, table_wor
         assert judged.grasp_constraints == 1
 
 
+@pytest.mark.slow
 def test_a_held_object_that_is_lost_shows_in_the_state_of_the_gripper(robot_model, table_worlds, operator) -> None:
     with PyBulletRobot(robot_model, table_worlds["box"], seed=3) as robot:
         hand = operator(robot)
@@ -122,6 +125,7 @@ def test_a_held_object_that_is_lost_shows_in_the_state_of_the_gripper(robot_mode
         assert not hand.gripper.state().object_held
 
 
+@pytest.mark.slow
 def test_an_arm_that_meets_an_obstacle_reports_that_it_cannot_follow(robot_model, table_worlds, operator) -> None:
     with PyBulletRobot(robot_model, table_worlds["box"], seed=3) as robot:
         hand = operator(robot)

@@ -106,6 +106,7 @@ def test_a_picture_shows_the_object(robot_model, table_worlds) -> None:
         assert red > 2 * green
 
 
+@pytest.mark.slow
 def test_an_object_that_rests_sleeps_and_does_not_move_at_all(robot_model, table_worlds) -> None:
     with PyBulletRobot(robot_model, table_worlds["can"]) as robot:
         truth = GroundTruth(robot)

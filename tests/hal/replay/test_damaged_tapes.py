@@ -50,6 +50,7 @@ def test_what_unfolds_to_more_than_its_size_explains_is_not_read(tmp_path: Path)
     assert "unfolds to more" in refusal(tmp_path, gzip.compress(whole))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [[10_000_000], [1 << 31, 1 << 31], [-1]])
 def test_an_array_that_is_packed_small_takes_no_more_memory_than_it_may(tmp_path: Path, shape: list[int]) -> None:
     packed = base64.b64encode(zlib.compress(bytes(80_000_000), 9)).decode()

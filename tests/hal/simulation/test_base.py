@@ -19,6 +19,7 @@ def drive(robot: SimulatedRobot, hand) -> tuple[float, float, float]:
     return float(moved.position[0]), float(moved.position[1]), moved.yaw
 
 
+@pytest.mark.slow
 def test_one_metre_is_one_metre_when_the_wheels_are_calibrated(robot_model, empty_world, operator) -> None:
     with DefaultRobot(robot_model, empty_world, seed=5, parameters=WELL_CALIBRATED) as robot:
         hand = operator(robot)
@@ -40,6 +41,7 @@ def test_odometry_drifts_with_the_calibration_of_the_wheels(robot_model, empty_w
         assert max(abs(x - believed.x), abs(y - believed.y), abs(yaw - believed.theta)) > 0.01
 
 
+@pytest.mark.slow
 def test_a_standing_base_keeps_its_place_while_the_arm_swings(robot_model, empty_world, operator) -> None:
     with DefaultRobot(robot_model, empty_world, seed=5) as robot:
         hand = operator(robot)
@@ -52,6 +54,7 @@ def test_a_standing_base_keeps_its_place_while_the_arm_swings(robot_model, empty
         assert abs(moved.yaw) < np.radians(0.15)
 
 
+@pytest.mark.slow
 def test_a_standing_base_does_not_creep(robot_model, empty_world, operator) -> None:
     with DefaultRobot(robot_model, empty_world, seed=5) as robot:
         hand = operator(robot)
@@ -62,6 +65,7 @@ def test_a_standing_base_does_not_creep(robot_model, empty_world, operator) -> N
         assert abs(moved.yaw) < 1e-4
 
 
+@pytest.mark.slow
 def test_the_commanded_velocity_changes_within_the_acceleration_limits(standing_robot) -> None:
     base = standing_robot.part("base", type(standing_robot.parts["base"]))
     limit = base.model.part.max_acceleration

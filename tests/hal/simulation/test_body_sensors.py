@@ -77,6 +77,7 @@ def test_an_imu_at_rest_reads_gravity(robot: SimulatedRobot) -> None:
     assert np.abs(rates.mean(axis=0)).max() < 4 * model.bias_angular_velocity
 
 
+@pytest.mark.slow
 def test_an_imu_feels_turning_and_gathering_speed(sensing_model: RobotModel, empty_world) -> None:
     with DefaultRobot(sensing_model, empty_world, seed=3) as robot:
         imu, base = robot.part("imu", Imu), robot.part("base", MobileBase)
@@ -201,6 +202,7 @@ def test_the_battery_falls_with_motion(robot: SimulatedRobot) -> None:
     drive(robot, 0.0, 0.0, 1.5)
 
 
+@pytest.mark.slow
 def test_the_battery_loses_the_energy_that_is_drawn(sensing_model: RobotModel, empty_world) -> None:
     small = dataclasses.replace(
         sensing_model.of(BatteryPart)["battery"], capacity=10_000.0, noise_charge=0.0, latency=0.0

@@ -94,6 +94,7 @@ def test_nothing_slips_that_no_hand_holds_and_nobody_takes_it_out_of_the_hand(
     assert not seen["moved from the hand"]
 
 
+@pytest.mark.slow
 def test_somebody_puts_a_can_elsewhere_and_nothing_counts_as_teleported(robot_model, table_worlds) -> None:
     with DefaultRobot(robot_model, table_worlds["can"], seed=3) as robot:
         truth, somebody = GroundTruth(robot), DisturbanceInjector(robot)
@@ -168,6 +169,7 @@ def test_nobody_pushes_a_drawer_that_the_robot_stands_at(robot_model) -> None:
         assert truth.articulation_position(DRAWER) == pytest.approx(OPEN, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_hand_waits_while_the_robot_comes_near(robot_model) -> None:
     with DefaultRobot(robot_model, chest_world(0.2, DRAWER)) as robot:
         truth, somebody, base = GroundTruth(robot), DisturbanceInjector(robot), robot.part("base", MobileBase)

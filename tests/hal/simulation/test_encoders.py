@@ -82,6 +82,7 @@ def test_readings_come_at_their_rate_and_with_their_latency(empty_world: World) 
             assert told[at + 1] == was[at + 1 - 24]
 
 
+@pytest.mark.slow
 def test_equal_seeds_make_equal_noise(empty_world: World) -> None:
     said = []
     for seed in (3, 3, 4):

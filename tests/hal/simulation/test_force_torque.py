@@ -54,6 +54,7 @@ def test_it_weighs_the_hand_with_its_camera(exact_model: RobotModel, empty_world
         np.testing.assert_allclose(sensor.wrench().torque, np.cross(carried.centre, weight), atol=0.01)
 
 
+@pytest.mark.slow
 def test_a_mass_that_hangs_on_the_hand_pulls_down_with_its_weight(exact_model: RobotModel, empty_world) -> None:
     with DefaultRobot(exact_model, weight_between_fingers(exact_model, empty_world), parameters=AT_HOME) as robot:
         truth, sensor = GroundTruth(robot), robot.part(SENSOR, ForceTorque)
@@ -69,6 +70,7 @@ def test_a_mass_that_hangs_on_the_hand_pulls_down_with_its_weight(exact_model: R
         np.testing.assert_allclose(sensor.wrench().force, hand + pull, atol=0.05)
 
 
+@pytest.mark.slow
 def test_noise_and_offset_are_as_described_and_the_seed_decides_them(
     robot_model: RobotModel, exact_model: RobotModel, empty_world
 ) -> None:
@@ -115,6 +117,7 @@ def test_two_readings_within_a_period_are_the_same_one(standing_robot: Simulated
     assert sensor.wrench().stamp > before.stamp
 
 
+@pytest.mark.slow
 def test_reading_it_changes_nothing_of_the_motion(robot_model: RobotModel, empty_world) -> None:
     def swing(read: bool) -> np.ndarray:
         with DefaultRobot(robot_model, empty_world, seed=1) as robot:

@@ -60,6 +60,7 @@ def test_fingers_on_linkages_close_on_nothing_and_open_again(name: str, empty_wo
         assert gripper.width() == pytest.approx(gripper.model.max_width, abs=0.001)
 
 
+@pytest.mark.slow
 def test_a_hand_of_sixteen_joints_makes_a_fist_and_opens(empty_world) -> None:
     with DefaultRobot(combine("differential_base", "panda_arm", "allegro_hand"), empty_world) as robot:
         truth, fingers = GroundTruth(robot), robot.part("gripper", JointGroup)

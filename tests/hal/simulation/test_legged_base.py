@@ -43,6 +43,7 @@ def walk() -> Iterator[Walk]:
         yield Walk(robot)
 
 
+@pytest.mark.slow
 def test_it_stands_still_and_level(walk: Walk) -> None:
     walk.robot.clock.sleep(1.0)
     start = walk.truth.base_pose()
@@ -88,6 +89,7 @@ def test_it_follows_velocities_in_all_directions(walk: Walk) -> None:
         walk.drive(0.0, 0.0, 0.0, 0.6)
 
 
+@pytest.mark.slow
 def test_without_new_commands_it_stands_on_its_feet_again(walk: Walk) -> None:
     walk.drive(0.3, 0.0, 0.0, 1.0)
     walk.robot.clock.sleep(walk.base.command_timeout + 1.0)

@@ -88,6 +88,7 @@ def test_a_camera_fails_as_told_and_works_again(robot) -> None:
     assert failing.capture().stamp > good.stamp
 
 
+@pytest.mark.slow
 def test_stamps_go_on_after_a_new_connection(robot_model, empty_world) -> None:
     robot = DefaultRobot(robot_model, empty_world)
     with robot:

@@ -114,6 +114,7 @@ def test_a_lidar_in_a_base_sees_what_is_a_finger_away_from_the_base(robot_model,
         assert ahead == pytest.approx(front + gap, abs=0.005)
 
 
+@pytest.mark.slow
 def test_each_image_has_noise_of_its_own(robot) -> None:
     camera = robot.part("head_camera", Camera)
     robot.clock.sleep(2.0)  # the head rests
@@ -124,6 +125,7 @@ def test_each_image_has_noise_of_its_own(robot) -> None:
     assert not np.array_equal(first.depth, second.depth)
 
 
+@pytest.mark.slow
 def test_a_late_image_of_a_head_that_turns_shows_nothing_of_the_robot_in_a_wrong_place(
     robot_model, empty_world
 ) -> None:

@@ -103,6 +103,7 @@ def test_the_lidar_sees_a_walker_come(model: RobotModel, world_with: Callable[..
             assert ahead == pytest.approx(expected, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_considerate_walker_stops_before_the_robot_and_goes_back(
     model: RobotModel, world_with: Callable[..., World]
 ) -> None:
@@ -134,6 +135,7 @@ def test_who_walks_into_a_robot_at_rest_is_told_apart_and_the_run_is_not_blamed(
     assert (document["collisions"], document["contacts_by_walkers"]) == (0, 1)
 
 
+@pytest.mark.slow
 def test_people_who_run_into_each_other_are_not_held_against_the_run(
     model: RobotModel, world_with: Callable[..., World]
 ) -> None:
@@ -248,6 +250,7 @@ def test_what_two_fingers_press_on_is_held_and_what_presses_on_that_is_noted_whi
     assert overlaps == set(hand.part.finger_links[:fingers])  # into what falls the robot may not press
 
 
+@pytest.mark.slow
 def test_a_robot_that_drives_away_is_not_blamed_for_who_runs_it_down(
     model: RobotModel, world_with: Callable[..., World]
 ) -> None:
@@ -257,6 +260,7 @@ def test_a_robot_that_drives_away_is_not_blamed_for_who_runs_it_down(
     assert (len(judged.collisions), len(judged.contacts_by_walkers)) == (0, 1)
 
 
+@pytest.mark.slow
 def test_equal_seeds_walk_equally(model: RobotModel, world_with: Callable[..., World]) -> None:
     ends = []
     for _ in range(2):

@@ -30,6 +30,7 @@ class CarelessAtFirst(MotionPlanner):
         return self.proper.plan(start, goals, world, limits, rng, constraint)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [*range(4), *(pytest.param(n, marks=pytest.mark.slow) for n in range(4, 10))])
 def test_timed_motions_through_table_and_shelf_are_free_for_pybullet_too(number, world, arm, referee):
     start, goal = problems()[number]
@@ -115,6 +116,7 @@ def test_a_motion_that_breaks_the_constraint_between_its_samples_is_refused():
         coarse.follow_path(path, FREE, TWO, constraint=Kept(2.0, between))
 
 
+@pytest.mark.slow
 def test_the_speed_that_is_asked_for_is_that_of_planned_followed_and_escaping_motions():
     planner, slow, rng = TimedMotionPlanner(Corner(), Toppra()), SpeedScale(0.1, 0.1), np.random.default_rng(0)
 

@@ -11,6 +11,7 @@ from tests.rigs.limit_usage import limit_usage
 FULL = SpeedScale(1.0, 1.0)
 
 
+@pytest.mark.slow
 def test_velocity_acceleration_and_jerk_keep_their_limits_on_dense_samples(arm, rng):
     timing = RuckigStateToState(straight=False)
     for _ in range(20):

@@ -105,6 +105,7 @@ def test_a_timed_path_may_begin_a_little_outside_the_limits_on_either_side(place
             Toppra().parametrize(path, TWO)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [SpeedScale(1.0, 0.2), pytest.param(SpeedScale(0.2, 1.0), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("path", [PATHS[0], pytest.param(PATHS[1], marks=pytest.mark.slow)], ids=range(2))
 def test_speed_and_acceleration_are_scaled_each_by_itself_in_both_directions(

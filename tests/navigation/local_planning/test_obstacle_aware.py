@@ -94,6 +94,7 @@ def test_a_box_on_the_path_is_gone_around_and_the_end_is_as_exact_as_ever(planne
     assert np.abs(drive.commands).max(axis=0)[1] == 0.0 or sideways
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", [pytest.param(MPPI, marks=pytest.mark.slow), DWA])
 def test_an_arm_that_stands_out_keeps_clear_of_walls_where_the_base_goes_around_what_the_map_lacks(
     planner, footprint, kitchen
@@ -117,6 +118,7 @@ def test_commands_keep_to_the_limits_of_speed_and_acceleration(costmap, kitchen)
     assert change[:, 2].max() <= 2.0 + 1e-6
 
 
+@pytest.mark.slow
 def test_nobody_is_run_into_who_walks_across(footprint):
     walls = np.array([(-3, -3, 3, -3), (3, -3, 3, 3), (3, 3, -3, 3), (-3, 3, -3, -3)], dtype=float)
     hall = Costmap.from_map(SemanticMap(walls, {}), footprint)
@@ -160,6 +162,7 @@ def test_a_path_after_another_is_driven_as_if_it_was_the_first(costmap):
     assert used.compute(START, Twist2D(), DT) == fresh.compute(START, Twist2D(), DT)
 
 
+@pytest.mark.slow
 def test_a_path_that_is_closed_off_makes_the_base_stand(costmap, kitchen):
     door = box(1.45, -0.05, 0.2, 1.05)
     drive = Drive(MPPI(), costmap, kitchen.walls, START, GOAL, lambda _: door, seconds=9.0)

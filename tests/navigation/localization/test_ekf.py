@@ -46,6 +46,7 @@ def test_a_biased_gyroscope_does_not_turn_a_base_whose_wheels_hold():
     assert math.radians(0.5) * 20.0 > math.radians(9.0)
 
 
+@pytest.mark.slow
 def test_the_error_is_within_what_the_covariance_says():
     ratios = []
     for seed in range(20):

@@ -164,6 +164,7 @@ def test_a_scan_from_elsewhere_is_refused_and_the_estimate_stays(kitchen):
     assert estimate.pose == Pose2D(0.0, 0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_a_base_that_was_carried_off_is_not_believed_to_be_somewhere_else(kitchen):
     rng = np.random.default_rng(8)
     refused = 0

@@ -59,6 +59,7 @@ def test_the_tour_takes_what_lies_on_the_way_first(footprint):
     assert views[-1].pose.x > 5.0
 
 
+@pytest.mark.slow
 def test_what_was_tried_in_vain_is_not_tried_again(footprint):
     grid = floor(6.0)
     costmap = Costmap.from_grid(grid, footprint)

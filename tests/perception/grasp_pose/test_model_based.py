@@ -93,6 +93,7 @@ def surface_distance(model: ObjectModel, point: np.ndarray) -> float:
     return min(abs(radius - 0.03), abs(radius - 0.027))
 
 
+@pytest.mark.slow
 def test_an_open_tub_is_taken_across_and_by_its_wall_at_most_thirty_millimetres_deep() -> None:
     candidates = plan(TUB)
     assert min(candidate.width for candidate in candidates) < 0.005 < 0.058 < max(c.width for c in candidates)
@@ -138,6 +139,7 @@ def test_things_close_by_leave_only_grasps_with_room_around_the_hand() -> None:
         assert pose.inverse().apply(fingers)[:, 1].max() < 0.046
 
 
+@pytest.mark.slow
 def test_where_the_straight_grasps_of_a_box_are_blocked_others_are_found() -> None:
     pose = standing(BOX)
     # Posts where the fingers of the straight grasps would stand; between them there is room for tilted hands.

@@ -71,6 +71,7 @@ def test_the_triangles_do_not_matter(subdivisions: int) -> None:
         assert SymmetrySearch().order(mesh_of(shape)) == order
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [0.3, 1.1])
 def test_neither_do_the_yaw_and_the_place_that_a_mesh_is_given_in(turn: float) -> None:
     placed = trimesh.transformations.rotation_matrix(turn, [0, 0, 1]) @ trimesh.transformations.translation_matrix(
@@ -89,6 +90,7 @@ def test_round_things_are_round() -> None:
     assert SymmetrySearch().order(mesh_of(lying)) == 2
 
 
+@pytest.mark.slow
 def test_a_small_feature_takes_the_symmetry_away() -> None:
     can = create.cylinder(0.033, 0.1, sections=48)
     knob = create.icosphere(radius=0.004).apply_translation((0.034, 0.0, 0.0))

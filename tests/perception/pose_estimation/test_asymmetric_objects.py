@@ -94,6 +94,7 @@ def test_confidence_falls_where_the_border_of_the_image_cuts_an_object() -> None
     assert np.linalg.norm(of_cut.pose.position - item.pose.position) < 0.005
 
 
+@pytest.mark.slow
 def test_a_model_that_explains_nothing_gets_no_confidence_and_does_not_fail() -> None:
     item = standing(shipped("can"), -0.1, 0.0, 0.0)
     view = photographed([item])

@@ -42,6 +42,7 @@ def test_a_camera_is_found_from_images_and_poses_of_any_arm(dataset: Write, setu
     assert len(result.views) == 8
 
 
+@pytest.mark.slow
 def test_the_document_is_plain_and_equal_for_equal_data(dataset: Write, tmp_path: Path) -> None:
     folder = dataset()
     files = [tmp_path / "first.yaml", tmp_path / "second.yaml"]
@@ -55,6 +56,7 @@ def test_the_document_is_plain_and_equal_for_equal_data(dataset: Write, tmp_path
     assert document["views"] == {"recorded": 8, "used": 8}
 
 
+@pytest.mark.slow
 def test_the_picture_of_the_residuals_is_drawn(dataset: Write, tmp_path: Path) -> None:
     plot_residuals(solve_hand_eye(load_dataset(dataset()), "park_martin", silent), tmp_path / "residuals.png")
     picture = cv2.imread(str(tmp_path / "residuals.png"))
@@ -70,6 +72,7 @@ def test_views_without_the_board_are_noted(dataset: Write) -> None:
     assert "3" not in result.views
 
 
+@pytest.mark.slow
 def test_one_view_with_the_pose_of_another_is_left_out_and_named(dataset: Write) -> None:
     folder = dataset()
 

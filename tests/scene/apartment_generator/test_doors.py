@@ -92,6 +92,7 @@ def test_the_robot_believes_doors_to_stand_as_the_map_has_them(world: World) -> 
         assert believed.articulations[f"{door.name}/door"] == pytest.approx(door.mapped_open["door"])
 
 
+@pytest.mark.slow
 def test_the_costmap_has_open_leaves_where_they_stand_and_shut_ones_in_the_doorway(world: World) -> None:
     believed = WorldModel(map=semantic_map(world))
     door = next(piece for piece in world.furniture if piece.model.is_passage)
