@@ -126,7 +126,8 @@ class Connection(ABC):
         self._loops: list[ControlLoop] = []
         self._crash: Failure | None = None
         self.remarks: tuple[str, ...] = ()  # what people should know of it, though it works
-        self.connected = self._compared = False
+        self._unlike: tuple[str, ...] | None = None  # what the first connection found of the arm
+        self.connected = False
         self._only = ControllerLock(name, self.driver, settings.address) if self.one_client else None
         self.parts = self.make_parts()
 
@@ -306,16 +307,16 @@ class Connection(ABC):
 
         At the first connection: later on the hand may hold something.
         """
-        told = None if self._compared else self.arm_facts()
-        if told is None:
-            return
-        arm = next(name for name in self.parts if name in self.model.of(ArmModel))
-        found = [comparison for compare in COMPARISONS if (comparison := compare(self.model, arm, told))]
-        unlike = tuple(f"{arm}: {comparison.text}" for comparison in found if not comparison.agrees)
-        if unlike and self.model.serial_numbers.get(self.name):
-            why = "this differs from the robot's bring-up"
-            raise ConnectionFailedError(f"{self.name}: {'; '.join(unlike)} ({why}: {self.model.bringup})")
-        self.remarks, self._compared = self.remarks + unlike, True
+        told = self.arm_facts() if self._unlike is None else None
+        if told is not None:
+            arm = next(name for name in self.parts if name in self.model.of(ArmModel))
+            found = [comparison for compare in COMPARISONS if (comparison := compare(self.model, arm, told))]
+            unlike = tuple(f"{arm}: {comparison.text}" for comparison in found if not comparison.agrees)
+            if unlike and self.model.serial_numbers.get(self.name):
+                why = "this differs from the robot's bring-up"
+                raise ConnectionFailedError(f"{self.name}: {'; '.join(unlike)} ({why}: {self.model.bringup})")
+            self._unlike = unlike
+        self.remarks += self._unlike or ()
 
     def _crashed(self, error: Exception) -> None:
         self._crash = Failure(MotionErrorCode.FAULT, f"{self.name} stopped working: {type(error).__name__}: {error}")

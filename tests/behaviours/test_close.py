@@ -59,7 +59,7 @@ def test_what_is_believed_to_stand_open_is_pushed_shut_by_the_fingers_alone(
 
 def test_a_drawer_that_jams_is_told_with_how_far_it_is_open(tmp_path) -> None:
     with standing_open("open_drawer", DRAWER, "22 cm", (0.36, 0.33, -16.0)) as (session, truth):
-        session.skills.world.articulations[DRAWER] = 0.22
+        session.skills.world.articulations[DRAWER] = 0.30  # the front is felt earlier
         simulation = session.robot.simulation
         body, joint = simulation.built.articulations[DRAWER]
         simulation.engine.turn(body, [joint], [0.0], [400.0])

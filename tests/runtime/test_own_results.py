@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -107,6 +108,27 @@ def test_each_interface_is_checked_by_its_annotations(base: type, method: str, w
     made = type("Mine", (base,), {method: lambda self, *arguments: [3]})
     with pytest.raises(WrongResultError, match=rf"Mine\.{method} should return {words}, got list of int"):
         getattr(with_checked_results(made, base)(), method)()
+
+
+@pytest.mark.parametrize(
+    ("costs", "refused"),
+    [({"grass": 0.5}, False), ({"grass": math.nan}, True), ({"grass": 0.5, "sand": np.array([0.0, math.nan])}, True)],
+)
+def test_a_mapping_that_contains_nan_is_refused(costs: Mapping[str, Any], refused: bool) -> None:
+    class Terrain:
+        def costs(self) -> Mapping[str, Any]:
+            return {}
+
+    class Rough(Terrain):
+        def costs(self) -> Mapping[str, Any]:
+            return costs
+
+    terrain = with_checked_results(Rough, Terrain)()
+    if refused:
+        with pytest.raises(WrongResultError, match=r"Rough\.costs returned a dict that contains NaN"):
+            terrain.costs()
+    else:
+        assert terrain.costs() == costs
 
 
 def test_properties_of_an_interface_are_checked_too() -> None:

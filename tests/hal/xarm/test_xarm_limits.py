@@ -160,6 +160,11 @@ def test_what_the_controller_knows_otherwise_is_told_and_refused_once_the_robot_
     try:
         with HardwareRobot(model) as robot:
             assert re.search(words, robot.diagnostics()["arm_controller remarks"])
+            robot.disconnect()
+            twin.fault("arm_controller", "as_built")
+            robot.connect()  # the hand may hold something by now: what was found at first still holds
+            assert re.search(words, robot.diagnostics()["arm_controller remarks"])
+            twin.fault("arm_controller", fault)
         brought_up, _ = as_brought_up(model)
         with pytest.raises(ConnectionFailedError, match=words):
             HardwareRobot(brought_up).connect()

@@ -6,11 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from bestman_bt.facts.located import UNSEEN
 from bestman_bt.registry import PLANNERS, UnknownNameError
+from bestman_bt.task_planning.language.answers import checked_goal
 from bestman_bt.task_planning.language.errors import EndpointNotSetError, ModelRefusedError, NoValidAnswerError
 from bestman_bt.task_planning.language.from_text import plan_from_text
+from bestman_bt.task_planning.language.schema import GoalAnswer
 from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits, plan_within
-from bestman_bt.task_planning.symbolic.facts import parse_literals
+from bestman_bt.task_planning.symbolic.facts import parse_fact, parse_literals
 from bestman_bt.task_planning.symbolic.problem import Unsolvable
 from tests.answering_server import Server, Way
 from tests.task_planning.language.kitchen_problem import GOAL, INSTRUCTION, RIGHT, kitchen
@@ -121,3 +124,27 @@ def test_without_an_endpoint_the_missing_variables_are_named(monkeypatch: pytest
 def test_an_unknown_planner_is_told_with_the_closest() -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'language'"):
         plan_from_text(INSTRUCTION, kitchen(), "langauge")
+
+
+@pytest.mark.parametrize(
+    ("told", "left"),
+    [
+        ([], {"mug, counter", "mug, table", "can, counter", "can, table"}),
+        (["on(mug, table)"], {"mug, table", "can, counter", "can, table"}),
+        (["on(mug, table)", "on(can, table)"], {"mug, table", "can, table"}),
+        (["on(mug, drawer/board)"], {"mug, counter", "mug, table", "can, counter", "can, table"}),  # was searched
+    ],
+)
+def test_the_place_of_one_thing_says_nothing_of_the_others(told: list[str], left: set[str]) -> None:
+    unseen = {
+        parse_fact(f"{UNSEEN.name}({thing}, {place})") for thing in ("mug", "can") for place in ("counter", "table")
+    }
+    problem = kitchen()
+    problem = replace(
+        problem,
+        state=problem.state | unseen,
+        predicates={**problem.predicates, UNSEEN.name: ("object", "place")},
+    )
+    state = checked_goal(problem, GoalAnswer(goal=GOAL, told=told)).state
+    assert {", ".join(fact.arguments) for fact in state & unseen} == left
+    assert state - unseen == problem.state - unseen
