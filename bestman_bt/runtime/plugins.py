@@ -75,18 +75,17 @@ def _load(plugin: str, registry: NodeRegistry) -> Problem | None:
     try:
         with importable(path.parent):
             module = load_file(path, name)
-            leaves = [
-                value
-                for value in list(vars(module).values())
-                if isinstance(value, type) and issubclass(value, Node) and value.__module__ == name
-            ]
+            own = [one for one in list(vars(module).values()) if isinstance(one, type) and one.__module__ == name]
+            leaves = [one for one in own if issubclass(one, Node)]
             for leaf in leaves:
                 registry.register(leaf)
             _add_predicates(module)
             if hasattr(module, "register"):
                 module.register(registry)
             elif not leaves and Registry.additions == before and path.resolve() not in _useful:
-                return Problem(f"--plugin {plugin}", None, "", f"brings nothing; {_COULD_BRING}")
+                native = [one.__name__ for one in own if issubclass(one, Behaviour)]
+                python_only = f"; {', '.join(native)}: a tree in Python uses py_trees' behaviours" if native else ""
+                return Problem(f"--plugin {plugin}", None, "", f"brings nothing; {_COULD_BRING}{python_only}")
             _useful.add(path.resolve())
     except (Exception, SystemExit) as error:  # noqa: BLE001 - a plug-in may raise anything; reported with file and line
         sys.modules.pop(name, None)

@@ -176,6 +176,14 @@ def test_a_plug_in_that_brings_nothing_is_refused_and_told_what_it_could_bring(
         ALGORITHMS._entries.pop("slam/mine", None)
 
 
+def test_a_plug_in_of_native_behaviours_is_told_where_these_are_used(tmp_path: Path) -> None:
+    (tmp_path / "p.py").write_text("from py_trees.behaviour import Behaviour\n\n\nclass Blink(Behaviour): ...\n")
+    with pytest.raises(
+        ConfigurationError, match="brings nothing; .*; Blink: a tree in Python uses py_trees' behaviours"
+    ):
+        node_registry([str(tmp_path / "p.py")])
+
+
 def test_a_misspelt_slot_is_a_fault_of_the_plug_in_and_one_that_came_otherwise_is_warned_of(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
