@@ -35,7 +35,7 @@ MOST_LOSSES = 3
 
 
 class LauncherLostError(Error):
-    """What runs the episodes is gone; those that have finished are kept."""
+    """What runs the episodes is gone, or refuses them; those that have finished are kept."""
 
     code = "launcher_lost"
 
@@ -168,10 +168,10 @@ class Launcher(ABC):
     def take(self, place: int, answer: Answer) -> RunResult | None:
         """Return the result that an answer stands for; None: its worker was lost, and the episode is to be run again.
 
-        Raises ConfigurationError if the worker has refused it.
+        Raises LauncherLostError if the worker has refused it, as a node of other code that joined late does.
         """
         if answer.refused:
-            raise ConfigurationError([Problem("--launcher", None, "", answer.refused)])
+            raise LauncherLostError(answer.refused)
         if answer.result:
             result: RunResult = pickle.loads(answer.result)  # noqa: S301 - from a worker of this evaluation
             return result

@@ -11,7 +11,7 @@ import pytest
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.code_version import code_fingerprint
-from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LauncherLostError
 from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.launchers.worker_process import Answer
 from bestman_bt.evaluation.result import Outcome
@@ -46,7 +46,7 @@ def test_a_process_with_other_code_refuses_an_episode(request_of_one: EpisodeReq
     assert request_of_one.why_not_here() == ""
     other = replace(request_of_one, code="0ther").why_not_here()
     assert f"has other code: {code_fingerprint()}, here 0ther; install the same version of bestman-bt" in other
-    with pytest.raises(ConfigurationError, match=r"--launcher: node9 has other code"):
+    with pytest.raises(LauncherLostError, match=r"^node9 has other code"):
         LocalProcesses().take(0, Answer(refused="node9 has other code"))
 
 
