@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from bestman_bt.robot_model.model import GripperModel
 from hal.api import Clock, GripperState, Motion
 from hal.parts.channels import GripperChannel, GripperReading
@@ -26,11 +28,9 @@ class Lite6GripperWire(GripperChannel):
         self._from = self._to = self._model.max_width if opened else self._model.part.min_width
 
     def read(self) -> GripperReading:
-        """Return the guess."""
-        model = self._model
-        travel = (model.max_width - model.part.min_width) / model.part.max_speed
-        share = min(1.0, (self._clock.now() - self._since) / travel)
-        return GripperReading(self._from + share * (self._to - self._from))
+        """Return the guess: the fingers have the part's ``max_speed`` until they are where they were sent."""
+        moved = self._model.part.max_speed * (self._clock.now() - self._since)
+        return GripperReading(self._from + float(np.clip(self._to - self._from, -moved, moved)))
 
     def send(self, width: float, force: float, speed: float) -> None:
         """Open or close; force and speed are its own."""

@@ -262,7 +262,9 @@ def test_a_lite6s_gripper_that_is_turned_round_half_way_goes_back_from_there(
     assert gripper.read().width == pytest.approx(middle)
     gripper.send(model.part.min_width, 0.0, 0.0)
     assert gripper.read().width == pytest.approx(middle)
-    clock.time += travel
+    clock.time += travel / 4
+    assert gripper.read().width == pytest.approx((middle + model.part.min_width) / 2)
+    clock.time += travel / 4
     assert gripper.read().width == pytest.approx(model.part.min_width)
     gripper.send(model.max_width, 0.0, 0.0)
     clock.time += travel / 2
