@@ -13,6 +13,7 @@ from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
 from bestman_bt.bringup.procedure import STEPS, bring_up, run_step
 from bestman_bt.robot_model.bringup_file import BringUpFile
 from hal.twins.process import TwinProcess
+from tests.hal.twinned import twin_settings
 
 STEP = {step.name: step for step in STEPS}
 WITHOUT_MOTION = [step for step in STEPS if not step.moves and step.name != "camera"]
@@ -26,7 +27,7 @@ def brought_up(robot: str, *packages: str) -> Iterator[Pair]:
     for package in packages:
         pytest.importorskip(package, reason="an extra is not installed")
     with TwinProcess(robot, "pick_place_table", seed=1) as twin:
-        subject = BroughtUpRobot(robot, twin.settings)
+        subject = BroughtUpRobot(robot, twin_settings(twin))
         with subject.robot:
             yield subject, twin
 
