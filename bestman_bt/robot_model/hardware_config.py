@@ -22,8 +22,6 @@ from bestman_bt.robot_model.robot_config import RobotConfig
 
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
 ROUNDING = 1e-6
-_AS_A_GRIPPER = ("suction",)
-"""Kinds that are driven as a gripper is."""
 
 
 def with_hardware(model: RobotModel, connections: Mapping[str, ConnectionConfig], safety: SafetyConfig) -> RobotModel:
@@ -123,8 +121,8 @@ def _kind_problems(
     parts: Mapping[str, PartConfig | None],
 ) -> Iterator[Problem]:
     """Whether the driver can serve the parts that are behind its controller."""
-    kinds = [_kind(parts.get(part)) for part in connection.parts]
-    if not serves or None in kinds or not kinds:
+    kinds = [driven_as(part.kind) for name in connection.parts if (part := parts.get(name)) is not None]
+    if not serves or not kinds or len(kinds) < len(connection.parts):
         return
     field = ("connections", name, "parts")
     owed = f"behind a connection of the driver {connection.driver!r} can be: {', '.join(serves)}"
@@ -140,10 +138,9 @@ def _kind_problems(
             yield document.problem(field, f"should name {number} of the kind {kind}, names {count}; {owed}")
 
 
-def _kind(part: PartConfig | None) -> str | None:
-    if part is None:
-        return None
-    return "gripper" if part.kind in _AS_A_GRIPPER else part.kind
+def driven_as(kind: str) -> str:
+    """Return the kind of part as which a controller drives one of ``kind``: a suction cup is driven as a gripper."""
+    return "gripper" if kind == "suction" else kind
 
 
 @as_far_as_read

@@ -256,6 +256,11 @@ class RobotModel:
         """Return the parts of one kind by name: ``robot.of(LidarPart)``."""
         return {name: part for name, part in self.parts.items() if isinstance(part, kind)}
 
+    def kind(self, name: str) -> str:
+        """Return the kind of a part, as in the YAML: ``base``, ``arm``, ``lidar``."""
+        part = self.parts[name]
+        return part.kind if isinstance(part, PartConfig) else part.part.kind
+
     @property
     def arm_names(self) -> tuple[str, ...]:
         """The names of the arms, in the order of the robot's file."""

@@ -11,10 +11,11 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from importlib import import_module
 from types import ModuleType
-from typing import ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 from bestman_bt.extras import install_command
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
+from bestman_bt.robot_model.hardware_config import driven_as
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.runtime_folder import runtime_folder
 from hal.api import Battery, Camera, Clock, Failure, Imu, Lidar, MotionErrorCode, Part
@@ -88,11 +89,16 @@ LONGEST_BRAKING = 0.6
 """Seconds that parts get to come to rest before their wire is closed."""
 
 
+PartFactory: TypeAlias = Callable[[str, Any], Part]
+"""Makes a part from its name and its model in ``RobotModel.parts``."""
+
+
 class Connection(ABC):
     """A controller with its parts. The constructor does no work; ``parts`` can be read before ``connect()``.
 
     A vendor's subclass defines how to open and close the connection, when the controller last replied, and which fault
-    it reports. It makes its parts from the classes in ``hal.hardware``, with its own channels and control loops.
+    it reports. Its ``factories`` make the parts from the classes in ``hal.parts`` and ``hal.hardware``, over its own
+    channels; its control loops drive them.
     Limits, the stop, the command timeout and the watchdog are implemented above it.
 
     ``options_type``: frozen dataclass of the ``options`` in the robot's YAML. ``package``: import name of the SDK;
@@ -129,7 +135,8 @@ class Connection(ABC):
         self._unlike: tuple[str, ...] | None = None  # what the first connection found of the arm
         self.connected = False
         self._only = ControllerLock(name, self.driver, settings.address) if self.one_client else None
-        self.parts = self.make_parts()
+        factories = self.factories()
+        self.parts = {part: factories[driven_as(model.kind(part))](part, model.parts[part]) for part in settings.parts}
 
     @property
     def stops_robot(self) -> bool:
@@ -149,8 +156,8 @@ class Connection(ABC):
     # What a vendor's class provides
 
     @abstractmethod
-    def make_parts(self) -> dict[str, Part]:
-        """Return the parts of ``settings.parts``; called once, from the constructor. No work, no imports of SDKs."""
+    def factories(self) -> Mapping[str, PartFactory]:
+        """Return kind of part → factory; called once, from the constructor. No work, no imports of SDKs."""
 
     @abstractmethod
     def open(self) -> None:

@@ -17,9 +17,9 @@ from pydantic import Field
 from bestman_bt.configuration.quantity import PositiveTime
 from bestman_bt.messages import CameraIntrinsics, RGBDImage
 from bestman_bt.robot_model.sensor_parts import CameraPart
-from hal.api import Failure, NoDataError, Part
+from hal.api import Failure, NoDataError
 from hal.hardware.clock import RemoteTime, StampOrder
-from hal.hardware.connection import Connection
+from hal.hardware.connection import Connection, PartFactory
 from hal.hardware.sensors import HardwareCamera, is_another_camera, lens_differences
 from hal.parts.part_connection import ConnectionFailedError
 
@@ -66,19 +66,21 @@ class RealSenseConnection(Connection):
     serves: ClassVar[Mapping[str, tuple[int, int]]] = {"camera": (1, 1)}
     needs_address: ClassVar[bool] = False
 
-    def make_parts(self) -> dict[str, Part]:
-        """Return the camera of ``settings.parts``."""
-        (self._camera,) = self.settings.parts
-        self._model = self.model.of(CameraPart)[self._camera]
+    def factories(self) -> Mapping[str, PartFactory]:
+        """Return the factory of the camera."""
+        return {"camera": self._make_camera}
+
+    def _make_camera(self, name: str, model: CameraPart) -> HardwareCamera:
+        self._camera, self._model = name, model
         self._pipeline: Any = None
         self._align: Any = None
         self._arrived = threading.Condition()
         self._newest: tuple[Any, float] | None = None
         self._heard = -1e9
         self._camera_times: dict[Any, tuple[RemoteTime, StampOrder]] = {}  # by domain
-        self._lens = self._model.intrinsics
-        self._part = HardwareCamera(self._camera, self._model, self.latch, self._take)
-        return {self._camera: self._part}
+        self._lens = model.intrinsics
+        self._part = HardwareCamera(name, model, self.latch, self._take)
+        return self._part
 
     def open(self) -> None:
         """Start both streams, and wait for the first images."""

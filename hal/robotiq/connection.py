@@ -13,9 +13,9 @@ from pydantic import Field
 
 from bestman_bt.configuration.quantity import Force, Frequency, PositiveTime, Speed
 from bestman_bt.robot_model.model import GripperModel
-from hal.api import Clock, Failure, MotionErrorCode, NoDataError, Part
+from hal.api import Clock, Failure, MotionErrorCode, NoDataError
 from hal.hardware.clock import LatencyMonitor
-from hal.hardware.connection import Connection
+from hal.hardware.connection import Connection, PartFactory
 from hal.parts.channels import GripperChannel, GripperReading
 from hal.parts.gripper import CommandedGripper
 from hal.parts.part_connection import ConnectionFailedError
@@ -247,13 +247,14 @@ class RobotiqConnection(Connection):
         "gripper force below least_force": "the gripper presses with its least force",
     }
 
-    def make_parts(self) -> dict[str, Part]:
-        """Return the gripper of ``settings.parts``."""
-        (name,) = self.settings.parts
-        gripper = self.model.of(GripperModel)[name]
-        self._channel = RobotiqChannel(self.name, gripper, self.options, self.clock)
-        self._gripper = CommandedGripper(name, gripper, self._channel, self.latch)
-        return {name: self._gripper}
+    def factories(self) -> Mapping[str, PartFactory]:
+        """Return the factory of the gripper."""
+        return {"gripper": self._make_gripper}
+
+    def _make_gripper(self, name: str, model: GripperModel) -> CommandedGripper:
+        self._channel = RobotiqChannel(self.name, model, self.options, self.clock)
+        self._gripper = CommandedGripper(name, model, self._channel, self.latch)
+        return self._gripper
 
     def open(self) -> None:
         """Connect and activate."""

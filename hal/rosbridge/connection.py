@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, ClassVar
 
 from bestman_bt.messages import CameraIntrinsics, RGBDImage
 from bestman_bt.robot_model.model import BaseModel, JointGroupModel
-from bestman_bt.robot_model.sensor_parts import BatteryPart, CameraPart, ImuPart, LidarPart, MountedForceTorque
+from bestman_bt.robot_model.sensor_parts import CameraPart, MountedForceTorque
 from hal.api import Clock, Failure, MotionErrorCode, NoDataError, Part
-from hal.hardware.connection import Connection
+from hal.hardware.connection import Connection, PartFactory
 from hal.hardware.sensors import (
     HardwareBattery,
     HardwareCamera,
@@ -143,8 +143,8 @@ class RosbridgeConnection(Connection):
         "command(efforts=…)": "joints are commanded by set-points of a trajectory controller",
     }
 
-    def make_parts(self) -> dict[str, Part]:
-        """Return the parts of ``settings.parts``. Raises ConnectionFailedError for unknown streams."""
+    def factories(self) -> Mapping[str, PartFactory]:
+        """Return the factories. Raises ConnectionFailedError for unknown streams."""
         options: RosbridgeOptions = self.options
         self._stale_after = self.limits.watchdog + STALE_TIME
         self._link = RosLink(self.name, self.clock)
@@ -154,25 +154,20 @@ class RosbridgeConnection(Connection):
         self._cameras: list[RosCamera] = []
         self._outputs: dict[str, str] = {}
         self._driven: list[DrivenBase | StreamedJointGroup] = []
-        makers: dict[str, tuple[Mapping[str, Any], Callable[[str], Part]]] = {
-            "base": (self.model.of(BaseModel), self._make_base),
-            "camera": (self.model.of(CameraPart), self._make_camera),
-            "joint_group": (self.model.of(JointGroupModel), self._make_joints),
-        }
-        wrists = {name: mounted.part for name, mounted in self.model.of(MountedForceTorque).items()}
-        of = self.model.of
-        sensors: tuple[Mapping[str, Any], ...] = (of(LidarPart), wrists, of(ImuPart), of(BatteryPart))
-        for kind, there in zip(SENSORS, sensors, strict=True):
-            makers[kind] = (there, partial(self._make_sensor, kind, there))
-        kinds = {name: kind for kind, (there, _) in makers.items() for name in self.settings.parts if name in there}
         for part, topics in options.topics.items():
-            known = TOPICS.get(kinds.get(part, ""), {})
+            known = TOPICS.get(self.model.kind(part), {}) if part in self.settings.parts else {}
             if unknown := [stream for stream in topics if stream not in known]:
                 streams = ", ".join(known) or "none"
                 raise ConnectionFailedError(
                     f"{self.name}: options.topics.{part} has {', '.join(unknown)}; the streams of {part} are: {streams}"
                 )
-        return {name: makers[kinds[name]][1](name) for name in self.settings.parts}
+        sensors = {kind: partial(self._make_sensor, kind) for kind in SENSORS}
+        return {
+            **sensors,
+            "base": self._make_base,
+            "camera": self._make_camera,
+            "joint_group": self._make_joints,
+        }
 
     def open(self) -> None:
         """Connect, and wait for the first message of every topic."""
@@ -248,7 +243,7 @@ class RosbridgeConnection(Connection):
 
     # Private
 
-    def _make_base(self, name: str) -> DrivenBase:
+    def _make_base(self, name: str, model: BaseModel) -> DrivenBase:
         options: RosbridgeOptions = self.options
         if options.odometry == "tf":
             source, package, kind = TransformOdometry(options.odom_frame, options.base_frame), "tf2_msgs", "TFMessage"
@@ -261,13 +256,12 @@ class RosbridgeConnection(Connection):
         self._listen(odometry, package, kind, watched=True)
         channel = RosBase(self._link, options.topic("base", name, "velocity"), options, odometry)
         self._outputs[options.topic("base", name, "velocity")] = channel.message_type
-        base = DrivenBase(name, self.model.of(BaseModel)[name], channel, self.latch)
+        base = DrivenBase(name, model, channel, self.latch)
         self._driven.append(base)
         return base
 
-    def _make_joints(self, name: str) -> StreamedJointGroup:
+    def _make_joints(self, name: str, model: JointGroupModel) -> StreamedJointGroup:
         options: RosbridgeOptions = self.options
-        model = self.model.of(JointGroupModel)[name]
         ros_names = tuple(options.joints.get(joint, joint) for joint in model.joint_names)
         topic = options.topic("joint_group", name, "states")
         states: TopicStream[JointReading] = self._stream(
@@ -281,22 +275,22 @@ class RosbridgeConnection(Connection):
         self._driven.append(group)
         return group
 
-    def _make_camera(self, name: str) -> HardwareCamera:
-        model = self.model.of(CameraPart)[name]
+    def _make_camera(self, name: str, model: CameraPart) -> HardwareCamera:
         camera = RosCamera(name, model, self._link, self.clock, self.options, self.latch)
         self._expect_frame(camera.info, name, model.optical_frame)
         self._cameras.append(camera)
         self._listen(camera.info, "sensor_msgs", "CameraInfo", period=INFO_PERIOD)
         return camera.part
 
-    def _make_sensor(self, kind: str, models: Mapping[str, Any], name: str) -> Part:
+    def _make_sensor(self, kind: str, name: str, model: Any) -> Part:
         make, stream_name, decode, package, message = SENSORS[kind]
-        longest_age = max(SENSOR_PERIODS / models[name].rate, self._stale_after)
+        described = model.part if isinstance(model, MountedForceTorque) else model
+        longest_age = max(SENSOR_PERIODS / described.rate, self._stale_after)
         stream = self._stream(name, self.options.topic(kind, name, stream_name), decode, longest_age)
-        if frame := getattr(models[name], "frame", ""):
+        if frame := getattr(described, "frame", ""):
             self._expect_frame(stream, name, frame)
         self._listen(stream, package, message)
-        part: Part = make(name, models[name], self.latch, stream.read)
+        part: Part = make(name, described, self.latch, stream.read)
         return part
 
     def _stream(self, part: str, topic: str, decode: Any, longest_age: float, header: Any = None) -> TopicStream[Any]:

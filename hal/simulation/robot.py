@@ -25,9 +25,7 @@ from bestman_bt.robot_model.model import (
     WheeledBaseModel,
 )
 from bestman_bt.robot_model.part_config import SuctionPart
-from bestman_bt.robot_model.part_fields import PartConfig
 from bestman_bt.robot_model.payload import payload
-from bestman_bt.robot_model.sensor_parts import MountedBumper, MountedForceTorque
 from bestman_bt.scene.scene import World
 from hal.api import NotConnectedError, Robot
 from hal.parts.black_box import StopRecorder
@@ -271,42 +269,49 @@ class SimulatedRobot(Robot):
     def _make_sensors(self) -> None:
         sensors = SIMULATED_SENSORS.names()
         for name, part in self.model.parts.items():
-            described = part.part if isinstance(part, MountedForceTorque | MountedBumper) else part
-            if isinstance(described, PartConfig) and described.kind in sensors:
-                make: Callable[..., SimulatedSensor[Any]] = SIMULATED_SENSORS.resolve(described.kind)
+            if (kind := self.model.kind(name)) in sensors:
+                make: Callable[..., SimulatedSensor[Any]] = SIMULATED_SENSORS.resolve(kind)
                 self._sensors[name] = make(name, part, self._generator(name))
 
     def _make_actuators(self) -> None:
+        """Make the channel of each part that moves, and its law over it."""
+        factories: Mapping[str, Callable[[str, Any], tuple[Channel, Actuator]]] = {
+            "base": self._make_wheels,
+            "legged_base": self._make_legs,
+            "arm": self._make_arm,
+            "gripper": self._make_gripper,
+            "suction": self._make_suction,
+            "joint_group": self._make_joints,
+        }
         for name, part in self.model.parts.items():
-            made = self._actuator(name, part)
-            if made is not None:
-                self._channels[name], self._actuators[name] = made
+            if (kind := self.model.kind(name)) in factories:
+                self._channels[name], self._actuators[name] = factories[kind](name, part)
 
-    def _actuator(self, name: str, part: Any) -> tuple[Channel, Actuator] | None:
-        """Return the channel of a part that moves, and its law, or None for other parts."""
-        latch, parameters, rng = self._latch, self._parameters, self._generator(name)
-        match part:
-            case WheeledBaseModel():
-                wheels = WheelDrive(name, part, parameters, rng)
-                return wheels, DrivenBase(name, part, wheels, latch)
-            case LeggedBaseModel():
-                imu = next(sensor for sensor in self._sensors.values() if isinstance(sensor, SimulatedImu))
-                body = payload(self.model, part.part.root or "", self.model.postures.get("home"))
-                legs = LegDrive(part, parameters, imu, body)
-                return legs, DrivenBase(name, part, legs, latch, LEGS)
-            case ArmModel():
-                motors = JointMotors(name, part, parameters, rng)
-                tool = ToolLimits(self.model, name, self.model.safety)
-                period, now = parameters.control_period, self.clock.now
-                tracking = replace(JOINTS, stream_reserve=parameters.stream_reserve)
-                return motors, StreamedArm(name, part, motors, latch, period, tool, tracking, now)
-            case GripperModel(part=SuctionPart() as cup):
-                pump = SuctionPump(cup, parameters)
-                return pump, CommandedGripper(name, part, pump, latch)
-            case GripperModel():
-                fingers = FingerMotors(part, parameters)
-                return fingers, CommandedGripper(name, part, fingers, latch)
-            case JointGroupModel():
-                motors = JointMotors(name, part, parameters, rng)
-                return motors, StreamedJointGroup(name, part, motors, latch, parameters.control_period, JOINTS)
-        return None
+    def _make_wheels(self, name: str, model: WheeledBaseModel) -> tuple[Channel, Actuator]:
+        wheels = WheelDrive(name, model, self._parameters, self._generator(name))
+        return wheels, DrivenBase(name, model, wheels, self._latch)
+
+    def _make_legs(self, name: str, model: LeggedBaseModel) -> tuple[Channel, Actuator]:
+        imu = next(sensor for sensor in self._sensors.values() if isinstance(sensor, SimulatedImu))
+        body = payload(self.model, model.part.root or "", self.model.postures.get("home"))
+        legs = LegDrive(model, self._parameters, imu, body)
+        return legs, DrivenBase(name, model, legs, self._latch, LEGS)
+
+    def _make_arm(self, name: str, model: ArmModel) -> tuple[Channel, Actuator]:
+        parameters, tool = self._parameters, ToolLimits(self.model, name, self.model.safety)
+        motors = JointMotors(name, model, parameters, self._generator(name))
+        tracking, period = replace(JOINTS, stream_reserve=parameters.stream_reserve), parameters.control_period
+        return motors, StreamedArm(name, model, motors, self._latch, period, tool, tracking, self.clock.now)
+
+    def _make_gripper(self, name: str, model: GripperModel) -> tuple[Channel, Actuator]:
+        fingers = FingerMotors(model, self._parameters)
+        return fingers, CommandedGripper(name, model, fingers, self._latch)
+
+    def _make_suction(self, name: str, model: GripperModel) -> tuple[Channel, Actuator]:
+        assert isinstance(model.part, SuctionPart)
+        pump = SuctionPump(model.part, self._parameters)
+        return pump, CommandedGripper(name, model, pump, self._latch)
+
+    def _make_joints(self, name: str, model: JointGroupModel) -> tuple[Channel, Actuator]:
+        motors = JointMotors(name, model, self._parameters, self._generator(name))
+        return motors, StreamedJointGroup(name, model, motors, self._latch, self._parameters.control_period, JOINTS)

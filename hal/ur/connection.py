@@ -15,8 +15,8 @@ from bestman_bt.messages import Wrench
 from bestman_bt.robot_model.model import ArmModel
 from bestman_bt.robot_model.payload import Payload, arm_payload
 from bestman_bt.robot_model.sensor_parts import ForceTorquePart, MountedForceTorque
-from hal.api import CommandRefusedError, Failure, MotionErrorCode, NoDataError, Part
-from hal.hardware.connection import Connection
+from hal.api import CommandRefusedError, Failure, MotionErrorCode, NoDataError
+from hal.hardware.connection import Connection, PartFactory
 from hal.hardware.controller_facts import ArmFacts, Identity
 from hal.hardware.sensors import HardwareForceTorque
 from hal.parts.channels import JointChannel, JointReading
@@ -145,7 +145,7 @@ STOPPED_BY_PEOPLE = frozenset({5, 6, 7, 12, 13})
 
 
 def fault_of(report: Report) -> Failure | None:
-    """Return the fault in ``gFLT`` and ``gSTA``, None if the gripper is active without a fault."""
+    """Return the fault of a safety or robot mode, a lapsed heartbeat or an ended program; None without one."""
     safety, mode = report.safety_mode, report.robot_mode
     if safety not in WELL:
         if safety == PROTECTIVE_STOP:
@@ -195,20 +195,20 @@ class URConnection(Connection):
         "measured joint torques": "ur-rtde reads the torques that the controller's model wants, not measured ones",
     }
 
-    def make_parts(self) -> dict[str, Part]:
-        """Return the arm of ``settings.parts``, and its force-torque sensor if that is named."""
-        options: UROptions = self.options
+    def factories(self) -> Mapping[str, PartFactory]:
+        """Return the factories of the arm and of the force-torque sensor in its flange."""
         self._link = URLink(self.name, self.clock)
         self.io = URDigitalIO(self._link, self.latch)
-        arms = [name for name in self.settings.parts if name in self.model.of(ArmModel)]
-        sensors = [name for name in self.settings.parts if name in self.model.of(MountedForceTorque)]
-        tool = ToolLimits(self.model, arms[0], self.limits)
-        model, joints = self.model.of(ArmModel)[arms[0]], URJoints(self._link, options.reduced_scaling)
-        self._arm = URArm(arms[0], model, joints, self.latch, 1.0 / options.rate, tool, self._link, self._payload)
-        parts: dict[str, Part] = {arms[0]: self._arm}
-        for name in sensors:
-            parts[name] = URForceTorque(name, self.model.of(MountedForceTorque)[name].part, self._link, self.latch)
-        return parts
+        return {"arm": self._make_arm, "force_torque": self._make_force_torque}
+
+    def _make_arm(self, name: str, model: ArmModel) -> URArm:
+        options: UROptions = self.options
+        tool, joints = ToolLimits(self.model, name, self.limits), URJoints(self._link, options.reduced_scaling)
+        self._arm = URArm(name, model, joints, self.latch, 1.0 / options.rate, tool, self._link, self._payload)
+        return self._arm
+
+    def _make_force_torque(self, name: str, model: MountedForceTorque) -> URForceTorque:
+        return URForceTorque(name, model.part, self._link, self.latch)
 
     def open(self) -> None:
         """Connect, and start the SDK's program on the controller."""

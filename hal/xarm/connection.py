@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.robot_model.model import ArmModel, GripperModel
 from bestman_bt.robot_model.payload import Payload, arm_payload
-from hal.api import Failure, NoDataError, Part
-from hal.hardware.connection import Connection
+from hal.api import Failure, NoDataError
+from hal.hardware.connection import Connection, PartFactory
 from hal.hardware.controller_facts import ArmFacts, Identity
 from hal.parts.channels import GripperChannel, GripperReading, JointChannel, JointReading
 from hal.parts.gate import ToolLimits
@@ -135,34 +135,29 @@ class XArmConnection(Connection):
         "gripper force": "the gripper presses with a force of its own",
     }
 
-    def make_parts(self) -> dict[str, Part]:
-        """Return the arm and the gripper of ``settings.parts``."""
+    def factories(self) -> Mapping[str, PartFactory]:
+        """Return the factories of the arm and of the gripper."""
         self._wire = XArmWire(self.name, self.clock, self.sdk)
         self._gripper: CommandedGripper | None = None
         self._lite6_gripper: Lite6GripperWire | None = None
-        options: XArmOptions = self.options
-        parts: dict[str, Part] = {}
-        for name in self.settings.parts:
-            if name in self.model.of(ArmModel):
-                arm = self.model.of(ArmModel)[name]
-                self._joints = XArmJoints(self._wire, len(arm.joint_names))
-                tool = ToolLimits(self.model, name, self.limits)
-                self._arm = XArmArm(name, arm, self._joints, self.latch, 1.0 / options.rate, tool)
-                self._arm.tell_payload = self._tell_payload
-                parts[name] = self._arm
-            elif name in self.model.of(GripperModel):
-                gripper = self.model.of(GripperModel)[name]
-                self._gripper = self._make_gripper(name, gripper)
-                parts[name] = self._gripper
-        return parts
+        return {"arm": self._make_arm, "gripper": self._make_gripper}
+
+    def _make_arm(self, name: str, model: ArmModel) -> XArmArm:
+        self._joints = XArmJoints(self._wire, len(model.joint_names))
+        tool, period = ToolLimits(self.model, name, self.limits), 1.0 / self.options.rate
+        self._arm = XArmArm(name, model, self._joints, self.latch, period, tool)
+        self._arm.tell_payload = self._tell_payload
+        return self._arm
 
     def _make_gripper(self, name: str, model: GripperModel) -> CommandedGripper:
         if self.options.arm == "lite6":
             self.unsupported = {**self.unsupported, "a gripper opens and closes": BLIND}
             self._lite6_gripper = Lite6GripperWire(self._wire, model, self.clock)
-            return Lite6Gripper(name, model, self._lite6_gripper, self.latch)
-        channel = XArmGripper(self._wire, model, self.options.gripper_pulses)
-        return CommandedGripper(name, model, channel, self.latch)
+            self._gripper = Lite6Gripper(name, model, self._lite6_gripper, self.latch)
+        else:
+            channel = XArmGripper(self._wire, model, self.options.gripper_pulses)
+            self._gripper = CommandedGripper(name, model, channel, self.latch)
+        return self._gripper
 
     @property
     def _speaks_to_gripper(self) -> bool:

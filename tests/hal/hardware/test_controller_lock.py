@@ -15,10 +15,10 @@ import pytest
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.runtime_folder import runtime_folder
-from hal.api import Failure, Part
+from hal.api import Failure
 from hal.hardware import connection
 from hal.hardware.clock import RealTimeClock
-from hal.hardware.connection import Connection, ControllerLock
+from hal.hardware.connection import Connection, ControllerLock, PartFactory
 from hal.parts.part_connection import ConnectionFailedError
 from hal.parts.stop_latch import StopLatch
 
@@ -130,7 +130,7 @@ class Follower(Connection):
     reachable = True
     opened = 0
 
-    def make_parts(self) -> dict[str, Part]:
+    def factories(self) -> Mapping[str, PartFactory]:
         return {}
 
     def open(self) -> None:

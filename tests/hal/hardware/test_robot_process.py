@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -13,9 +13,9 @@ import pytest
 from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model.connection_config import ConnectionConfig
-from bestman_bt.robot_model.model import BaseModel, RobotModel
-from hal.api import Failure, MotionStatus, Part
-from hal.hardware.connection import Connection
+from bestman_bt.robot_model.model import RobotModel
+from hal.api import Failure, MotionStatus
+from hal.hardware.connection import Connection, PartFactory
 from hal.hardware.robot_process import (
     REMEMBERED_MOTIONS,
     ROBOT,
@@ -44,8 +44,8 @@ class Wheels(BaseChannel):
 class Controller(Connection):
     """Nothing is wrong with it."""
 
-    def make_parts(self) -> dict[str, Part]:
-        return {"base": DrivenBase("base", self.model.of(BaseModel)["base"], Wheels(), self.latch)}
+    def factories(self) -> Mapping[str, PartFactory]:
+        return {"base": lambda name, model: DrivenBase(name, model, Wheels(), self.latch)}
 
     def open(self) -> None:
         pass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -12,8 +13,8 @@ from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.robot_model.sensor_parts import CameraPart
-from hal.api import Camera, Failure, MotionErrorCode, NotConnectedError, Part
-from hal.hardware.connection import Connection
+from hal.api import Camera, Failure, MotionErrorCode, NotConnectedError
+from hal.hardware.connection import Connection, PartFactory
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.sensors import HardwareCamera, is_another_camera, lens_differences
 from hal.parts.part_connection import ConnectionFailedError
@@ -65,9 +66,8 @@ class Eye(Connection):
     driver = "scripted"
     silent = False
 
-    def make_parts(self) -> dict[str, Part]:
-        (name,) = self.settings.parts
-        return {name: HardwareCamera(name, self.model.of(CameraPart)[name], self.latch, lambda: None)}  # type: ignore
+    def factories(self) -> Mapping[str, PartFactory]:
+        return {"camera": lambda name, model: HardwareCamera(name, model, self.latch, lambda: None)}  # type: ignore
 
     def open(self) -> None:
         self.silent = False

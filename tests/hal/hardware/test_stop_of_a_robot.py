@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import pytest
@@ -12,7 +12,7 @@ import pytest
 from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model.connection_config import ConnectionConfig
-from bestman_bt.robot_model.model import BaseModel, GripperModel, RobotModel
+from bestman_bt.robot_model.model import RobotModel
 from hal.api import (
     CommandRefusedError,
     Failure,
@@ -21,9 +21,8 @@ from hal.api import (
     MotionErrorCode,
     MotionStatus,
     NotConnectedError,
-    Part,
 )
-from hal.hardware.connection import Connection
+from hal.hardware.connection import Connection, PartFactory
 from hal.hardware.robot import HardwareRobot
 from hal.parts.channels import BaseChannel, BaseReading, GripperChannel, GripperReading
 from hal.parts.driven_base import DrivenBase
@@ -63,15 +62,12 @@ class Controller(Connection):
     recovers = True
     during_recovery: Callable[[], None] = staticmethod(lambda: None)
 
-    def make_parts(self) -> dict[str, Part]:
+    def factories(self) -> Mapping[str, PartFactory]:
         self.calls: list[str] = []
-        makers: dict[str, Callable[[], Part]] = {
-            "base": lambda: DrivenBase("base", self.model.of(BaseModel)["base"], Wheels(), self.latch),
-            "gripper": lambda: CommandedGripper(
-                "gripper", self.model.of(GripperModel)["gripper"], Fingers(), self.latch
-            ),
+        return {
+            "base": lambda name, model: DrivenBase(name, model, Wheels(), self.latch),
+            "gripper": lambda name, model: CommandedGripper(name, model, Fingers(), self.latch),
         }
-        return {name: makers[name]() for name in self.settings.parts}
 
     def open(self) -> None:
         self.calls.append("open")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import pytest
@@ -14,8 +14,8 @@ from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from bestman_bt.robot_model.model import BaseModel, RobotModel
-from hal.api import CommandRefusedError, Failure, MobileBase, MotionErrorCode, MotionStatus, Part
-from hal.hardware.connection import Connection
+from hal.api import CommandRefusedError, Failure, MobileBase, MotionErrorCode, MotionStatus
+from hal.hardware.connection import Connection, PartFactory
 from hal.hardware.heartbeat import Heartbeat
 from hal.hardware.robot import HardwareRobot
 from hal.parts.channels import BaseChannel, BaseReading
@@ -44,10 +44,13 @@ class Controller(Connection):
     busy, looked = 0.0, 0
     answer: CommandRefusedError | None = None
 
-    def make_parts(self) -> dict[str, Part]:
+    def factories(self) -> Mapping[str, PartFactory]:
         self.noticed = threading.Event()
-        self.base = DrivenBase("base", self.model.of(BaseModel)["base"], Standing(), self.latch)
-        return {"base": self.base}
+        return {"base": self.make_base}
+
+    def make_base(self, name: str, model: BaseModel) -> DrivenBase:
+        self.base = DrivenBase(name, model, Standing(), self.latch)
+        return self.base
 
     def open(self) -> None:
         pass
