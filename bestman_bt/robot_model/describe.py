@@ -234,21 +234,13 @@ def legs(base: LeggedBasePart, urdf: ET.Element) -> tuple[LegModel, ...]:
 
 def _leg(base: LeggedBasePart, index: int, links: list[str], places: Places) -> LegModel:
     hip, thigh, knee = (places[link] for link in links)
-    foot, rows, limits = places[base.feet[index]], slice(3 * index, 3 * index + 3), base.limits
-    first, second, third = base.joints[rows]
+    foot = places[base.feet[index]]
     x, y, z = hip.tolist()
     return LegModel(
-        joint_names=(first, second, third),
-        foot_link=base.feet[index],
         hip=(x, y, z),
         thigh_offset=float(thigh[1] - hip[1]),
         thigh_length=float(thigh[2] - knee[2]),
         calf_length=float(knee[2] - foot[2]),
-        foot_radius=base.foot_radius,
-        lower=limits.lower[rows],
-        upper=limits.upper[rows],
-        velocity=limits.velocity[rows],
-        effort=limits.effort[rows],
     )
 
 

@@ -176,21 +176,13 @@ class GripperModel:
 class LegModel:
     """A leg; metres in the frame of the trunk. Its hip turns about x, its thigh and its knee about y.
 
-    ``joint_names``: hip, thigh, knee; limits (3,) in radians, rad/s and N m. ``hip``: point on the hip's axis,
-    ``thigh_offset``: from there sideways (y) to the thigh. ``foot_link``: a sphere of ``foot_radius``.
+    ``hip``: point on the hip's axis, ``thigh_offset``: from there sideways (y) to the thigh.
     """
 
-    joint_names: tuple[str, str, str]
-    foot_link: str
     hip: tuple[float, float, float]
     thigh_offset: float
     thigh_length: float
     calf_length: float
-    foot_radius: float
-    lower: tuple[float, ...]
-    upper: tuple[float, ...]
-    velocity: tuple[float, ...]
-    effort: tuple[float, ...]
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ def the_description_can_be_read_before_connecting(robot: Robot) -> None:
         require(camera.intrinsics.width > 0 and camera.intrinsics.fx > 0.0, f"{camera.name} should describe itself")
 
 
-def every_part_of_the_model_is_there_or_declared_missing(robot: Robot) -> None:
+def every_part_of_the_model_is_there_or_unsupported(robot: Robot) -> None:
     """Check that a driver declares each part that it does not offer, with the reason: ``unsupported``."""
     declared = robot.unsupported
     silent = [name for name in robot.model.parts if name not in robot.parts and not declared.get(name)]
@@ -110,7 +110,7 @@ def an_unknown_part_is_refused_with_the_names_there_are(robot: Robot) -> None:
 
 DESCRIPTION_CHECKS = (
     Check(the_description_can_be_read_before_connecting),
-    Check(every_part_of_the_model_is_there_or_declared_missing),
+    Check(every_part_of_the_model_is_there_or_unsupported),
     Check(joints_have_the_limits_of_the_model, GROUPS),
     Check(a_base_is_as_the_model_says, BASES),
     Check(a_gripper_is_as_the_model_says, GRIPPERS),

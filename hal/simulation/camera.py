@@ -58,14 +58,14 @@ MOVED = 5e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Exposure:
+class StateCapture:
     """When and from where an image was taken; ``map_from_optical`` is the true pose, used for rendering alone."""
 
     map_from_optical: Pose
     stamp: float
 
 
-class SimulatedCamera(SimulatedSensor[Exposure], Camera):
+class SimulatedCamera(SimulatedSensor[StateCapture], Camera):
     """Renders on request. With a latency, it takes images at its rate and returns the latest that has arrived.
 
     Only requested images are rendered: objects moving in front of the camera are drawn at their current pose, up to a
@@ -80,30 +80,30 @@ class SimulatedCamera(SimulatedSensor[Exposure], Camera):
         self._reader: Reader | None = None
         self._here: Callable[[], Pose] = Pose
         self._robot = -1
-        self._rendered: tuple[Exposure, SensorFault | None, RGBDImage] | None = None
+        self._rendered: tuple[StateCapture, SensorFault | None, RGBDImage] | None = None
 
     def capture(self) -> RGBDImage:
         """Render colour and depth, and spoil the depth as the model says."""
-        exposure, fault = self.read(), self.fault
+        capture, fault = self.read(), self.fault
         if self._rendered is not None:
             shown, shown_fault, image = self._rendered
-            if shown is exposure and fault in (shown_fault, SensorFault.FROZEN):
+            if shown is capture and fault in (shown_fault, SensorFault.FROZEN):
                 return image
-        image = self._render(exposure)
-        self._rendered = exposure, fault, image
+        image = self._render(capture)
+        self._rendered = capture, fault, image
         return image
 
-    def begin(self, simulation: Simulation) -> Callable[[], Exposure]:
+    def begin(self, simulation: Simulation) -> Callable[[], StateCapture]:
         """Look into this simulation."""
         reader = self._reader = simulation.reader(ReadPurpose.SENSOR)
         self._rendered, self._robot = None, simulation.built.robot
         self._here = lambda: simulation.link_pose(reader, self.optical_frame)
-        return lambda: Exposure(self._here(), simulation.now)
+        return lambda: StateCapture(self._here(), simulation.now)
 
-    def _render(self, exposure: Exposure) -> RGBDImage:
+    def _render(self, capture: StateCapture) -> RGBDImage:
         assert self._reader is not None
         model = self._model
-        taken, here = exposure.map_from_optical, self._here()
+        taken, here = capture.map_from_optical, self._here()
         moved = not np.allclose(taken.matrix, here.matrix, atol=MOVED)
         rgb, depth = self._seen(self._reader, taken, self._robot if moved else -1)
         noisy = spoil_depth(depth, model, self._rng)
@@ -111,7 +111,7 @@ class SimulatedCamera(SimulatedSensor[Exposure], Camera):
             rgb = np.zeros_like(rgb)
         if self.fault in (SensorFault.BLACK, SensorFault.NO_DEPTH):
             noisy = np.zeros_like(noisy)
-        return RGBDImage(rgb, noisy, model.intrinsics, exposure.stamp)
+        return RGBDImage(rgb, noisy, model.intrinsics, capture.stamp)
 
     @cached_property
     def _lens(self) -> Lens | None:

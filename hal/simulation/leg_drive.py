@@ -31,14 +31,14 @@ class LegDrive(SimulatedChannel, BaseChannel):
         self._slots: NDArray[np.intp] = np.zeros(0, np.intp)
         self._indices: list[int] = []
         self._velocity = np.zeros(3)
-        self._walker = self._new_walker()
+        self._walker = TrotGait(model, body)
 
     def attach(self, simulation: Simulation) -> None:
         """Stand up, with odometry at zero."""
         super().attach(simulation)
         self._slots = simulation.slots(self._model.part.joints)
         self._indices = simulation.joints(self._model.part.joints)
-        self._walker, self._velocity = self._new_walker(), np.zeros(3)
+        self._walker, self._velocity = TrotGait(self._model, self._body), np.zeros(3)
         simulation.release(self._indices)
         simulation.effort_controls.append(self._exert)
 
@@ -69,7 +69,3 @@ class LegDrive(SimulatedChannel, BaseChannel):
         ).ravel()
         simulation.torques[self._slots] = torques
         self.motors.exert(self._indices, torques)
-
-    def _new_walker(self) -> TrotGait:
-        legs = self._model.legs
-        return TrotGait(legs, self._model.part.stand_height - legs[0].foot_radius, self._body)

@@ -54,9 +54,9 @@ class MotionWatcher:
         for group in groups:
             slots = simulation.slots(group.joint_names)
             lower[slots], upper[slots], speed[slots] = group.lower, group.upper, group.velocity
-        for leg in (leg for base in model.of(LeggedBaseModel).values() for leg in base.legs):
-            slots = simulation.slots(leg.joint_names)
-            lower[slots], upper[slots], speed[slots] = leg.lower, leg.upper, leg.velocity
+        for walker in (base.part for base in model.of(LeggedBaseModel).values()):
+            slots, limits = simulation.slots(walker.joints), walker.limits
+            lower[slots], upper[slots], speed[slots] = limits.lower, limits.upper, limits.velocity
         for gripper in model.of(GripperModel).values():
             slots = simulation.slots(gripper.part.joints)
             lower[slots], upper[slots] = gripper.joint_range

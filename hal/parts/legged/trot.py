@@ -7,13 +7,12 @@ along the speed error corrects it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model.model import LegModel
+from bestman_bt.robot_model.model import LeggedBaseModel
 
 # Kinematics of legs with three joints: a hip that turns about x, thigh and knee that turn about y; pure.
 # All legs at once: joint angles, feet and forces are (n, 3), radians, metres and newtons in the frame of the trunk.
@@ -23,14 +22,15 @@ Array = NDArray[np.float64]
 
 
 class LegKinematics:
-    """Kinematics of n legs with knees that bend backwards (negative angles) and spherical feet."""
+    """Kinematics of a base's n legs with knees that bend backwards (negative angles) and spherical feet."""
 
-    def __init__(self, legs: Sequence[LegModel]) -> None:
+    def __init__(self, base: LeggedBaseModel) -> None:
+        legs = base.legs
         self.hips: Array = np.array([leg.hip for leg in legs])
         self._offset = np.array([leg.thigh_offset for leg in legs])
         self._thigh = np.array([leg.thigh_length for leg in legs])
         self._calf = np.array([leg.calf_length for leg in legs])
-        self._radius = np.array([leg.foot_radius for leg in legs])
+        self._radius = base.part.foot_radius
 
     def below_hips(self, height: float) -> Array:
         """Return the feet (n, 3), metres, with straight hips, ``height`` metres below the trunk."""
@@ -81,7 +81,7 @@ class LegKinematics:
         """
         bending = speeds[:, 1] + speeds[:, 2]
         spins = np.column_stack([speeds[:, 0], bending * np.cos(angles[:, 0]), bending * np.sin(angles[:, 0])])
-        return np.asarray(np.cross(spins + rate, up) * self._radius[:, None])
+        return np.asarray(np.cross(spins + rate, up) * self._radius)
 
     def _in_plane(self, angles: Array) -> tuple[Array, Array]:
         """Of the feet along x, and along z before the hip turns."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.robot_model.model import LegModel
+from bestman_bt.robot_model.model import LeggedBaseModel
 from bestman_bt.robot_model.payload import Payload
 from hal.parts.legged.trot import LegKinematics, Trot
 
@@ -106,7 +105,7 @@ class LegOdometry:
 class TrotGait:
     """Stands and trots. Joint angles, speeds and torques are (4, 3): front right, front left, rear right, rear left.
 
-    ``height``: of the trunk's frame above the centres of the feet. ``body``: mass and centre of mass of the standing
+    ``body``: mass and centre of mass of the standing
     robot, in the trunk's frame. ``joint_…``: gains of the joints (N m/rad, N m s/rad).
 
     The gains of the trunk are those of a virtual spring and damper that keep it level at its height: ``height_…`` N/m
@@ -118,8 +117,7 @@ class TrotGait:
     ``standing_speed_gain`` bring the robot to rest.
     """
 
-    legs: Sequence[LegModel]
-    height: float
+    base: LeggedBaseModel
     body: Payload
     joint_gain: float = 60.0
     joint_damping: float = 1.5
@@ -139,11 +137,13 @@ class TrotGait:
     standing_smoothing: float = 0.005
 
     def __post_init__(self) -> None:
-        self._kinematics = LegKinematics(self.legs)
-        self._efforts = np.array([leg.effort for leg in self.legs])
+        part = self.base.part
+        self._kinematics = LegKinematics(self.base)
+        self._efforts = np.array(part.limits.effort).reshape(-1, 3)
+        self._height = part.stand_height - part.foot_radius  # of the trunk's frame above the centres of the feet
         self.attitude = Attitude()
         self.odometry = LegOdometry()
-        below_body = self._kinematics.below_hips(self.height)
+        below_body = self._kinematics.below_hips(self._height)
         below_body[:, :2] += self.body.centre[:2]
         self.trot = Trot(below_body)
         self._wanted_angles: Array | None = None
@@ -207,7 +207,7 @@ class TrotGait:
                 speed_gain * (command[0] - velocity[0]),
                 speed_gain * (command[1] - velocity[1]),
                 self.body.mass * GRAVITY
-                + self.height_gain * (self.height - height)
+                + self.height_gain * (self._height - height)
                 - self.height_damping * velocity[2],
             ]
         )

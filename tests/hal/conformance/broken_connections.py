@@ -87,7 +87,7 @@ BROKEN: list[tuple[str, Break]] = [
         "the description can be read before connecting",
         telling("head_camera", "intrinsics", lambda k: replace(k, fx=0.0)),
     ),
-    ("every part of the model is there or declared missing", a_part_that_is_not_mentioned),
+    ("every part of the model is there or unsupported", a_part_that_is_not_mentioned),
     (
         "joints have the limits of the model",
         telling("head", "model", lambda model: with_limits(model, velocity=1.5 * model.velocity)),

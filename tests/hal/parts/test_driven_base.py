@@ -186,6 +186,23 @@ def test_velocities_beyond_the_limits_are_refused(base: DrivenBase, velocity: tu
         base.set_velocity(*velocity)
 
 
+def test_a_distance_is_finite_and_above_0_and_an_angle_is_finite(base: DrivenBase, channel: Unicycle, run: Run) -> None:
+    for distance in (0.0, -0.1, math.inf, math.nan):
+        for drive in (base.move_forward, base.move_backward):
+            with pytest.raises(CommandRefusedError, match=rf"base refused {drive.__name__}: distance = {distance} m"):
+                drive(distance)
+    for angle in (math.inf, math.nan):
+        with pytest.raises(CommandRefusedError, match=f"base refused rotate: angle = {angle} rad"):
+            base.rotate(angle)
+    run(0.1)
+    assert set(channel.sent) == {Twist2D(0.0, 0.0, 0.0)}
+
+
+def test_programs_read_what_the_base_tells(base: DrivenBase, channel: Unicycle) -> None:
+    channel.twist = Twist2D(0.3, 0.0, 0.1)
+    assert (base.odometry(), base.velocity()) == (channel.pose, channel.twist)
+
+
 def test_a_stopped_robot_says_why_it_refuses(base: DrivenBase, latch: StopLatch) -> None:
     latch.set(STRUCK)
     latch.set(Failure(MotionErrorCode.FAULT, "a later reason"))
@@ -404,3 +421,7 @@ def test_steered_wheels_change_their_velocity_along_one_direction(
     first = channel.sent[-1]
     assert first.vy / first.vx == pytest.approx(1.0 / 3.0)
     assert math.hypot(first.vx, first.vy) == pytest.approx(part.max_acceleration * PERIOD)
+    for _ in range(round(1.0 / PERIOD)):
+        base.set_velocity(0.3, 0.1, 0.0)
+        base.cycle(PERIOD)
+    assert channel.sent[-1] == Twist2D(0.3, 0.1, 0.0)

@@ -316,6 +316,29 @@ def test_a_gripper_that_reacts_at_once_is_blocked_after_the_time_of_rest_alone(
     assert gripper.state().object_held
 
 
+def test_fingers_that_stand_still_and_feel_nothing_are_given_time_before_they_count_as_stuck(
+    gripper: CommandedGripper, fingers: Fingers
+) -> None:
+    """Of a gripper that feels objects: what it does not feel does not hold its fingers up for long."""
+    fingers.low, fingers.felt, fingers.reaction_time = 0.03, False, 0.0
+    motion = gripper.close(force=30.0)
+    run(gripper, fingers, 1.2)  # half a second of it on the way
+    assert not motion.done
+    run(gripper, fingers, 0.6)
+    assert motion.status is MotionStatus.FAILED
+    assert motion.failure is not None
+    assert (motion.failure.code, "is stuck" in motion.failure.text) == (MotionErrorCode.FAULT, True)
+    assert not gripper.state().object_held
+    gripper.open()
+    run(gripper, fingers, 1.0)
+    motion = gripper.close(force=30.0)
+    run(gripper, fingers, 0.9)
+    fingers.felt = True  # in time
+    run(gripper, fingers, 0.1)
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert gripper.state().object_held
+
+
 def test_what_the_gripper_feels_again_is_held_again(gripper: CommandedGripper, fingers: Fingers) -> None:
     """A seal that was broken for an instant; the width alone does not bring an object back."""
     fingers.low, fingers.felt = 0.03, True

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from bestman_bt.robot_model.compose import load_robot_model
-from bestman_bt.robot_model.model import BaseModel
+from bestman_bt.robot_model.model import BaseModel, LeggedBaseModel
 from bestman_bt.robot_model.payload import payload
 from hal.parts.legged.trot import LegKinematics, Trot
-from hal.parts.legged.walker import Attitude, LegOdometry
+from hal.parts.legged.walker import GRAVITY, Attitude, LegOdometry, TrotGait
 
 HEIGHT, PERIOD = 0.27, 1 / 240
 
 
 @pytest.fixture(scope="module")
 def kinematics() -> LegKinematics:
-    return LegKinematics(load_robot_model("a1").of(BaseModel)["base"].legs)
+    return LegKinematics(load_robot_model("a1").of(LeggedBaseModel)["base"])
 
 
 def test_inverse_kinematics_undoes_forward_kinematics(kinematics: LegKinematics) -> None:
@@ -126,3 +126,41 @@ def test_it_stands_on_all_feet_again_soon_after_the_last_command(trot: Trot) -> 
         steps += 1
     assert trot.stance.all()
     assert steps * PERIOD < 0.35
+
+
+@pytest.fixture
+def gait() -> TrotGait:
+    model = load_robot_model("a1")
+    return TrotGait(model.of(LeggedBaseModel)["base"], payload(model, "trunk", model.postures["home"]))
+
+
+def torques(gait: TrotGait, command: tuple[float, float, float], times: int, off: float = 0.0) -> np.ndarray:
+    """The joint torques (4, 3) after ``times`` periods of readings at home, upright, thighs ``off`` radians away."""
+    angles = gait._kinematics.angles(gait._kinematics.below_hips(gait._height)) + np.array([0.0, off, 0.0])
+    force = np.array([0.0, 0.0, GRAVITY])
+    for _ in range(times):
+        found = gait.update(np.array(command), angles, np.zeros((4, 3)), np.zeros(3), force, PERIOD)
+    return found
+
+
+def test_standing_legs_carry_the_weight_without_pushing_aside(gait: TrotGait) -> None:
+    angles = gait._kinematics.angles(gait._kinematics.below_hips(gait._height))
+    jacobians = gait._kinematics.jacobians(angles)
+    carried = torques(gait, (0.0, 0.0, 0.0), 1)
+    assert gait._wanted_angles is not None
+    carried = carried - gait.joint_gain * (gait._wanted_angles - angles)  # of the joints, towards the centre of mass
+    forces = np.linalg.solve(jacobians.transpose(0, 2, 1), -carried[:, :, None])[:, :, 0]
+    assert forces.sum(axis=0)[2] == pytest.approx(gait.body.mass * GRAVITY, rel=0.2)
+    assert (np.linalg.norm(forces[:, :2], axis=1) <= gait.friction * forces[:, 2] + 1e-6).all()
+
+
+def test_no_joint_of_a_leg_gets_more_than_its_effort(gait: TrotGait) -> None:
+    most = np.array(gait.base.part.limits.effort).reshape(4, 3)
+    assert np.abs(torques(gait, (0.0, 0.0, 0.0), 1, off=1.0))[:, 1] == pytest.approx(most[:, 1])
+
+
+def test_what_the_legs_lack_of_the_velocity_is_made_up_for_within_bounds_and_forgotten_at_rest(gait: TrotGait) -> None:
+    torques(gait, (0.3, 0.0, -0.4), 480)  # legs that do not move
+    assert gait._correction[[0, 2]] == pytest.approx([gait.most_correction[0], -gait.most_correction[2]])
+    torques(gait, (0.0, 0.0, 0.0), 1)
+    assert gait._correction == pytest.approx(np.zeros(3))

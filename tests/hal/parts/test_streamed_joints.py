@@ -508,6 +508,15 @@ def test_a_slowed_trajectory_tells_its_own_time(make_arm: Callable[..., tuple[St
     assert arm.trajectory_time() == pytest.approx(0.95)  # the pace is that of each trajectory
 
 
+def test_a_trajectory_of_one_sample_holds_the_arm_there(make_arm: Callable[..., tuple[StreamedArm, Joints]]) -> None:
+    arm, channel = make_arm(tool_speed=0.1)
+    there = np.array([HOME[0] + 0.02, *HOME[1:]])
+    motion = arm.follow(JointTrajectory(arm.joint_names, np.zeros(1), there[None], np.zeros((1, 7))))
+    run(arm, 1.0)
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert channel.at == pytest.approx(there)
+
+
 def test_a_slowed_trajectory_keeps_its_way_between_its_samples(
     make_arm: Callable[..., tuple[StreamedArm, Joints]],
 ) -> None:
@@ -614,7 +623,7 @@ class Torques(Joints):
 
     def published(self) -> JointReading:
         reading = self.read()
-        return JointReading(reading.positions + 0.1, reading.velocities, reading.efforts)
+        return JointReading(reading.positions + 0.1, reading.velocities + 0.2, reading.efforts + 0.3)
 
 
 def test_efforts_act_at_once_and_end_with_a_stop_from_where_the_joints_are(latch: StopLatch) -> None:
@@ -673,6 +682,8 @@ def test_programs_read_the_sensors_and_the_law_the_drives(latch: StopLatch) -> N
     run(group, 3.0)
     assert motion.status is MotionStatus.SUCCEEDED
     assert group.positions() == pytest.approx([0.3, 0.1], abs=0.005)
+    assert group.velocities() == pytest.approx([0.2, 0.2])
+    assert group.efforts() == pytest.approx([0.3, 0.3])
     assert channel.sent[-1][0] == pytest.approx([0.2, 0.0])
 
 
