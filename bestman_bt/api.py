@@ -15,6 +15,7 @@ from py_trees.behaviour import Behaviour
 
 from bestman_bt.engine import NodeInfo, NodeStatus, Tree, ineffective_parts
 from bestman_bt.extras import DEFAULT_SIMULATOR
+from bestman_bt.records.writer import RESULT_FILE
 from bestman_bt.runtime.plugins import node_registry, read_tree
 
 if TYPE_CHECKING:
@@ -186,7 +187,7 @@ class Session(AbstractContextManager["Session"]):
             claim_run_folder(kept)
         result = self._open.run(tree, kept)
         if kept is not None:
-            result.write(kept / "result.json")
+            result.write(kept / RESULT_FILE)
         return result
 
     @property

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,13 +11,17 @@ import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json
-from bestman_bt.engine.logs.segmented_file import read_regular, read_segments
 from bestman_bt.errors import InputError
+from bestman_bt.evaluation.result import RunResult
+from bestman_bt.records.events import LogEvent
+from bestman_bt.records.history import RunHistory
+from bestman_bt.records.reader import has_record, read, read_result
+from bestman_bt.records.writer import EVENTS_FILE, RESULT_FILE
 
 MOST = 20
 """Failures that are told."""
-MOST_BYTES = 64_000_000
-"""Of a log or a result that are read."""
+LEFT_OUT = ("blackboard", "map", "path", "robot", "scan", "states")
+"""Events that say nothing about failures."""
 SCENE = "scene"
 
 
@@ -39,68 +43,45 @@ def command(
 def _explanation(run: Path) -> dict[str, Any]:
     if not run.is_dir():
         raise InputError(f"{run} is not a folder")
-    result = _result(run / "result.json")
-    logged = [line for line in _lines(run, "log.jsonl") if line.get("node") and line.get("level") == "warning"]
-    if not result and not (run / "log.jsonl").is_file():
-        raise InputError(f"{run} is not a run folder: it has neither result.json nor log.jsonl")
-    pictures = {
-        (line.get("node"), line.get("time")): str(run / line["file"])
-        for line in _lines(run, "events.jsonl", '"image"')
-        if line.get("camera") == SCENE and line.get("file")
-    }
-    on_the_way = [
-        {
-            "time": line.get("time"),
-            "node": line.get("where") or line["node"],
-            "code": line.get("code", ""),
-            "why": line.get("event", ""),
-            "obstacle": line.get("obstacle"),
-            "picture": pictures.get((line["node"], line.get("time"))),
-        }
-        for line in logged[-MOST:]
-    ]
-    failure = result.get("failure")
+    try:
+        result = RunResult.from_document(document) if (document := read_result(run)) else None
+    except (InputError, ValueError) as error:
+        raise InputError(f"{run / RESULT_FILE} is not a result of a run: {error}") from error
+    if result is None and not has_record(run):
+        raise InputError(f"{run} is not a run folder: it has neither {RESULT_FILE} nor {EVENTS_FILE}")
+    history = read(run, LEFT_OUT) if has_record(run) else RunHistory()
+    logged = [line for _, line in history.log if line.node and line.level == "warning"]
+    on_the_way = [_document(run, history, line) for line in logged[-MOST:]]
+    failure = result.failure if result is not None else None
     fatal = None
-    if failure:
-        named = failure.get("where") or failure.get("node") or "the run"
-        same = [one for one in on_the_way if one["node"] == named and one["code"] == failure.get("error_code")]
+    if failure is not None:
+        same = [one for one in on_the_way if (one["node"], one["code"]) == (failure.named, failure.error_code)]
+        seen = same[-1] if same else {"time": None, "picture": None}
         fatal = {
-            "time": same[-1]["time"] if same else None,
-            "node": named,
-            "code": failure.get("error_code", ""),
-            "why": failure.get("why", ""),
-            "obstacle": failure.get("obstacle"),
-            "picture": same[-1]["picture"] if same else None,
+            "time": seen["time"],
+            "node": failure.named or "the run",
+            "code": failure.error_code,
+            "why": failure.why,
+            "obstacle": failure.obstacle and asdict(failure.obstacle),
+            "picture": seen["picture"],
         }
-    outcome = result.get("outcome", "interrupted")
-    named = f"{result['task']}, seed {result['seed']}" if result else run.name
+    named = run.name if result is None else f"{result.task}, seed {result.seed}"
+    outcome = "interrupted" if result is None else str(result.outcome)
     return {"run": named, "outcome": outcome, "failure": fatal, "on_the_way": on_the_way}
 
 
-def _result(path: Path) -> dict[str, Any]:
-    """What ``result.json`` holds; nothing of a run that has not come to its end."""
-    if not path.is_file():
-        return {}
-    try:
-        document = json.loads(read_regular(path, MOST_BYTES))
-        document["task"], document["seed"]  # every result has them
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is not a result of a run: {error}") from error
-    found: dict[str, Any] = document
-    return found
-
-
-def _lines(run: Path, name: str, with_text: str = "") -> Iterator[dict[str, Any]]:
-    """The lines of a log in segments; a torn one is left out."""
-    if not (run / name).is_file():
-        return
-    for segment in read_segments(run / name, MOST_BYTES, MOST_BYTES):
-        for line in segment.data.splitlines():
-            if with_text.encode() in line:
-                try:
-                    yield json.loads(line)
-                except ValueError:
-                    continue
+def _document(run: Path, history: RunHistory, line: LogEvent) -> dict[str, Any]:
+    """A failure with its picture: of its node, taken when it failed."""
+    of_it = (SCENE, line.node, line.time)
+    pictures = [one.file for one in history.pictures if (one.camera, one.node, one.time) == of_it]
+    return {
+        "time": line.time,
+        "node": line.where or line.node,
+        "code": line.code,
+        "why": line.message,
+        "obstacle": line.obstacle and asdict(line.obstacle),
+        "picture": str(run / pictures[-1]) if pictures and pictures[-1] else None,
+    }
 
 
 def _in_words(document: dict[str, Any]) -> Iterator[str]:

@@ -46,10 +46,11 @@ from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.validation import validate_file
 from bestman_bt.evaluation.episode import RECORDING_OVER, Watcher, prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
-from bestman_bt.evaluation.run_folder import RESULT_NAME, make_run_folder
+from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.extras import DEFAULT_SIMULATOR, EXTRA_OF_SIMULATOR, require_extra
 from bestman_bt.monitor.groot2.protocol import Groot2Error
 from bestman_bt.monitor.groot2.publisher import Groot2Publisher, check_servable
+from bestman_bt.records.writer import CONFIG_FILE, RESULT_FILE
 from bestman_bt.runtime.robot_session import Session
 from bestman_bt.runtime.setup import Setup
 from bestman_bt.runtime.tree_checks import ALWAYS_FILLED
@@ -268,7 +269,7 @@ def command(
             show_in_monitor(page.monitor_port)
         result, _ = execute(setup, runs, view, driven.judge)
         tell(result.to_document())
-    if RESULT_NAME in result.not_kept and not as_json:
+    if RESULT_FILE in result.not_kept and not as_json:
         print(json.dumps(result.to_document(), allow_nan=False))
     sys.exit(exit_code(result))
 
@@ -388,9 +389,9 @@ def exit_code(result: RunResult) -> int:
 
 def _replayed(recording: Path, tree: str | None, driver: str) -> RunConfig:
     """Return the recorded run, with another tree if one is given."""
-    if not (recording / "config.yaml").is_file():
+    if not (recording / CONFIG_FILE).is_file():
         raise ConfigurationError([Problem("--recording", None, "", f"{recording} is not a run folder")])
-    config = read_run(recording / "config.yaml")
+    config = read_run(recording / CONFIG_FILE)
     task = config.task if tree is None else dataclasses.replace(config.task, tree=tree)
     return dataclasses.replace(config, task=task, driver=driver, record=False, recording=str(recording))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -26,11 +25,12 @@ from bestman_bt.evaluation.judge import find_judge
 from bestman_bt.evaluation.pictures import Pictures
 from bestman_bt.evaluation.recording import Recording
 from bestman_bt.evaluation.result import NO_GOAL, Outcome, RunResult
-from bestman_bt.evaluation.run_folder import RESULT_NAME
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.extras import EXTRA_OF_SIMULATOR, is_installed, missing_extra
 from bestman_bt.facts.evidence import Verdict
 from bestman_bt.records.keeping import Keeping
+from bestman_bt.records.reader import RecordError, read_result
+from bestman_bt.records.writer import RESULT_FILE
 from bestman_bt.robot_model.model import GripperModel
 from bestman_bt.runtime.executor import Ending, Execution, ExecutionWatcher, Executor
 from bestman_bt.runtime.robot_session import Session, open_session
@@ -166,8 +166,8 @@ def _last_tick_replayed(config: RunConfig) -> float | None:
     A tick too few, if in doubt: in a tick after it, motions would be seen to have been stopped.
     """
     try:
-        result = json.loads((Path(config.recording) / "result.json").read_bytes()) if config.recording else {}
-    except (OSError, ValueError):
+        result = read_result(Path(config.recording)) if config.recording else {}
+    except RecordError:
         return None
     if result.get("outcome") != Outcome.CANCELLED:
         return None
@@ -370,7 +370,7 @@ def run_episode(
             result = judged.run(None, folder, watch, recording, to_the_end, keeping)
             result = replace(result, wall_time_s=round(time.perf_counter() - wall_start, 3))
         if folder is not None:
-            keeping.write(RESULT_NAME, lambda: result.write(folder / RESULT_NAME))
+            keeping.write(RESULT_FILE, lambda: result.write(folder / RESULT_FILE))
     return replace(result, not_kept=dict(keeping.lost))
 
 

@@ -55,7 +55,7 @@ class MotionObstacle:
     pairs: tuple[tuple[str, str], ...] = ()
     joint: str = ""
     beyond: float | None = None
-    positions: Mapping[str, float] = field(default_factory=dict)
+    positions: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __str__(self) -> str:
         """In words: ``path: panda_hand and table are in each other's way``."""

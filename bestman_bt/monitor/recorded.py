@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-import json
 import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.engine.logs.segmented_file import read_regular
 from bestman_bt.monitor.run import MonitoredRun, RunError
 from bestman_bt.records.events import LogEvent, RunEvent
 from bestman_bt.records.history import RunHistory
-from bestman_bt.records.reader import RecordError, first_event, has_record, is_log, read, read_picture
-
-RESULT_FILE = "result.json"
-LARGEST_RESULT = 1 << 20
+from bestman_bt.records.reader import RecordError, first_event, has_record, is_log, read, read_picture, read_result
 
 
 def run_folders(given: Path) -> list[Path]:
@@ -63,8 +58,8 @@ class RecordedRun(MonitoredRun):
         """Read the result and the first event, for lists. Damage is reported when the run is opened."""
         self._result, self._fault = {}, ""
         try:
-            self._result = _read_result(self.folder)
-        except RunError as error:
+            self._result = read_result(self.folder)
+        except RecordError as error:
             self._fault = str(error)
         first = first_event(self.folder)
         if isinstance(first, RunEvent):
@@ -128,20 +123,6 @@ def read_run(folder: Path) -> RunHistory:
     for words in history.faults:
         history.take(LogEvent(history.last, "warning", words, logger="monitor"))
     return history
-
-
-def _read_result(folder: Path) -> dict[str, Any]:
-    """``result.json``; empty where there is none. Raises RunError for a damaged one."""
-    path = folder / RESULT_FILE
-    try:
-        if not path.is_file():
-            return {}
-        result = json.loads(read_regular(path, LARGEST_RESULT))
-    except (OSError, ValueError, RecursionError) as error:
-        raise RunError(f"{RESULT_FILE} cannot be read: {error}") from error
-    if not isinstance(result, dict):
-        raise RunError(f"{RESULT_FILE} holds no result")
-    return result
 
 
 def _modified(folder: Path) -> float:

@@ -7,6 +7,8 @@ is the root, in pre-order. ``tree`` 0 is the main tree; others are trees ticked 
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -334,9 +336,28 @@ def from_line(line: bytes | str) -> Event:
     Raises:
         EventError: it is not an event, or lacks a field.
     """
+    return _checked(lambda: _EVENTS.validate_json(line), "no event")
+
+
+def from_log_line(line: bytes | str) -> LogEvent:
+    """Return the event of a line of ``log.jsonl``, where ``event`` is the message; raises as ``from_line``."""
+
+    def read() -> Event:
+        document = json.loads(line)
+        return _EVENTS.validate_python({**document, "message": document["event"], "event": "log"})
+
     try:
-        return _EVENTS.validate_json(line)
+        event = _checked(read, "no line of a log")
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise EventError(f"no line of a log: {error!r}") from error
+    assert isinstance(event, LogEvent)
+    return event
+
+
+def _checked(read: Callable[[], Event], what: str) -> Event:
+    try:
+        return read()
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise EventError(f"no event: {where}: {first['msg']}" if where else f"no event: {first['msg']}") from error
+        raise EventError(f"{what}: {where}: {first['msg']}" if where else f"{what}: {first['msg']}") from error

@@ -6,7 +6,7 @@ import json
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,15 +23,15 @@ from bestman_bt.records.events import (
     EndEvent,
     Event,
     EventError,
-    Level,
     LogEvent,
     RunEvent,
     StatesEvent,
     TreeEvent,
     from_line,
+    from_log_line,
 )
 from bestman_bt.records.history import RunHistory
-from bestman_bt.records.writer import EVENTS_FILE, LOG_FILE, SEGMENT, STATES_FILE
+from bestman_bt.records.writer import EVENTS_FILE, LOG_FILE, RESULT_FILE, SEGMENT, STATES_FILE
 
 LONGEST_SEGMENT = 4 * SEGMENT
 MOST_READ = 512 << 20
@@ -40,13 +40,12 @@ LARGEST_FILE = 32 << 20
 """Bytes of one log that are read; executors cut theirs long before."""
 LOG_SUFFIXES = (".btlog", ".db3", ".btdb")
 LONGEST_FIRST_LINE = 64 << 10
-LARGEST_PICTURE = 8 << 20
+LARGEST_PICTURE, LARGEST_RESULT = 8 << 20, 4 << 20
 PICTURES_FOLDER = "pictures"
 PICTURE_SUFFIXES = (".jpg", ".jpeg", ".png")
 MOST_FAULTS, LONGEST_FAULT = 20, 300
 OUTCOMES = {SUCCESS: "success", FAILURE: "failure"}
 """Of a tree without a judge, after what its root returned last."""
-_LEVELS = get_args(Level)
 
 
 class RecordError(InputError):
@@ -209,6 +208,20 @@ def first_event(folder: Path) -> Event | None:
         return None
 
 
+def read_result(folder: Path) -> dict[str, Any]:
+    """Return the document of ``result.json``; empty if a run has none yet. Raises RecordError for a damaged one."""
+    path = folder / RESULT_FILE
+    try:
+        if not path.is_file():
+            return {}
+        result = json.loads(read_regular(path, LARGEST_RESULT))
+    except (OSError, ValueError, RecursionError) as error:
+        raise RecordError(f"{RESULT_FILE} cannot be read: {error}") from error
+    if not isinstance(result, dict):
+        raise RecordError(f"{RESULT_FILE} holds no result: it is not a JSON object")
+    return result
+
+
 def read_picture(folder: Path, name: str) -> bytes:
     """Return a picture that an event of this folder names; raises RecordError for anything that is not one inside of
     it.
@@ -255,22 +268,11 @@ def read_log(folder: Path) -> Iterator[LogEvent]:
             yield _left_out(time, LOG_FILE)
             continue
         try:
-            document = json.loads(line)
-            level = document["level"]
-            if level not in _LEVELS:
-                raise ValueError(f"the level {level!r}")
-            time = float(document["time"])
-            yield LogEvent(
-                time,
-                level,
-                str(document["event"]),
-                str(document.get("node", "")),
-                str(document.get("code", "")),
-                str(document.get("logger", "tree")),
-                str(document.get("where", "")),
-            )
-        except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
-            raise EventError(f"{folder / LOG_FILE}: line {number}: no line of a log: {error!r}") from error
+            event = from_log_line(line)
+        except EventError as error:
+            raise EventError(f"{folder / LOG_FILE}: line {number}: {error}") from error
+        time = event.time
+        yield event
 
 
 def _left_out(time: float, file: str) -> LogEvent:

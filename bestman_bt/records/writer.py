@@ -29,6 +29,7 @@ from bestman_bt.records.events import (
 )
 
 STATES_FILE, EVENTS_FILE, LOG_FILE = "transitions.btlog", "events.jsonl", "log.jsonl"
+RESULT_FILE, CONFIG_FILE = "result.json", "config.yaml"
 SEGMENT = 4 << 20
 """Bytes of events, or of log lines, after which a new segment begins."""
 KEEP_EVENTS, KEEP_LOG = 64 << 20, 16 << 20

@@ -12,6 +12,7 @@ from bestman_bt.errors import InputError
 from bestman_bt.facts.evidence import DrawnTask
 from bestman_bt.facts.goals.goal import goals_of
 from bestman_bt.records.reader import RecordError, has_record, read
+from bestman_bt.records.writer import CONFIG_FILE
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.scene.draw import draw_world
@@ -49,11 +50,11 @@ def read_filmed_run(folder: Path) -> FilmedRun:
 
     Raises FilmError, ConfigurationError or SceneError.
     """
-    if not (folder / "config.yaml").is_file():
+    if not (folder / CONFIG_FILE).is_file():
         raise FilmError(f"{folder} is not a run folder: it has no config.yaml")
     if not (folder / MOTION_NAME).is_file():
         raise FilmError(f"{folder} has no {MOTION_NAME}: only simulated runs leave one, and older ones did not")
-    config = read_run(folder / "config.yaml")
+    config = read_run(folder / CONFIG_FILE)
     try:
         motion = read_motion(folder / MOTION_NAME)
     except RecordingError as error:

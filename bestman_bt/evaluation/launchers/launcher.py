@@ -27,6 +27,7 @@ from bestman_bt.evaluation.launchers.worker_process import Answer, code_here
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.evaluation.versions import versions
+from bestman_bt.records.writer import RESULT_FILE
 
 WALL_LIMIT = 3600.0
 """Seconds of wall time after which an episode is taken to hang."""
@@ -92,7 +93,7 @@ class EpisodeRequest:
         except Exception as error:  # noqa: BLE001 - one episode that breaks is a failed episode, not the end of the batch
             result = self.broken(in_words(error), time.perf_counter() - start)
         if run_folder is not None:
-            result.write(run_folder / "result.json")
+            result.write(run_folder / RESULT_FILE)
         return result
 
     def broken(self, why: str, seconds: float = 0.0) -> RunResult:

@@ -20,13 +20,12 @@ from bestman_bt.evaluation.result import RunResult
 from bestman_bt.messages.black_box import PATTERN, BlackBox, BlackBoxError
 from bestman_bt.records.events import LogEvent
 from bestman_bt.records.history import Picture, RunHistory
-from bestman_bt.records.reader import RecordError, has_record, is_log, read
+from bestman_bt.records.reader import LARGEST_RESULT, RecordError, has_record, is_log, read, read_result
 from bestman_bt.records.timeline import activities
-from bestman_bt.records.writer import EVENTS_FILE, LOG_FILE, STATES_FILE
+from bestman_bt.records.writer import CONFIG_FILE, EVENTS_FILE, LOG_FILE, RESULT_FILE, STATES_FILE
 
-RESULT, CONFIG = "result.json", "config.yaml"
-PARTS = (RESULT, CONFIG, STATES_FILE, EVENTS_FILE, LOG_FILE)
-MAX_BYTES = {RESULT: 4_000_000, CONFIG: 256_000}
+PARTS = (RESULT_FILE, CONFIG_FILE, STATES_FILE, EVENTS_FILE, LOG_FILE)
+MAX_BYTES = {RESULT_FILE: LARGEST_RESULT, CONFIG_FILE: 256_000}
 LEFT_OUT = ("blackboard", "map", "path", "robot", "scan")
 """Events that a report does not tell."""
 LONGEST_TEXT = 200
@@ -75,9 +74,9 @@ def read_story(folder: Path) -> RunStory:
     Raises ReportError if nothing can be read.
     """
     notes: list[str] = []
-    result: RunResult | None = _part(folder, RESULT, _read_result, notes)
-    config: str = _part(folder, CONFIG, _read_config, notes) or ""
-    about: dict[str, Any] = _part(folder, CONFIG, lambda path: _read_about(config), notes if config else []) or {}
+    result: RunResult | None = _part(folder, RESULT_FILE, _read_result, notes)
+    config: str = _part(folder, CONFIG_FILE, _read_config, notes) or ""
+    about: dict[str, Any] = _part(folder, CONFIG_FILE, lambda path: _read_about(config), notes if config else []) or {}
     history = RunHistory()
     if has_record(folder) or is_log(folder):
         try:
@@ -166,7 +165,7 @@ def _flat(values: dict[Any, Any], prefix: str) -> Iterator[tuple[str, str]]:
 
 
 def _read_result(path: Path) -> RunResult:
-    return RunResult.from_document(json.loads(path.read_bytes()))
+    return RunResult.from_document(read_result(path.parent))
 
 
 def _read_config(path: Path) -> str:
