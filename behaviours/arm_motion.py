@@ -57,14 +57,14 @@ def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisi
     A held object stays upright within 25°, if it is now. If the arm is believed to be in contact already, a small
     motion of increasing clearance comes first. If another arm has moved into the path since, it is planned again.
     """
-    from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
+    from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
 
     skills = skill.skills
     for left in reversed(range(1 if world is not None else PLANS)):
         around = world if world is not None else skills.arm_world(skills.planning_scene())
         try:
             timed = yield _planned(skill, goals, around)
-        except PlanningError as refusal:
+        except MotionPlanningError as refusal:
             if refusal.code is not PlanningErrorCode.START_IN_COLLISION:
                 raise
             yield from _escape(skill, around)
@@ -128,7 +128,7 @@ def follow_path(skill: Skill, path: NDArray[np.float64], world: CollisionWorld, 
 def timed_path(
     skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0
 ) -> StepsTo[JointTrajectory]:
-    """Return the checked motion of ``follow_path``. Raises PlanningError if it would collide."""
+    """Return the checked motion of ``follow_path``. Raises MotionPlanningError if it would collide."""
     skills = skill.skills
     waypoints = np.vstack([skills.arm_positions(), path[1:]])
     scale = SpeedScale(FREE_SPEED.velocity * speed, FREE_SPEED.acceleration * speed)

@@ -27,7 +27,7 @@ import numpy as np
 from bestman_bt.manipulation.collision.base import CollisionWorld
 from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
-from bestman_bt.manipulation.motion_planning.base import PlanningError
+from bestman_bt.manipulation.motion_planning.base import MotionPlanningError
 from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.manipulation.trajectory.base import dense_samples
 from bestman_bt.manipulation.trajectory.toppra import Toppra
@@ -155,7 +155,7 @@ def plans(seeds: list[int], worlds: dict[str, CollisionWorld]) -> dict[str, obje
                 begin = time.process_time()
                 try:
                     plan = planner.plan(start, [goal], world, arm, rng)
-                except PlanningError:
+                except MotionPlanningError:
                     seconds.append(time.process_time() - begin)
                     continue
                 seconds.append(time.process_time() - begin)

@@ -31,7 +31,7 @@ from bestman_bt.evaluation.result import RunResult
 from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
 from bestman_bt.manipulation.policy.training.expert_policy import ExpertPolicy
 from bestman_bt.runtime.policy_experts import picking_expert
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from configs.evaluations.controls.altered_policy import Altered, Null, WrongGoal
 
 TASK, OBJECT = "policy_pick", "cup"
@@ -45,12 +45,12 @@ class NoGripper(Altered):
         return replace(super().act(observation), gripper_widths=None)
 
 
-def expert(session: Session, policy: Policy) -> Policy:
+def expert(session: RobotSession, policy: Policy) -> Policy:
     robot = session.setup.robot_model
     return ExpertPolicy(picking_expert(robot, OBJECT), robot.name)
 
 
-CASES: dict[str, tuple[Callable[[Session, Policy], Policy], tuple[str, ...]]] = {
+CASES: dict[str, tuple[Callable[[RobotSession, Policy], Policy], tuple[str, ...]]] = {
     "policy": (lambda session, policy: policy, ()),
     "expert": (expert, ()),
     "null": (lambda session, policy: Null(policy), ()),
@@ -65,7 +65,7 @@ def run(case: str, seed: int) -> tuple[RunResult, int]:
     changed, settings = CASES[case]
     attempts = 0
 
-    def watch(session: Session, tree: Tree) -> Callable[[], None]:
+    def watch(session: RobotSession, tree: Tree) -> Callable[[], None]:
         find = session.skills.policies
 
         def policies(name: str, folders: tuple[Path, ...]) -> Policy:

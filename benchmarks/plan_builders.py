@@ -25,7 +25,7 @@ from bestman_bt.registry import BUILDERS
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.simulation import SymbolicWorld, load_simulated
 from bestman_bt.task_planning.state import SUPERTYPES
-from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, PlanningError, Problem
+from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, PlanningError, PlanningProblem
 from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 
 REPLANS = 6
@@ -148,7 +148,9 @@ class Outcome:
     disturbances: int
 
 
-def episode(problem: Problem, truth: frozenset[Fact], builder: str, anew: bool, chance: float, seed: int) -> Outcome:
+def episode(
+    problem: PlanningProblem, truth: frozenset[Fact], builder: str, anew: bool, chance: float, seed: int
+) -> Outcome:
     """Plan, act, and plan anew where that is allowed and the tree fails."""
     world = DisturbedWorld(problem, truth=truth, rng=np.random.default_rng([seed, 3]), chance=chance)
     maker, planner, plans = BUILDERS.resolve(builder)(), SymbolicPlanner(), 0
@@ -168,7 +170,7 @@ def episode(problem: Problem, truth: frozenset[Fact], builder: str, anew: bool, 
     return Outcome(world.reached, len(world.done), plans, world.disturbances)
 
 
-def generated(domain: Domain, unknown: float, seed: int) -> tuple[Problem, frozenset[Fact]]:
+def generated(domain: Domain, unknown: float, seed: int) -> tuple[PlanningProblem, frozenset[Fact]]:
     """A problem as it is believed, and what is true; ``unknown``: the share of things that are to be found first."""
     rng = np.random.default_rng([seed, 1])
     tables = [f"table_{i}" for i in range(int(rng.integers(2, 4)))]
@@ -189,7 +191,7 @@ def generated(domain: Domain, unknown: float, seed: int) -> tuple[Problem, froze
             believed |= {Fact("unseen", (name, place)) for place in places}
         goal.append(Literal(Fact("on", (name, str(end)))))
     goal += [Literal(Fact("closed", (drawer,))) for drawer in drawers if rng.random() < 0.5]
-    problem = Problem(objects, frozenset(believed), tuple(goal), domain.operators, SUPERTYPES)
+    problem = PlanningProblem(objects, frozenset(believed), tuple(goal), domain.operators, SUPERTYPES)
     return problem, frozenset(truth)
 
 

@@ -30,7 +30,7 @@ import numpy as np
 from benchmarks.ompl_simplified import ompl_simplified
 from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
 from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
 from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPlanner
 from bestman_bt.registry import ALGORITHMS
@@ -110,7 +110,7 @@ def solve(problems: list[dict], planner, model: CoalCollisionModel, bodies: list
                 plan = planner.plan(problem["start"], [problem["goal"]], world, arm, rng)
             except ManipulationError as error:
                 answer["error"] = str(error)
-                code = error.code if isinstance(error, PlanningError) else None
+                code = error.code if isinstance(error, MotionPlanningError) else None
                 if code in (PlanningErrorCode.START_IN_COLLISION, PlanningErrorCode.GOAL_IN_COLLISION):
                     continue
                 break

@@ -29,7 +29,7 @@ from bestman_bt.manipulation.policy.training.rollout import roll_out
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import ArmModel
-from bestman_bt.runtime.robot_session import Session, session
+from bestman_bt.runtime.robot_session import RobotSession, session
 
 POSITION, ROTATION = 0.01, 0.1
 SHIPPED = data_root() / "assets/policies/reach_diff_panda.onnx"
@@ -86,7 +86,7 @@ def kinematic(teacher: ReachingExpert, policy: Policy, wrong: bool) -> Callable[
     return run
 
 
-def simulated(opened: Session, policy: Policy, wrong: bool) -> Callable[[Task], tuple[bool, float, float]]:
+def simulated(opened: RobotSession, policy: Policy, wrong: bool) -> Callable[[Task], tuple[bool, float, float]]:
     def run(task: Task) -> tuple[bool, float, float]:
         start, goal, other = task
         skills = opened.skills

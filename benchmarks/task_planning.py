@@ -19,11 +19,18 @@ from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.state import SUPERTYPES
 from bestman_bt.task_planning.symbolic.fast_downward import FastDownwardPlanner, is_valid
-from bestman_bt.task_planning.symbolic.problem import Fact, Literal, PlanningError, Problem, TaskPlan, Unsolvable
+from bestman_bt.task_planning.symbolic.problem import (
+    Fact,
+    Literal,
+    PlanningError,
+    PlanningProblem,
+    TaskPlan,
+    Unsolvable,
+)
 from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 
 
-def generated_problem(domain: Domain, seed: int) -> Problem:
+def generated_problem(domain: Domain, seed: int) -> PlanningProblem:
     """1 to 8 objects, 3 to 12 places, 1 to 5 containers, 1 to 10 goal facts; doors shut, some things not seen."""
     rng = np.random.default_rng(seed)
     containers = int(rng.integers(1, 6))
@@ -48,7 +55,7 @@ def generated_problem(domain: Domain, seed: int) -> Problem:
     state |= _where_things_are(objects, everywhere, rng)
     goal = _goal(objects, everywhere, leaves, rng)
     predicates = {name: types for name, types in domain.signatures.items() if name != "accessible"}
-    return Problem(kinds, frozenset(state), goal, domain.operators, SUPERTYPES, predicates)
+    return PlanningProblem(kinds, frozenset(state), goal, domain.operators, SUPERTYPES, predicates)
 
 
 def _where_things_are(objects: list[str], places: list[str], rng: np.random.Generator) -> set[Fact]:
@@ -76,7 +83,7 @@ def _goal(objects: list[str], places: list[str], leaves: list[str], rng: np.rand
     return tuple(Literal(wanted[number]) for number in chosen)
 
 
-def _timed(planner: Any, problem: Problem) -> tuple[TaskPlan | None, str, float, float]:
+def _timed(planner: Any, problem: PlanningProblem) -> tuple[TaskPlan | None, str, float, float]:
     """Plan or why there is none, seconds on the wall and of this process."""
     wall, own = time.perf_counter(), time.process_time()
     plan, why = None, ""
@@ -89,7 +96,7 @@ def _timed(planner: Any, problem: Problem) -> tuple[TaskPlan | None, str, float,
     return plan, why, time.perf_counter() - wall, time.process_time() - own
 
 
-def _compared(seed: int, problem: Problem) -> dict[str, Any]:
+def _compared(seed: int, problem: PlanningProblem) -> dict[str, Any]:
     ours, why, wall, own = _timed(SymbolicPlanner(), problem)
     theirs, their_why, their_wall, _ = _timed(FastDownwardPlanner(), problem)
     return {

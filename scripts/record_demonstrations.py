@@ -27,7 +27,7 @@ from bestman_bt.manipulation.policy.training.expert_policy import ExpertPolicy
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.model import ArmModel
 from bestman_bt.runtime.policy_experts import picking_expert
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 
 TASK, OBJECT, WORDS = "policy_pick", "cup", "pick the cup from the table"
 FPS = 20
@@ -39,7 +39,7 @@ class Frames:
     def __init__(self, recorder: DemonstrationRecorder, learned: bool) -> None:
         self._recorder, self._learned = recorder, learned
 
-    def watch(self, session: Session, tree: Tree) -> Callable[[], None]:
+    def watch(self, session: RobotSession, tree: Tree) -> Callable[[], None]:
         """For ``run_episode``."""
         skills, find = session.skills, session.skills.policies
         leaf = next(node for node in tree.root.iterate() if isinstance(node, RunPolicy))
@@ -68,7 +68,7 @@ class Frames:
         skills.policies = policies
         return after_tick
 
-    def _pictures(self, session: Session) -> dict[str, NDArray[np.uint8]]:
+    def _pictures(self, session: RobotSession) -> dict[str, NDArray[np.uint8]]:
         cameras = {"head": session.skills.camera, "wrist": session.skills.wrist_camera}
         wanted = self._recorder.format.cameras
         return {name: camera.capture().image.rgb for name, camera in cameras.items() if name in wanted and camera}

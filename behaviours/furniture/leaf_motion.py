@@ -54,7 +54,7 @@ def withdraw(skill: Skill, leaf: FurnitureLeaf, posture: str, felt: Obstacle | N
     map's error allows; the arm only if it is that close already.
     """
     from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
-    from bestman_bt.manipulation.motion_planning.base import PlanningError
+    from bestman_bt.manipulation.motion_planning.base import MotionPlanningError
 
     skills = skill.skills
     position = skills.world.articulations.get(leaf.articulation, 0.0)
@@ -67,11 +67,11 @@ def withdraw(skill: Skill, leaf: FurnitureLeaf, posture: str, felt: Obstacle | N
     if len(line.path) > 1:
         yield from follow_path(skill, line.path, world, speed=0.5)
     goals = [skills.robot.posture(posture, skills.arm_model.joint_names)]
-    refusal: PlanningError | None = None
+    refusal: MotionPlanningError | None = None
     for around in _around(skills, leaf, position, felt):
         try:
             yield from move_free(skill, goals, around)
-        except PlanningError as error:
+        except MotionPlanningError as error:
             refusal = refusal or error  # close to the leaf there may be a way with less margin
         else:
             return

@@ -220,14 +220,14 @@ class Retreat(OnArm, Skill):
 
 def _move_to(skill: Skill, choices: Sequence[list[NDArray[np.float64]]]) -> Steps:
     """Go to one of the first of ``choices`` to which there is a way; at once done where the arm is there already."""
-    from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
+    from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
 
     for goals in choices:
         if min(np.abs(skill.skills.arm_positions() - goal).max() for goal in goals) <= ARRIVED:
             return
         try:
             yield from move_free(skill, goals)
-        except PlanningError as refusal:
+        except MotionPlanningError as refusal:
             if goals is choices[-1] or refusal.code is not PlanningErrorCode.NO_PATH:
                 raise
         else:

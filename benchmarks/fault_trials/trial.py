@@ -19,7 +19,7 @@ from benchmarks.fault_trials.left_behind import LeftBehind
 from benchmarks.fault_trials.truth import place
 from bestman_bt.engine import Fallback, Node, Sequence, Sleep
 from bestman_bt.messages import Pose2D
-from bestman_bt.runtime.robot_session import Session, open_session
+from bestman_bt.runtime.robot_session import RobotSession, open_session
 from bestman_bt.runtime.setup import Setup
 from hal.hardware.isolated_robot import IsolatedRobot
 from hal.twins.process import TwinProcess
@@ -121,7 +121,7 @@ def run_trial(trial: Trial, twin: TwinProcess, setup: Setup) -> Report:
     return replace(report, orphans=tuple(left.after(GRACE)))
 
 
-def strike(trial: Trial, twin: TwinProcess, session: Session, look: Callable[[], None] = lambda: None) -> Report:
+def strike(trial: Trial, twin: TwinProcess, session: RobotSession, look: Callable[[], None] = lambda: None) -> Report:
     """Run the trial's tree in a session; ``look`` is called once while it is struck."""
     act = _Course(trial, twin, session, look)
     with act.over():
@@ -132,7 +132,7 @@ def strike(trial: Trial, twin: TwinProcess, session: Session, look: Callable[[],
 class _Course:
     """Follows one trial, a step after each tick."""
 
-    def __init__(self, trial: Trial, twin: TwinProcess, session: Session, look: Callable[[], None]) -> None:
+    def __init__(self, trial: Trial, twin: TwinProcess, session: RobotSession, look: Callable[[], None]) -> None:
         self._trial, self._twin, self._session, self._look = trial, twin, session, look
         self._failures = session.skills.failures
         self._known = len(self._failures)
@@ -196,7 +196,7 @@ class _Course:
             self._struck = False
 
 
-def _acts(trial: Trial, session: Session) -> tuple[Node, Node]:
+def _acts(trial: Trial, session: RobotSession) -> tuple[Node, Node]:
     """What is struck, and what shows afterwards that the robot works again."""
     skills, setup = session.skills, session.setup
     match trial.act:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.runtime.robot_session import Session, open_session
+from bestman_bt.runtime.robot_session import RobotSession, open_session
 from bestman_bt.runtime.setup import Setup
 from hal.api import Robot
 from hal.pybullet.robot import PyBulletRobot
@@ -19,7 +19,7 @@ from hal.simulation.ground_truth import GroundTruth
 class JudgedSession:
     """``simulated``, ``wall``, ``processor``: seconds that it has taken, once it is over."""
 
-    session: Session
+    session: RobotSession
     robot: PyBulletRobot
     truth: GroundTruth
     simulated: float = 0.0

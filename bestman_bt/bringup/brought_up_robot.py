@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeVar
 
-from bestman_bt.bringup.finding import Finding, not_applicable
+from bestman_bt.bringup.finding import CheckFinding, not_applicable
 from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.compose import load_robot_model
@@ -111,11 +111,11 @@ def fault_text(error: RobotError) -> str:
 
 
 def of_each(
-    kind: type[Kind], none: str, *looks: Callable[[BroughtUpRobot, str, Kind], Finding]
-) -> Callable[[BroughtUpRobot], Iterator[Finding]]:
+    kind: type[Kind], none: str, *looks: Callable[[BroughtUpRobot, str, Kind], CheckFinding]
+) -> Callable[[BroughtUpRobot], Iterator[CheckFinding]]:
     """Return the step that runs ``looks`` on each part of a ``kind``. ``none``: the reason if there is no such part."""
 
-    def step(subject: BroughtUpRobot) -> Iterator[Finding]:
+    def step(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
         parts = subject.parts(kind)
         if not parts:
             yield not_applicable(subject.model.name, f"{none} behind a connection")

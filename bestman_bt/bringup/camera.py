@@ -9,7 +9,7 @@ import numpy as np
 
 from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
 from bestman_bt.bringup.controllers import turn_between
-from bestman_bt.bringup.finding import Finding, judged, not_applicable
+from bestman_bt.bringup.finding import CheckFinding, judged, not_applicable
 from bestman_bt.messages import Pose, RGBDImage
 from bestman_bt.perception.calibration.boards import CharucoBoard, board_pose
 from hal.api import Camera
@@ -22,12 +22,12 @@ BOARD_TOLERANCE, BOARD_TURN = 0.015, math.radians(3.0)
 """What a ruler and a spirit level measure a board's place to, and a camera sees it."""
 
 
-def camera(subject: BroughtUpRobot) -> Iterator[Finding]:
+def camera(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
     """Yield the findings of each camera; without ``subject.base_from_board`` the frames of cameras are not checked."""
     cameras = subject.parts(Camera)
     if not cameras:
         yield not_applicable(subject.model.name, "no camera is behind a connection")
-    found: list[Finding | None] = []
+    found: list[CheckFinding | None] = []
     for name, part in cameras.items():
         age, image = min(((_age(subject, image), image) for image in _images(part)), key=lambda pair: pair[0])
         size = f"{image.intrinsics.width}×{image.intrinsics.height}"
@@ -55,7 +55,7 @@ def _age(subject: BroughtUpRobot, image: RGBDImage) -> float:
     return subject.robot.clock.now() - image.stamp
 
 
-def board_finding(name: str, image: RGBDImage, base_from_eye: Pose, base_from_board: Pose) -> Finding | None:
+def board_finding(name: str, image: RGBDImage, base_from_eye: Pose, base_from_board: Pose) -> CheckFinding | None:
     """Return the finding for the board in an image, transformed to the base by the model's camera mount, or None."""
     sighting = BOARD.find(image.rgb)
     if sighting is None:

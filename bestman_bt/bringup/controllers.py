@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from bestman_bt.bringup.brought_up_robot import BroughtUpRobot, of_each
-from bestman_bt.bringup.finding import Finding, judged, not_applicable
+from bestman_bt.bringup.finding import CheckFinding, judged, not_applicable
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.payload import flange_of
@@ -19,7 +19,7 @@ RANGE_TOLERANCE = 0.01
 POSE_TOLERANCE, TURN_TOLERANCE = 0.002, math.radians(0.5)
 
 
-def identity(subject: BroughtUpRobot) -> Iterator[Finding]:
+def identity(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
     """Compare the identities with those of an earlier part of this bring-up, if any."""
     for name, told in subject.identities().items():
         owed = subject.signed_serials.get(name, "")
@@ -38,18 +38,18 @@ def identity(subject: BroughtUpRobot) -> Iterator[Finding]:
 
 
 def _of_each_arm(
-    look: Callable[[BroughtUpRobot, str, ArmFacts], Finding],
-) -> Callable[[BroughtUpRobot], Iterator[Finding]]:
+    look: Callable[[BroughtUpRobot, str, ArmFacts], CheckFinding],
+) -> Callable[[BroughtUpRobot], Iterator[CheckFinding]]:
     """Return the step that looks at each arm whose controller tells something of it."""
 
-    def look_at(subject: BroughtUpRobot, name: str, arm: Arm) -> Finding:
+    def look_at(subject: BroughtUpRobot, name: str, arm: Arm) -> CheckFinding:
         told = subject.robot.arm_facts(name)
         return not_applicable(name, "its controller tells nothing of it") if told is None else look(subject, name, told)
 
     return of_each(Arm, "no arm is", look_at)
 
 
-def _limits(subject: BroughtUpRobot, name: str, group: JointGroup) -> Finding:
+def _limits(subject: BroughtUpRobot, name: str, group: JointGroup) -> CheckFinding:
     """All joints stand within their ranges, which are within those that the controller keeps."""
     here, model = group.positions(), group.model
     spare = np.minimum(here - model.lower, model.upper - here)
@@ -74,10 +74,10 @@ def _limits(subject: BroughtUpRobot, name: str, group: JointGroup) -> Finding:
 
 def _agreed(
     compare: Callable[[RobotModel, str, ArmFacts], ModelComparison | None], untold: str
-) -> Callable[[BroughtUpRobot], Iterator[Finding]]:
+) -> Callable[[BroughtUpRobot], Iterator[CheckFinding]]:
     """Return the step that compares one thing that a controller may tell; ``untold``: what it does not tell."""
 
-    def look_at(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
+    def look_at(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> CheckFinding:
         found = compare(subject.model, arm, told)
         if found is None:
             return not_applicable(arm, f"its controller does not tell {untold}")
@@ -86,7 +86,7 @@ def _agreed(
     return _of_each_arm(look_at)
 
 
-def _tool_pose(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Finding:
+def _tool_pose(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> CheckFinding:
     expected = model_tool_pose(subject, arm, told)
     apart = float(np.linalg.norm(told.tool_pose.position - expected.position))
     turned = turn_between(told.tool_pose, expected)

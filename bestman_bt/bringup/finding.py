@@ -10,7 +10,7 @@ Outcome = Literal["passed", "failed", "does not apply"]
 
 
 @dataclass(frozen=True)
-class Finding:
+class CheckFinding:
     """A result for one part or connection, the ``subject``. ``measured``: value by name, in SI units unless the name
     says
 
@@ -23,15 +23,15 @@ class Finding:
     measured: Mapping[str, float | str] = field(default_factory=dict)
 
 
-def judged(subject: str, passed: bool, text: str, **measured: float | str) -> Finding:
+def judged(subject: str, passed: bool, text: str, **measured: float | str) -> CheckFinding:
     """Return a finding that passed or failed."""
     rounded = {name: round(value, 5) if isinstance(value, float) else value for name, value in measured.items()}
-    return Finding(subject, "passed" if passed else "failed", text, rounded)
+    return CheckFinding(subject, "passed" if passed else "failed", text, rounded)
 
 
-def not_applicable(subject: str, reason: str) -> Finding:
+def not_applicable(subject: str, reason: str) -> CheckFinding:
     """Return a finding for a check that does not apply to this robot, with the reason."""
-    return Finding(subject, "does not apply", reason)
+    return CheckFinding(subject, "does not apply", reason)
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class StepResult:
     """All findings of one step."""
 
     step: str
-    findings: tuple[Finding, ...]
+    findings: tuple[CheckFinding, ...]
 
     @property
     def outcome(self) -> Outcome:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.bringup.brought_up_robot import SPEED, BroughtUpRobot, of_each
-from bestman_bt.bringup.finding import Finding, judged, not_applicable
+from bestman_bt.bringup.finding import CheckFinding, judged, not_applicable
 from bestman_bt.bringup.mover import CREEP, SWING_SPEED
 from hal.api import JointGroup, MobileBase, RobotError
 
@@ -114,7 +114,7 @@ def kill(subject: BroughtUpRobot, part: str, process: str) -> tuple[NDArray[np.f
     return at, list(pids)
 
 
-def killed_processes(subject: BroughtUpRobot) -> Iterator[Finding]:
+def killed_processes(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
     """Each of the processes of a run, while joints move."""
     group = next(iter((subject.arms or subject.joint_groups).items()), None)
     if group is None:
@@ -131,7 +131,7 @@ def killed_processes(subject: BroughtUpRobot) -> Iterator[Finding]:
     subject.finish(part.move_to(start, SPEED))
 
 
-def _stands(subject: BroughtUpRobot, what: str, part: JointGroup, at: NDArray[np.float64]) -> Finding:
+def _stands(subject: BroughtUpRobot, what: str, part: JointGroup, at: NDArray[np.float64]) -> CheckFinding:
     here = part.positions()
     subject.robot.clock.sleep(WATCHED)
     drift = float(np.max(np.abs(part.positions() - here)))
@@ -143,7 +143,7 @@ def _stands(subject: BroughtUpRobot, what: str, part: JointGroup, at: NDArray[np
     return judged(what, way <= longest and drift <= STILL, text, way_rad=way, drift_rad=drift)
 
 
-def _dead_man(subject: BroughtUpRobot, name: str, base: MobileBase) -> Finding:
+def _dead_man(subject: BroughtUpRobot, name: str, base: MobileBase) -> CheckFinding:
     """Judge the base of a robot whose robot process is killed while it creeps: it receives no stop command."""
     at, _ = kill(subject, name, PROCESSES[1])
     here = base.odometry()

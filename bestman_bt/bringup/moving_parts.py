@@ -14,7 +14,7 @@ import numpy as np
 
 from bestman_bt.bringup.brought_up_robot import SPEED, BroughtUpRobot, of_each
 from bestman_bt.bringup.controllers import model_tool_pose, turn_between
-from bestman_bt.bringup.finding import Finding, judged, not_applicable
+from bestman_bt.bringup.finding import CheckFinding, judged, not_applicable
 from bestman_bt.messages import Pose2D, wrap_angle
 from hal.api import Gripper, JointGroup, MobileBase, Motion
 
@@ -30,7 +30,7 @@ DISTANCE, TURN = 0.2, math.radians(30.0)
 DISTANCE_TOLERANCE, TURN_TOLERANCE = 0.01, math.radians(1.5)
 
 
-def _signs_of(subject: BroughtUpRobot, name: str, group: JointGroup) -> Finding:
+def _signs_of(subject: BroughtUpRobot, name: str, group: JointGroup) -> CheckFinding:
     """And back again; of an arm whose controller tells its tool's pose, that moves as ours does."""
     worst, figures = 0.0, {}
     for index, joint in enumerate(group.joint_names):
@@ -65,7 +65,7 @@ def _signs_of(subject: BroughtUpRobot, name: str, group: JointGroup) -> Finding:
     return judged(name, True, text, **figures)
 
 
-def _widths(subject: BroughtUpRobot, name: str, part: Gripper) -> Finding:
+def _widths(subject: BroughtUpRobot, name: str, part: Gripper) -> CheckFinding:
     if "a gripper opens and closes" in subject.robot.unsupported:
         return not_applicable(name, subject.robot.unsupported["a gripper opens and closes"])
     narrow, wide = part.model.part.min_width, part.model.max_width
@@ -84,7 +84,7 @@ def _widths(subject: BroughtUpRobot, name: str, part: Gripper) -> Finding:
     return judged(name, True, text, **figures)
 
 
-def _force(subject: BroughtUpRobot, name: str, part: Gripper) -> Finding:
+def _force(subject: BroughtUpRobot, name: str, part: Gripper) -> CheckFinding:
     missing = subject.robot.unsupported
     if "gripper force" in missing:
         return not_applicable(name, missing["gripper force"])
@@ -94,7 +94,7 @@ def _force(subject: BroughtUpRobot, name: str, part: Gripper) -> Finding:
     return judged(name, not why, text, force_n=force)
 
 
-def _drive(subject: BroughtUpRobot, name: str, base: MobileBase) -> Finding:
+def _drive(subject: BroughtUpRobot, name: str, base: MobileBase) -> CheckFinding:
     def fits(moved: Pose2D) -> bool:
         return abs(moved.x - DISTANCE) <= DISTANCE_TOLERANCE and abs(moved.y) <= DISTANCE_TOLERANCE
 
@@ -102,7 +102,7 @@ def _drive(subject: BroughtUpRobot, name: str, base: MobileBase) -> Finding:
     return _there_and_back(subject, name, base, f"{DISTANCE:g} m ahead", ways, fits)
 
 
-def _turn(subject: BroughtUpRobot, name: str, base: MobileBase) -> Finding:
+def _turn(subject: BroughtUpRobot, name: str, base: MobileBase) -> CheckFinding:
     def fits(moved: Pose2D) -> bool:
         return abs(wrap_angle(moved.theta - TURN)) <= TURN_TOLERANCE
 
@@ -117,7 +117,7 @@ def _there_and_back(
     told: str,
     ways: tuple[Callable[[], Motion[None]], Callable[[], Motion[None]]],
     fits: Callable[[Pose2D], bool],
-) -> Finding:
+) -> CheckFinding:
     start = base.odometry()
     why = subject.finish(ways[0]())
     moved = start.inverse() @ base.odometry()

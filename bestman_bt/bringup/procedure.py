@@ -11,7 +11,7 @@ from pathlib import Path
 from bestman_bt.bringup import controllers
 from bestman_bt.bringup.brought_up_robot import BroughtUpRobot, fault_text
 from bestman_bt.bringup.camera import camera
-from bestman_bt.bringup.finding import Finding, StepResult
+from bestman_bt.bringup.finding import CheckFinding, StepResult
 from bestman_bt.bringup.killed_processes import dead_man, killed_processes
 from bestman_bt.bringup.moving_parts import drive, gripper, joint_signs, turn
 from bestman_bt.bringup.stopping import stopping
@@ -26,7 +26,7 @@ class Step:
 
     name: str
     what: str
-    look: Callable[[BroughtUpRobot], Iterable[Finding]]
+    look: Callable[[BroughtUpRobot], Iterable[CheckFinding]]
     moves: str = ""
 
 
@@ -56,13 +56,13 @@ STEPS = (
 
 def run_step(subject: BroughtUpRobot, step: Step) -> StepResult:
     """Run one step. Faults of the robot become findings; they are not raised."""
-    findings: list[Finding] = []
+    findings: list[CheckFinding] = []
     try:
         if step.moves:
             subject.make_ready()
         findings.extend(step.look(subject))
     except RobotError as error:
-        findings.append(Finding(subject.model.name, "failed", fault_text(error)))
+        findings.append(CheckFinding(subject.model.name, "failed", fault_text(error)))
     return StepResult(step.name, tuple(findings))
 
 

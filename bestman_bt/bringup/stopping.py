@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from bestman_bt.bringup.brought_up_robot import SPEED, BroughtUpRobot
-from bestman_bt.bringup.finding import Finding, judged, not_applicable
+from bestman_bt.bringup.finding import CheckFinding, judged, not_applicable
 from hal.api import Arm, MobileBase
 
 SPEEDS = (0.05, 0.1, 0.2)
@@ -59,7 +59,7 @@ class Stop:
         )
 
 
-def stopping(subject: BroughtUpRobot) -> Iterator[Finding]:
+def stopping(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
     """The first joint of each arm swings, each base drives ahead, and the robot is stopped."""
     bases = subject.parts(MobileBase)
     if not subject.arms and not bases:
@@ -74,7 +74,7 @@ def stopping(subject: BroughtUpRobot) -> Iterator[Finding]:
         subject.finish(base.move_backward(float((start.inverse() @ base.odometry()).x)))
 
 
-def _stops(name: str, speeds: tuple[float, ...], stop_at: Callable[[float], Stop | str]) -> Finding:
+def _stops(name: str, speeds: tuple[float, ...], stop_at: Callable[[float], Stop | str]) -> CheckFinding:
     stops = []
     for speed in speeds:
         stop = stop_at(speed)

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
-from bestman_bt.bringup.finding import Finding, judged, not_applicable
+from bestman_bt.bringup.finding import CheckFinding, judged, not_applicable
 from bestman_bt.robot_model.model import ArmModel
 from bestman_bt.robot_model.payload import flange_of
 from bestman_bt.runtime.wrist_check import check_wrist
 from hal.api import ForceTorque
 
 
-def wrench(subject: BroughtUpRobot) -> Iterator[Finding]:
+def wrench(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
     """Yield the finding of each force-torque sensor that an arm carries and that has a connection."""
     wrists = {
         name: arm

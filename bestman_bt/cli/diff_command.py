@@ -12,7 +12,7 @@ import typer
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json
 from bestman_bt.configuration.data import find_data, shipped_trees
-from bestman_bt.engine import Problem, TreeLoadError
+from bestman_bt.engine import TreeLoadError, TreeProblem
 from bestman_bt.engine.models.difference import compare, difference_svg, differences
 from bestman_bt.engine.xml.documents import Documents, read_documents
 
@@ -42,7 +42,7 @@ def _read(name: str) -> Documents:
         raise typer.BadParameter(f"{name} is a Python file; compare its text")
     documents = read_documents(path, shipped_trees())
     if not documents.trees:
-        nothing = Problem(str(path), 1, "root", "", "the file holds no <BehaviorTree>")
+        nothing = TreeProblem(str(path), 1, "root", "", "the file holds no <BehaviorTree>")
         raise TreeLoadError(documents.problems or [nothing])
     return documents
 

@@ -18,7 +18,7 @@ from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.state import PredicateError
 from bestman_bt.task_planning.symbolic.facts import goal_as_facts
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
-from bestman_bt.task_planning.symbolic.problem import Operator, Problem
+from bestman_bt.task_planning.symbolic.problem import Operator, PlanningProblem
 
 
 @grouped_options
@@ -65,7 +65,7 @@ def command(
         tell(_document(domain, problem))
 
 
-def _write(problem: Problem, folder: Path | None) -> None:
+def _write(problem: PlanningProblem, folder: Path | None) -> None:
     text = PddlText(problem)
     if folder is None:
         sys.stdout.write(text.domain() + "\n" + text.problem())
@@ -89,7 +89,7 @@ def _show_domain(domain: Domain) -> None:
         print(f"  {name}({', '.join(types)}): {known.words if known else 'holds once an ability has brought it about'}")
 
 
-def _show_problem(problem: Problem) -> None:
+def _show_problem(problem: PlanningProblem) -> None:
     print("\nThings")
     for kind in sorted(set(problem.objects.values())):
         print(f"  {kind}: {', '.join(name for name, own in problem.objects.items() if own == kind)}")
@@ -104,7 +104,7 @@ def _declared(operator: Operator) -> dict[str, str]:
     return {**texts, "cost": f"{operator.cost:g}", "keeps busy": ", ".join(operator.parts)}
 
 
-def _document(domain: Domain, problem: Problem) -> dict[str, object]:
+def _document(domain: Domain, problem: PlanningProblem) -> dict[str, object]:
     return {
         "abilities": [
             {

@@ -28,13 +28,12 @@ from bestman_bt.cli.options import (
 )
 from bestman_bt.configuration.run import RunConfig
 from bestman_bt.configuration.secret import shown_setting
-from bestman_bt.engine import Problem as Fault
-from bestman_bt.engine import render_svg
+from bestman_bt.engine import TreeProblem, render_svg
 from bestman_bt.errors import InputError
 from bestman_bt.runtime.planning import PlanQuestion, Transcript, Wanted, asked_question, assumed, refusals
 from bestman_bt.task_planning.language.errors import quoted
 from bestman_bt.task_planning.simulation import folded
-from bestman_bt.task_planning.symbolic.problem import PlanningError, Problem, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import PlanningError, PlanningProblem, TaskPlan
 
 # The log of one package on standard error, while something is done with it.
 
@@ -205,7 +204,7 @@ def _question(wanted: GoalOptions, where: PlanningOptions) -> tuple[PlanQuestion
     return question, goal
 
 
-def _judged_by(question: PlanQuestion, problem: Problem) -> tuple[str, str]:
+def _judged_by(question: PlanQuestion, problem: PlanningProblem) -> tuple[str, str]:
     """Settings by which a run of the tree is judged by the goal, and told where things are."""
     told = question.told(problem)
     facts = {"goal": " and ".join(map(str, problem.goal))} | ({"told": told} if told else {})
@@ -237,7 +236,7 @@ def _to_run(tree: Path, planned: PlanningOptions, config: RunConfig, settings: S
     return shlex.join(words)
 
 
-def _show(plan: TaskPlan, faults: Sequence[Fault]) -> None:
+def _show(plan: TaskPlan, faults: Sequence[TreeProblem]) -> None:
     for fault in faults:
         print(fault, file=sys.stderr)
     if not plan.actions:
@@ -250,7 +249,7 @@ def _show(plan: TaskPlan, faults: Sequence[Fault]) -> None:
         )
 
 
-def _document(problem: Problem, plan: TaskPlan, wanted: GoalOptions, faults: list[str]) -> dict[str, Any]:
+def _document(problem: PlanningProblem, plan: TaskPlan, wanted: GoalOptions, faults: list[str]) -> dict[str, Any]:
     return {
         "goal": [str(literal) for literal in problem.goal],
         "planner": wanted.planner,

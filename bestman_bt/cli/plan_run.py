@@ -15,13 +15,13 @@ from bestman_bt.evaluation.result import RunResult
 from bestman_bt.runtime.planning import PlanQuestion, planner_anew
 from bestman_bt.runtime.task_goals import FactsFields, can_be_judged
 from bestman_bt.task_planning.builders.plan_tree import PlanTree
-from bestman_bt.task_planning.symbolic.problem import Problem
+from bestman_bt.task_planning.symbolic.problem import PlanningProblem
 
 if TYPE_CHECKING:
     from bestman_bt.runtime.setup import Setup
 
 
-def run_plan(question: PlanQuestion, problem: Problem, made: PlanTree, planner: str, runs: Path) -> RunResult:
+def run_plan(question: PlanQuestion, problem: PlanningProblem, made: PlanTree, planner: str, runs: Path) -> RunResult:
     """Run the tree in the scene that was planned for; on failure, plan again from the current beliefs.
 
     The language model is not called again: ``symbolic`` plans for its goal.
@@ -38,7 +38,7 @@ def run_plan(question: PlanQuestion, problem: Problem, made: PlanTree, planner: 
     return result
 
 
-def judged_by_goal(setup: Setup, problem: Problem, asked: FactsFields, tree: Path) -> RunConfig:
+def judged_by_goal(setup: Setup, problem: PlanningProblem, asked: FactsFields, tree: Path) -> RunConfig:
     """Return the run's configuration with the plan's goal in place of the task's, if it has one; reports facts that
     cannot
 

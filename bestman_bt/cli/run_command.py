@@ -51,7 +51,7 @@ from bestman_bt.extras import DEFAULT_SIMULATOR, EXTRA_OF_SIMULATOR, require_ext
 from bestman_bt.monitor.groot2.protocol import Groot2Error
 from bestman_bt.monitor.groot2.publisher import Groot2Publisher, check_servable
 from bestman_bt.records.writer import CONFIG_FILE, RESULT_FILE
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.runtime.setup import Setup
 from bestman_bt.runtime.tree_checks import ALWAYS_FILLED
 from bestman_bt.visualization.errors import ViewerError
@@ -82,7 +82,7 @@ class Groot2View:
         if self._publisher is not None:
             self._publisher.close()
 
-    def watch(self, session: Session, tree: Tree) -> Callable[[], None]:
+    def watch(self, session: RobotSession, tree: Tree) -> Callable[[], None]:
         """Serve from now on; there is nothing to do after a tick."""
         self._publisher = Groot2Publisher(tree, self._port, intervened=session.intervened).open()
         print(f"Groot2: {self._publisher.host}, port {self._port}", file=sys.stderr, flush=True)
@@ -306,7 +306,7 @@ def execute(
     return result, folder
 
 
-def asked_on_the_terminal(session: Session, tree: Tree) -> Callable[[], None]:
+def asked_on_the_terminal(session: RobotSession, tree: Tree) -> Callable[[], None]:
     """Print each motion of a session that needs confirmation, and read the answer from standard input."""
     confirmation = session.confirmation
     if confirmation is None:
@@ -334,7 +334,7 @@ def asked_on_the_terminal(session: Session, tree: Tree) -> Callable[[], None]:
 
 
 def no_faster_than_real_time(
-    session: Session,
+    session: RobotSession,
     tree: Tree,
     wall: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
@@ -355,7 +355,7 @@ def no_faster_than_real_time(
 
 
 def _all_of(watchers: Sequence[Watcher]) -> Watcher:
-    def watch(session: Session, tree: Tree) -> Callable[[], None]:
+    def watch(session: RobotSession, tree: Tree) -> Callable[[], None]:
         calls = [watcher(session, tree) for watcher in watchers]
 
         def after_tick() -> None:

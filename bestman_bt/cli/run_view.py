@@ -18,7 +18,7 @@ from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.records.described_tree import describe_changes, describe_tree
 from bestman_bt.records.events import MAIN_TREE
 from bestman_bt.records.palette import HALTED, LOOKS, Look
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.runtime.setup import Setup
 from bestman_bt.visualization.terminal import LiveTree, style_of
 from hal.parts.simulated_clock import SimulatedClock
@@ -52,7 +52,7 @@ class RunView:
         if self._live is not None:
             self._live.stop()
 
-    def watch(self, session: Session, tree: Tree) -> Callable[[], None]:
+    def watch(self, session: RobotSession, tree: Tree) -> Callable[[], None]:
         """Attach to a tree; returns a callable for the end of each tick."""
         clock, start, wall_start = session.robot.clock, session.robot.clock.now(), time.perf_counter()
         self._simulated = isinstance(clock, SimulatedClock)

@@ -21,7 +21,7 @@ from bestman_bt.engine import (
     render_svg,
     render_text,
 )
-from bestman_bt.engine.errors import Problem as TreeProblem
+from bestman_bt.engine.errors import TreeProblem
 from bestman_bt.engine.models.foreign import Placeholders, missing_nodes, open_tree
 from bestman_bt.engine.models.overview import models_svg, models_text, overview_dot, overview_svg, overview_text
 from bestman_bt.engine.models.package import Package

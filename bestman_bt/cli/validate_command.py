@@ -16,7 +16,7 @@ import typer
 from bestman_bt.cli.options import OtherFiles, grouped_options, is_package
 from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.configuration.errors import ConfigurationError
-from bestman_bt.engine import NoMainTree, Problem, TreeLoadError
+from bestman_bt.engine import NoMainTree, TreeLoadError, TreeProblem
 from bestman_bt.engine.errors import in_lines
 from bestman_bt.engine.models.foreign import open_tree
 from bestman_bt.engine.models.package import Package
@@ -104,7 +104,7 @@ def _check_file(file: str, registry: NodeRegistry, package: Package, model: Robo
     return code
 
 
-def _exit_code(problems: Iterable[Problem]) -> int:
+def _exit_code(problems: Iterable[TreeProblem]) -> int:
     faulty = [problem for problem in problems if problem.severity != "warning"]
     return 0 if not faulty else 1 if all(problem.missing for problem in faulty) else 2
 
@@ -132,7 +132,7 @@ def _check_package(folder: str, further: list[Path], registry: NodeRegistry) -> 
     return _exit_code(problems)
 
 
-def _sum_up(folder: str, package: Package, problems: list[Problem], unknown: Counter[str]) -> None:
+def _sum_up(folder: str, package: Package, problems: list[TreeProblem], unknown: Counter[str]) -> None:
     faulty = [problem for problem in problems if problem.severity != "warning"]
     missing = sum(problem.missing for problem in faulty)
     print(

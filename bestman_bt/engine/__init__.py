@@ -78,9 +78,9 @@ from bestman_bt.engine.errors import (
     ConversionError,
     EngineError,
     NodeError,
-    Problem,
     ScriptError,
     TreeLoadError,
+    TreeProblem,
 )
 from bestman_bt.engine.graphics import current_states, render_dot, render_paths, render_svg, render_text
 from bestman_bt.engine.leaves.base import AlwaysFailure, AlwaysSuccess, Condition, Sleep, StatefulAction, SyncAction
@@ -165,7 +165,6 @@ __all__ = [
     "Port",
     "PortInformation",
     "Precondition",
-    "Problem",
     "PyTreesBehaviour",
     "QueueSize",
     "RateController",
@@ -203,6 +202,7 @@ __all__ = [
     "Timeout",
     "Tree",
     "TreeLoadError",
+    "TreeProblem",
     "TryCatch",
     "UnsetBlackboard",
     "WaitValueUpdate",

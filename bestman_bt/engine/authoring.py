@@ -24,7 +24,7 @@ from bestman_bt.engine.core.node import Node, NodePlace
 from bestman_bt.engine.core.registry import NodeRegistry
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
-from bestman_bt.engine.errors import Problem, TreeLoadError
+from bestman_bt.engine.errors import TreeLoadError, TreeProblem
 from bestman_bt.engine.leaves.native import PyTreesBehaviour, adapted, is_taken, lines_noted, take_over
 from bestman_bt.engine.loading import (
     MAX_NODES,
@@ -56,7 +56,7 @@ def build_tree(
     substitutions: SubstitutionRules | None = None,
     tree_id: str = "MainTree",
     file: str = "<python>",
-    faults: list[Problem] | None = None,
+    faults: list[TreeProblem] | None = None,
     **options: Unpack[LoadOptions],
 ) -> Tree:
     """Build a tree from nodes made in Python; native py_trees behaviours get wrapper nodes.
@@ -92,7 +92,7 @@ def load_python_tree(path: Path) -> Behaviour:
     """
 
     def fail(message: str, line: int = 0) -> TreeLoadError:
-        return TreeLoadError([Problem(str(path), line, "", "", message)])
+        return TreeLoadError([TreeProblem(str(path), line, "", "", message)])
 
     if not path.is_file():
         raise fail("the tree file does not exist")
@@ -108,7 +108,7 @@ def load_python_tree(path: Path) -> Behaviour:
         raise
     except (Exception, SystemExit) as error:
         file, line, words = described(error, path)
-        raise TreeLoadError([Problem(file, line, "", "", f"it fails with {words}")]) from error
+        raise TreeLoadError([TreeProblem(file, line, "", "", f"it fails with {words}")]) from error
     finally:
         sys.modules.pop(name, None)
     if isinstance(root, Tree):
@@ -169,7 +169,7 @@ class _Adopter(Builder):
             self._leave_out(node, self.problems[failed:])
         return node
 
-    def _leave_out(self, node: Node, wrong: list[Problem]) -> None:
+    def _leave_out(self, node: Node, wrong: list[TreeProblem]) -> None:
         """Take the ports that are wrong from the node, so that the rest can be checked further."""
         self.tree.left_out |= words_of(node.attributes)
         for problem in wrong:
@@ -206,7 +206,7 @@ class _Adopter(Builder):
     def _check(self, node: Node, info: NodeInfo) -> None:
         def report(field: str, message: str, suggestion: str) -> None:
             assert node.place is not None
-            self.problems.append(Problem(node.place.file, node.line, node.type_id, field, message, suggestion))
+            self.problems.append(TreeProblem(node.place.file, node.line, node.type_id, field, message, suggestion))
 
         count = len(node.children)
         if not isinstance(node, PyTreesBehaviour) and (

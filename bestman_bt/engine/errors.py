@@ -43,7 +43,7 @@ class ConversionError(EngineError, ValueError):
 
 
 @dataclass(frozen=True)
-class Problem:
+class TreeProblem:
     """One fault of a tree file.
 
     ``field``: the port or attribute concerned. ``severity``: ``"error"``, ``"latent"`` (the tree loads, as in
@@ -82,20 +82,20 @@ _NO_PORTS = frozenset(("name", "path", "ros_pkg", "main_tree_to_execute"))
 class TreeLoadError(EngineError, InputError):
     """Raised if a tree cannot be loaded; ``problems`` lists every fault, in document order."""
 
-    def __init__(self, problems: Sequence[Problem]) -> None:
+    def __init__(self, problems: Sequence[TreeProblem]) -> None:
         self.problems = list(problems)
         super().__init__("\n".join(in_lines(self.problems)))
 
 
-def in_lines(problems: Iterable[Problem]) -> list[str]:
+def in_lines(problems: Iterable[TreeProblem]) -> list[str]:
     """Return the problems as text, one line per cause and file, with the first place and the others."""
-    by_cause: dict[Problem, list[Problem]] = {}
+    by_cause: dict[TreeProblem, list[TreeProblem]] = {}
     for problem in problems:
         by_cause.setdefault(replace(problem, line=0), []).append(problem)
     return [_in_a_line(together) for together in by_cause.values()]
 
 
-def _in_a_line(together: list[Problem]) -> str:
+def _in_a_line(together: list[TreeProblem]) -> str:
     lines = sorted({problem.line for problem in together})
     if len(lines) < 2:
         return str(together[0])

@@ -20,7 +20,7 @@ from bestman_bt.engine.core.ports import key_of, outer_key_of
 from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
-from bestman_bt.engine.errors import BlackboardError, EngineError, Problem, TreeLoadError
+from bestman_bt.engine.errors import BlackboardError, EngineError, TreeLoadError, TreeProblem
 from bestman_bt.engine.scripting.compiler import ScriptCompiler
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.xml.checking import PRE_CONDITIONS, Checker
@@ -59,7 +59,7 @@ def load_tree(
     main_tree: str | None = None,
     search_path: Iterable[Path] = (),
     substitutions: SubstitutionRules | None = None,
-    faults: list[Problem] | None = None,
+    faults: list[TreeProblem] | None = None,
     package: Package | None = None,
     **options: Unpack[LoadOptions],
 ) -> Tree:
@@ -109,7 +109,7 @@ def load_documents(
     *,
     main_tree: str | None = None,
     substitutions: SubstitutionRules | None = None,
-    faults: list[Problem] | None = None,
+    faults: list[TreeProblem] | None = None,
     gaps: Gaps | None = None,
     **options: Unpack[LoadOptions],
 ) -> Tree:
@@ -155,9 +155,9 @@ class Gaps(ABC):
     """Handles the parts of a tree that are unknown here, but may exist in another BehaviorTree.CPP process."""
 
     def __init__(self) -> None:
-        self.problems: list[Problem] = []
+        self.problems: list[TreeProblem] = []
 
-    def take(self, problems: list[Problem]) -> None:
+    def take(self, problems: list[TreeProblem]) -> None:
         """Take over the problems about unknown parts."""
         self.problems += [problem for problem in problems if problem.missing]
         problems[:] = [problem for problem in problems if not problem.missing]
@@ -172,7 +172,7 @@ def _checked(
     registry: NodeRegistry,
     compiler: ScriptCompiler,
     main_tree: str | None,
-    faults: list[Problem] | None,
+    faults: list[TreeProblem] | None,
     gaps: Gaps | None,
 ) -> tuple[str, set[str]]:
     """Return the tree to run and the left-out names (``Tree.left_out``); raises as ``load_tree`` does."""
@@ -204,7 +204,7 @@ def _built(
     tree: Tree,
     documents: Documents,
     substitutions: SubstitutionRules | None,
-    faults: list[Problem] | None,
+    faults: list[TreeProblem] | None,
     gaps: Gaps | None,
 ) -> Tree:
     builder = Builder(tree, documents.problems, documents, substitutions)
@@ -275,7 +275,7 @@ def check_documents(
     return checker
 
 
-class NoMainTree(Problem):
+class NoMainTree(TreeProblem):
     """The file holds several trees, and the main tree is not specified."""
 
 
@@ -290,14 +290,14 @@ def main_tree_of(documents: Documents, wanted: str | None) -> str | None:
         hint = closest(name, trees)
         message = f"there is no tree '{name}'"
         suggestion = f"did you mean '{hint}'?" if hint else f"trees: {', '.join(trees) or 'none'}"
-        documents.problems.append(Problem(documents.file, 1, "root", field, message, suggestion))
+        documents.problems.append(TreeProblem(documents.file, 1, "root", field, message, suggestion))
         return None
     if len(trees) == 1:
         return next(iter(trees))
     if not trees and documents.problems:
         return None
     if not trees:
-        documents.problems.append(Problem(documents.file, 1, "root", "", "the file holds no <BehaviorTree>"))
+        documents.problems.append(TreeProblem(documents.file, 1, "root", "", "the file holds no <BehaviorTree>"))
         return None
     message = f"the attribute is missing, and the file holds {len(trees)} trees: {', '.join(trees)}"
     own = [name for name in trees if trees[name].file == documents.file]
@@ -307,14 +307,14 @@ def main_tree_of(documents: Documents, wanted: str | None) -> str | None:
     return None
 
 
-def raise_if_any(problems: list[Problem]) -> None:
+def raise_if_any(problems: list[TreeProblem]) -> None:
     """Raise TreeLoadError with the problems that are errors, if any."""
     errors = [problem for problem in problems if problem.severity == "error"]
     if errors:
         raise TreeLoadError(_in_order(errors))
 
 
-def _in_order(problems: Iterable[Problem]) -> list[Problem]:
+def _in_order(problems: Iterable[TreeProblem]) -> list[TreeProblem]:
     return sorted(problems, key=lambda problem: (problem.file, problem.line))
 
 
@@ -348,7 +348,7 @@ class Builder:
     def __init__(
         self,
         tree: Tree,
-        problems: list[Problem],
+        problems: list[TreeProblem],
         documents: Documents | None,
         substitutions: SubstitutionRules | None,
     ) -> None:
@@ -481,7 +481,7 @@ class Builder:
     def _report(self, node: Node, message: str, field: str = "") -> None:
         file = self.tree.file if node.place is None else node.place.file
         known = node.info is not None and node.info.builtin
-        self.problems.append(Problem(file, node.line, node.type_id, field, message, missing=not known))
+        self.problems.append(TreeProblem(file, node.line, node.type_id, field, message, missing=not known))
 
     def _build_subtree(self, node: SubTree, element: Element, place: NodePlace, depth: int) -> None:
         assert self.documents is not None

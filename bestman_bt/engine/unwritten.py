@@ -12,7 +12,7 @@ from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.dataflow import EntryUse, entry_uses
-from bestman_bt.engine.errors import Problem
+from bestman_bt.engine.errors import TreeProblem
 from bestman_bt.engine.leaves.blackboard import WasEntryUpdated
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
 from bestman_bt.engine.spelling import closest
@@ -49,7 +49,7 @@ class UnwrittenRead:
     suggestion: str
     not_given: bool = False
 
-    def problem(self, severity: str, why: str = "") -> Problem:
+    def problem(self, severity: str, why: str = "") -> TreeProblem:
         """Return it as a problem; ``why`` replaces the reason that the tree alone gives."""
         if self.not_given:
             words = f"it is not given, and the tree '{self.node.type_id}' reads it"
@@ -61,11 +61,11 @@ class UnwrittenRead:
         return problem_at(self.node, self.port, f"reads '{{{self.key}}}', {why}", self.suggestion, severity)
 
 
-def problem_at(node: Node, port: str, message: str, suggestion: str, severity: str = "error") -> Problem:
+def problem_at(node: Node, port: str, message: str, suggestion: str, severity: str = "error") -> TreeProblem:
     """Return a problem of a node's port, with file and line."""
     file = "" if node.place is None else node.place.file
     element = "SubTree" if isinstance(node, decorators.SubTree) else node.type_id
-    return Problem(file, node.line, element, port, message, suggestion, severity)
+    return TreeProblem(file, node.line, element, port, message, suggestion, severity)
 
 
 def unwritten_reads(tree: Tree, given: Iterable[str] = ()) -> Iterator[UnwrittenRead]:

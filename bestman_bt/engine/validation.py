@@ -19,7 +19,7 @@ from bestman_bt.engine.core.strict_order import STRICT, upwards
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.dataflow import SCRIPT_ATTRIBUTES, EntryUse, entry_uses
 from bestman_bt.engine.decorators.subtree import SubTree
-from bestman_bt.engine.errors import Problem, TreeLoadError
+from bestman_bt.engine.errors import TreeLoadError, TreeProblem
 from bestman_bt.engine.leaves.base import Condition, StatefulAction
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
 from bestman_bt.engine.loading import load_tree, main_tree_of
@@ -42,7 +42,7 @@ def validate_file(
     search_path: Iterable[Path] = (),
     given: Iterable[str] = (),
     package: Package | None = None,
-) -> list[Problem]:
+) -> list[TreeProblem]:
     """Return all errors and warnings of a tree file.
 
     Problems with ``missing`` set may be valid in another BehaviorTree.CPP process.
@@ -55,7 +55,7 @@ def validate_file(
         package: other files with its SubTrees and models of nodes.
     """
     registry = registry or NodeRegistry()
-    found: list[Problem] = []
+    found: list[TreeProblem] = []
     gaps = Placeholders()
     documents = None
     try:
@@ -93,12 +93,12 @@ def validate_file(
     return _sorted(found)
 
 
-def tree_warnings(tree: Tree, given: Iterable[str] = ()) -> list[Problem]:
+def tree_warnings(tree: Tree, given: Iterable[str] = ()) -> list[TreeProblem]:
     """Return the warnings of a tree that loads; ``given``: root entries set before the run."""
     return [*(read.problem("warning") for read in unwritten_reads(tree, given)), *ineffective_parts(tree)]
 
 
-def ineffective_parts(tree: Tree) -> list[Problem]:
+def ineffective_parts(tree: Tree) -> list[TreeProblem]:
     """Return warnings about parts without effect: unread attributes, nodes that are never ticked."""
     uses = entry_uses(tree)
     written = {id(use.slot) for use in uses if use.writes}
@@ -114,24 +114,26 @@ def ineffective_parts(tree: Tree) -> list[Problem]:
     return found
 
 
-def _sorted(problems: list[Problem]) -> list[Problem]:
+def _sorted(problems: list[TreeProblem]) -> list[TreeProblem]:
     return sorted(dict.fromkeys(problems), key=lambda problem: (problem.file, problem.line))
 
 
-def _warning(node: Node, field: str, message: str, suggestion: str = "") -> Problem:
+def _warning(node: Node, field: str, message: str, suggestion: str = "") -> TreeProblem:
     file = "" if node.place is None else node.place.file
-    return Problem(file, node.line, node.type_id, field, message, suggestion, "warning")
+    return TreeProblem(file, node.line, node.type_id, field, message, suggestion, "warning")
 
 
-def _unused_trees(documents: Documents, main: str) -> Iterator[Problem]:
+def _unused_trees(documents: Documents, main: str) -> Iterator[TreeProblem]:
     used = documents.used_trees(main)
     for tree_id, definition in documents.trees.items():
         if tree_id not in used and definition.file == documents.file:
             line = definition.element.line
-            yield Problem(definition.file, line, "BehaviorTree", "ID", f"tree '{tree_id}' is never used", "", "warning")
+            yield TreeProblem(
+                definition.file, line, "BehaviorTree", "ID", f"tree '{tree_id}' is never used", "", "warning"
+            )
 
 
-def _shadowing(tree: Tree, written: set[int]) -> Iterator[Problem]:
+def _shadowing(tree: Tree, written: set[int]) -> Iterator[TreeProblem]:
     for node in tree.nodes:
         if not isinstance(node, SubTree) or str(node.attributes.get("_autoremap")).lower() not in ("true", "1"):
             continue
@@ -143,7 +145,7 @@ def _shadowing(tree: Tree, written: set[int]) -> Iterator[Problem]:
                 yield _warning(node, port, message)
 
 
-def _unfit_below_reactive(tree: Tree) -> Iterator[Problem]:
+def _unfit_below_reactive(tree: Tree) -> Iterator[TreeProblem]:
     """Leaves that a reactive node repeats or interrupts, and that are not made for it."""
     for node in tree.nodes:
         if STRICT in node.attributes and not isinstance(node, _REACTIVE):
@@ -158,7 +160,7 @@ def _unfit_below_reactive(tree: Tree) -> Iterator[Problem]:
             yield _warning(node, "", "a reactive node may halt it, and it does not define on_halted()")
 
 
-def _unread(tree: Tree) -> Iterator[Problem]:
+def _unread(tree: Tree) -> Iterator[TreeProblem]:
     subtrees = SubTrees(tree)
     for node in tree.nodes:
         if not isinstance(node, SubTree):
@@ -169,7 +171,7 @@ def _unread(tree: Tree) -> Iterator[Problem]:
             yield problem_at(node, port, message, f"did you mean '{hint}'?" if hint else "", "warning")
 
 
-def _lost_writes(tree: Tree, uses: list[EntryUse]) -> Iterator[Problem]:
+def _lost_writes(tree: Tree, uses: list[EntryUse]) -> Iterator[TreeProblem]:
     for use in uses:
         outer = use.node.board.remapping.get(use.key, "")
         if use.writes and outer[:1] == "@":
@@ -177,7 +179,7 @@ def _lost_writes(tree: Tree, uses: list[EntryUse]) -> Iterator[Problem]:
             yield _warning(use.node, use.port, message, f"write to '{{{outer}}}' itself")
 
 
-def _misspelt(tree: Tree) -> Iterator[Problem]:
+def _misspelt(tree: Tree) -> Iterator[TreeProblem]:
     for node in tree.nodes:
         for attribute in node.attributes:
             if attribute[0] == "_" and attribute not in _KNOWN_ATTRIBUTES:

@@ -13,7 +13,7 @@ from bestman_bt.configuration.disturbance import DisturbanceConfig, DisturbanceK
 from bestman_bt.facts.evidence import Evidence
 from bestman_bt.facts.standing import is_over, surface_pose
 from bestman_bt.messages import JointKind, Pose, Pose2D
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.scene.placing import gap_to_furniture, gap_to_objects, planar_radius, standing_on
 from bestman_bt.scene.plane_geometry import depth_inside, rectangle
 from bestman_bt.scene.scene import PlacedObject
@@ -47,7 +47,7 @@ class NewPlace:
 class NewPlaces:
     """Draws places in a world as it is now, open drawers included."""
 
-    def __init__(self, session: Session, truth: GroundTruth) -> None:
+    def __init__(self, session: RobotSession, truth: GroundTruth) -> None:
         self._evidence = Evidence(session.setup, truth, {})
         self._world, self._map = session.setup.world, session.skills.world.map
         self._models = {placed.name: placed.model for placed in self._world.objects}
@@ -158,7 +158,7 @@ class Disturbances:
     ones; a disturbance without an opportunity is not executed.
     """
 
-    def __init__(self, session: Session, truth: GroundTruth, injector: DisturbanceInjector) -> None:
+    def __init__(self, session: RobotSession, truth: GroundTruth, injector: DisturbanceInjector) -> None:
         self._session, self._truth, self._injector = session, truth, injector
         self._places = NewPlaces(session, truth)
         self._was_held: set[str] = set()

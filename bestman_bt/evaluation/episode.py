@@ -33,7 +33,7 @@ from bestman_bt.records.reader import RecordError, read_result
 from bestman_bt.records.writer import RESULT_FILE
 from bestman_bt.robot_model.model import GripperModel
 from bestman_bt.runtime.executor import Ending, Execution, ExecutionWatcher, Executor
-from bestman_bt.runtime.robot_session import Session, open_session
+from bestman_bt.runtime.robot_session import RobotSession, open_session
 from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.runtime.world_file import WORLD_NAME, write_world
 from bestman_bt.visualization.rerun.recorder import RECORDING_NAME
@@ -48,7 +48,7 @@ from hal.simulation.robot import SimulatedRobot
 from hal.simulation.scene_recorder import SceneRecorder
 from hal.twins.remote_truth import RemoteTruth
 
-Watcher = Callable[[Session, Tree], Callable[[], None]]
+Watcher = Callable[[RobotSession, Tree], Callable[[], None]]
 """Told of the session and its tree before the first tick; gives back what to call after each tick."""
 
 
@@ -101,7 +101,7 @@ class _Observers:
         if self.truth is not None:
             self.driven = DrivenPath(self.truth)
 
-    def watch_contacts(self, session: Session) -> Callable[[], None]:
+    def watch_contacts(self, session: RobotSession) -> Callable[[], None]:
         """Note what skills declare to touch, on the clock of what watches them; returns what to call after a tick."""
         now = self.truth.now if isinstance(self.truth, RemoteTruth) else session.robot.clock.now
         skills, hands = session.skills, len(session.setup.robot_model.of(GripperModel))
@@ -195,7 +195,7 @@ def _missing_extras(config: RunConfig) -> Iterable[Problem]:
 class JudgedSession:
     """An open session whose runs are judged, one after the other in the same world; the audit covers all of them."""
 
-    def __init__(self, session: Session, observers: _Observers) -> None:
+    def __init__(self, session: RobotSession, observers: _Observers) -> None:
         self.session, self._observers = session, observers
         self._watch_contacts: Callable[[], None] | None = None
 
@@ -389,7 +389,7 @@ def _recorder(stack: ExitStack, setup: Setup, folder: Path | None, keeping: Keep
     return see_through
 
 
-def _picture_of_the_grasp(session: Session, pictures: Pictures) -> Callable[[], None]:
+def _picture_of_the_grasp(session: RobotSession, pictures: Pictures) -> Callable[[], None]:
     """Take ``start.png`` now and ``grasp.png`` as soon as the robot believes to hold something."""
     subject = _object(session.setup)
     pictures.take("start", subject)
@@ -422,7 +422,7 @@ def _object(setup: Setup) -> str | None:
 
 
 def _judge(
-    session: Session,
+    session: RobotSession,
     execution: Execution,
     verdict: Verdict | None,
     audited: Audit | None,
@@ -479,7 +479,7 @@ def _why_not_judged(config: RunConfig, execution: Execution) -> str:
 
 
 def _failure(
-    session: Session, execution: Execution, verdict: Verdict | None, audited: Audit | None, failed: Node | None
+    session: RobotSession, execution: Execution, verdict: Verdict | None, audited: Audit | None, failed: Node | None
 ) -> NodeFailure | None:
     """What was faked, else the leaf at fault, else the judge's or the audit's objection, else None.
 

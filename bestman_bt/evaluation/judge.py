@@ -12,10 +12,10 @@ from bestman_bt.facts.evidence import Evidence, Truth, Verdict, joined
 from bestman_bt.facts.goals.goal import Goal, judged
 from bestman_bt.registry import GOALS, suggestion
 from bestman_bt.robot_model.model import ArmModel
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from hal.api import Clock
 
-Judge = Callable[[Session, Truth, Clock | None, float], Verdict]
+Judge = Callable[[RobotSession, Truth, Clock | None, float], Verdict]
 """Arguments: session, what is true, the clock by which the world rests first (None: judged as it is), metres driven."""
 
 
@@ -31,7 +31,7 @@ def find_judge(config: RunConfig, known: Collection[Problem] = ()) -> Judge | No
     return _judge if config.task.predicates else None
 
 
-def _judge(session: Session, truth: Truth, clock: Clock | None, driven: float) -> Verdict:
+def _judge(session: RobotSession, truth: Truth, clock: Clock | None, driven: float) -> Verdict:
     setup = session.setup
     before = {name: truth.object_pose(name).position for name in setup.subjects if name in truth.object_names}
     if clock is not None:

@@ -25,7 +25,7 @@ from bestman_bt.robot_model.model import ArmModel, GripperModel
 from bestman_bt.robot_model.sensor_parts import CameraPart, LidarPart
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges, WrittenEntry
 from bestman_bt.runtime.looking import object_marks
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.scene.scene import Articulation, PlacedFurniture, World, wall_box
 from bestman_bt.scene.walker import Walker
 from bestman_bt.visualization.marks import GraspMark
@@ -47,7 +47,7 @@ LONGEST_TEXT = 300
 class RecordedBeliefs:
     """Passes changes of the beliefs to ``recorder`` after each tick; it only reads existing beliefs."""
 
-    def __init__(self, recorder: RerunRecorder, session: Session, tree: Tree) -> None:
+    def __init__(self, recorder: RerunRecorder, session: RobotSession, tree: Tree) -> None:
         self._recorder = recorder
         self._session = session
         self._blackboard = BlackboardChanges(tree)
@@ -128,7 +128,7 @@ class Recording:
     def __init__(
         self,
         path: Path,
-        session: Session,
+        session: RobotSession,
         tree: Tree,
         scene: SceneRecorder,
         every: int = 2,

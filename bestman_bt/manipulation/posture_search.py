@@ -16,7 +16,7 @@ from bestman_bt.manipulation.collision.scene_from_world_model import hand_links
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
 from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics, link_hulls
-from bestman_bt.manipulation.motion_planning.base import PlanningError
+from bestman_bt.manipulation.motion_planning.base import MotionPlanningError
 from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.messages import Cylinder, PlacedShape, Pose
 from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, RobotModel
@@ -188,7 +188,7 @@ class PostureSearch:
         for value, positions in postures:
             try:
                 motion = self._planner.plan(home, [positions], world, self._arm, rng)
-            except PlanningError:
+            except MotionPlanningError:
                 continue
             reached.append((value + self.motion_weight * motion.length, positions))
         return reached

@@ -19,7 +19,7 @@ from bestman_bt.configuration.document import Document
 from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
 from bestman_bt.configuration.run import RunConfig
 from bestman_bt.engine import Tree
-from bestman_bt.engine.errors import Problem as TreeProblem
+from bestman_bt.engine.errors import TreeProblem
 from bestman_bt.engine.own_files import described, importable, load_file, module_of, plugin_module, signature_fault
 from bestman_bt.engine.unwritten import problem_at
 from bestman_bt.errors import MissingExtraError

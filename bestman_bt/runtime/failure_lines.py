@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from behaviours.failure import NodeFailure, declared_failures
 from bestman_bt.engine import FAILURE, Tree
-from bestman_bt.engine.errors import Problem
+from bestman_bt.engine.errors import TreeProblem
 from bestman_bt.engine.unwritten import problem_at
 from bestman_bt.records.described_tree import category_of
 
@@ -24,7 +24,7 @@ RENAMED_CODES = {
 _QUOTED = re.compile(r"'([^']*)'")
 
 
-def renamed_codes(tree: Tree) -> Iterator[Problem]:
+def renamed_codes(tree: Tree) -> Iterator[TreeProblem]:
     """Yield renamed error codes in scripts, cases and code lists of a tree; codes of the user's own skills are
     exempt.
     """

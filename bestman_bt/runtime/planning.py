@@ -10,7 +10,7 @@ from pathlib import Path
 from bestman_bt.configuration.errors import ConfigurationError, ProblemCollector, told_to_programs
 from bestman_bt.configuration.errors import Problem as WrongInput
 from bestman_bt.configuration.run import RunRequest, run_of_options
-from bestman_bt.engine import Problem as Fault
+from bestman_bt.engine import TreeProblem
 from bestman_bt.errors import InputError
 from bestman_bt.facts.located import UNSEEN
 from bestman_bt.facts.predicate import Beliefs
@@ -25,7 +25,14 @@ from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
 from bestman_bt.task_planning.planners import made_planner, planner_class
 from bestman_bt.task_planning.symbolic.facts import goal_as_facts
-from bestman_bt.task_planning.symbolic.problem import Action, GoalError, GoalFaults, PlanningError, Problem, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import (
+    Action,
+    GoalError,
+    GoalFaults,
+    PlanningError,
+    PlanningProblem,
+    TaskPlan,
+)
 from bestman_bt.task_planning.verification import verify
 from bestman_bt.world_model.world_model import WorldModel
 
@@ -92,7 +99,7 @@ class PlanQuestion:
         self.beliefs.told.update(places)
         self.setup.world_model.told.update(places)
 
-    def understood(self, goal: str | None) -> Problem:
+    def understood(self, goal: str | None) -> PlanningProblem:
         """Return the problem of reaching a goal from the beliefs.
 
         Raises GoalError for an invalid goal.
@@ -101,7 +108,7 @@ class PlanQuestion:
 
     def answer(
         self, text: str | None, goal: str | None, planner: str | TaskPlanner, transcript: Transcript
-    ) -> tuple[Problem, TaskPlan]:
+    ) -> tuple[PlanningProblem, TaskPlan]:
         """Return the problem as understood, and a plan.
 
         Raises:
@@ -130,7 +137,7 @@ class PlanQuestion:
             raise ConfigurationError([WrongInput("bestman-bt plan", None, "", str(error))]) from error
         return found.problem, found.plan
 
-    def told(self, problem: Problem) -> dict[str, str]:
+    def told(self, problem: PlanningProblem) -> dict[str, str]:
         """Return object → its place, for unseen objects that can be in one place only."""
         places: dict[str, list[str]] = {}
         for fact in problem.state:
@@ -138,12 +145,12 @@ class PlanQuestion:
                 places.setdefault(fact.arguments[0], []).append(fact.arguments[1])
         return {name: found[0] for name, found in sorted(places.items()) if len(found) == 1}
 
-    def tree(self, problem: Problem, plan: TaskPlan) -> PlanTree:
+    def tree(self, problem: PlanningProblem, plan: TaskPlan) -> PlanTree:
         """Return the tree of a plan."""
         leaves = [ability.name for ability in self.domain.abilities if not ability.is_subtree]
         return made_builder(self.builder).build(plan, problem.goal, leaves)
 
-    def xml(self, made: PlanTree, problem: Problem, plan: TaskPlan, planner: str) -> str:
+    def xml(self, made: PlanTree, problem: PlanningProblem, plan: TaskPlan, planner: str) -> str:
         """Return the tree as a self-contained file; if the plan rests on an assumption, the tree replans when it is
         wrong.
         """
@@ -151,19 +158,19 @@ class PlanQuestion:
             return made.xml(self.setup.registry)
         return self.replanning_xml(made, problem, planner)
 
-    def replanning_xml(self, made: PlanTree, problem: Problem, planner: str) -> str:
+    def replanning_xml(self, made: PlanTree, problem: PlanningProblem, planner: str) -> str:
         """Return the tree that replans when the plan fails."""
         again = planner_anew(planner)
         return with_replanning(made, problem.goal, again, self.builder, self.setup.registry, self.limits)
 
-    def faults(self, problem: Problem, made: PlanTree) -> list[Fault]:
+    def faults(self, problem: PlanningProblem, made: PlanTree) -> list[TreeProblem]:
         """Return the verification faults of the tree."""
         xml = made.document().to_xml()
         found = verify(xml, problem, self.setup.registry, self.setup.robot_model, self.beliefs)
         named = f"tree of the builder {self.builder}"
         return [replace(fault, file=named) if fault.file == "<text>" else fault for fault in found]
 
-    def _refusals(self, problem: Problem, plan: TaskPlan) -> list[str]:
+    def _refusals(self, problem: PlanningProblem, plan: TaskPlan) -> list[str]:
         return refusals(self.faults(problem, self.tree(problem, plan)))
 
 
@@ -238,7 +245,7 @@ def planner_anew(planner: str) -> str:
     return "symbolic" if planner == "language" else planner
 
 
-def refusals(faults: Iterable[Fault]) -> list[str]:
+def refusals(faults: Iterable[TreeProblem]) -> list[str]:
     """Return the faults because of which a tree must not be run."""
     return [str(fault) for fault in faults if fault.severity != "warning"]
 
@@ -250,7 +257,7 @@ class PlannedTree:
     """
 
     setup: Setup
-    problem: Problem
+    problem: PlanningProblem
     plan: TaskPlan
     xml: str
 

@@ -10,7 +10,7 @@ from bestman_bt.configuration.data import find_data, in_folders
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.errors import Problem as WrongInput
 from bestman_bt.engine import Tree
-from bestman_bt.engine.errors import Problem
+from bestman_bt.engine.errors import TreeProblem
 from bestman_bt.engine.unwritten import problem_at
 from bestman_bt.errors import MissingExtraError, WrongResultError
 from bestman_bt.manipulation.policy.base import Policy
@@ -44,7 +44,7 @@ def _own_policy(name: str, folders: tuple[Path, ...]) -> Policy:
     return policy
 
 
-def policy_problems(tree: Tree) -> Iterator[Problem]:
+def policy_problems(tree: Tree) -> Iterator[TreeProblem]:
     """Yield the policies that a tree names but that are missing or invalid, each with its line in the tree."""
     told: set[tuple[int, str]] = set()
     for node in tree.nodes:

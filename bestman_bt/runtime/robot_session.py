@@ -25,7 +25,7 @@ from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.configuration.task import task_of_tree
 from bestman_bt.control.operator_speed import OperatorSpeed
 from bestman_bt.control.robot_stop import RobotStop
-from bestman_bt.engine import Problem, Tree, TreeLoadError
+from bestman_bt.engine import Tree, TreeLoadError, TreeProblem
 from bestman_bt.engine.reloading import watched
 from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.records.events import RunEvent
@@ -90,7 +90,7 @@ COMPUTATION_COSTS = {
 
 
 @dataclass
-class Session:
+class RobotSession:
     """A connected robot and its skills.
 
     ``entries``: root blackboard entries of the configured task, set in every tree. ``speed``: scales the robot's speed
@@ -137,7 +137,7 @@ class Session:
         self, tree: str | Path | Behaviour | Tree | None, entries: Mapping[str, Any], replaces: Tree | None = None
     ) -> Tree:
         """Load a tree, check it, and create what its nodes need; ``replaces`` is of ``LoadOptions``."""
-        wrong: list[Problem] = []
+        wrong: list[TreeProblem] = []
         with told_to_programs():
             if isinstance(tree, Tree):
                 loaded = tree
@@ -187,7 +187,7 @@ class Session:
         told, usual = self.robot.diagnostics(), "stopped" if self.robot.stopped else "ok"
         return {"parts": {name: told.get(name, usual) for name in self.robot.parts}, "robot": told}
 
-    def check(self, tree: Tree, entries: Mapping[str, Any], known: Iterable[Problem] = ()) -> None:
+    def check(self, tree: Tree, entries: Mapping[str, Any], known: Iterable[TreeProblem] = ()) -> None:
         """Check a tree as ``load`` does; ``entries``: filled by a task; ``known``: faults found so far. Raises
         TreeLoadError.
         """
@@ -246,7 +246,7 @@ def open_session(
     prepare_robot: Callable[[Robot], None] | None = None,
     gui: bool = False,
     see_through: Callable[[Robot], Robot] | None = None,
-) -> Iterator[Session]:
+) -> Iterator[RobotSession]:
     """Connect the configured robot; it is always stopped and disconnected at the end.
 
     ``prepare_robot``: called right after connecting, before time runs (for evaluation and recording). ``gui``: show the
@@ -267,7 +267,7 @@ def open_session(
         if localised:
             skills.base.surroundings = skills.known_costmap
             skills.base.start()
-        opened = Session(
+        opened = RobotSession(
             setup,
             robot,
             skills,
@@ -286,13 +286,13 @@ def open_session(
             robot.stop()
 
 
-class UnopenedSession(AbstractContextManager[Session]):
+class UnopenedSession(AbstractContextManager[RobotSession]):
     """The result of ``session()``: ``with`` opens the session."""
 
-    def __init__(self, opening: AbstractContextManager[Session]) -> None:
+    def __init__(self, opening: AbstractContextManager[RobotSession]) -> None:
         self._opening = opening
 
-    def __enter__(self) -> Session:
+    def __enter__(self) -> RobotSession:
         return self._opening.__enter__()
 
     def __exit__(self, *raised: Any) -> bool | None:
@@ -331,7 +331,7 @@ def session(
     """
 
     @contextmanager
-    def opening() -> Iterator[Session]:
+    def opening() -> Iterator[RobotSession]:
         with told_to_programs():
             setup = prepare(
                 session_config(

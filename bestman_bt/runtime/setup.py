@@ -25,7 +25,7 @@ from bestman_bt.configuration.errors import (
 )
 from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.engine import NodeRegistry, Tree, TreeLoadError
-from bestman_bt.engine.errors import Problem as TreeProblem
+from bestman_bt.engine.errors import TreeProblem
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.scenario import Scenario, SimulatedLeaves
 from bestman_bt.extras import install_command

@@ -12,7 +12,7 @@ from bestman_bt.engine import Node, Tree
 from bestman_bt.engine.bounds import Named
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.dataflow import EntryUse, entry_uses
-from bestman_bt.engine.errors import Problem
+from bestman_bt.engine.errors import TreeProblem
 from bestman_bt.engine.leaves.blackboard import SetBlackboard
 from bestman_bt.engine.unwritten import may_write_unseen, named_at, problem_at, unwritten_reads
 from bestman_bt.registry import suggestion
@@ -49,7 +49,7 @@ def known_names(world: WorldModel, absent: Iterable[str] = ()) -> dict[str, list
     }
 
 
-def lacking_parts(tree: Tree, robot: RobotModel, there: Collection[str]) -> list[Problem]:
+def lacking_parts(tree: Tree, robot: RobotModel, there: Collection[str]) -> list[TreeProblem]:
     """Return a problem for each node that requires a part (``REQUIRES``) which the robot lacks.
 
     ``there``: names of the available parts; the others of a real robot have no connection. If it is empty, the robot's
@@ -72,7 +72,7 @@ def lacking_parts(tree: Tree, robot: RobotModel, there: Collection[str]) -> list
     return problems
 
 
-def arm_problems(tree: Tree, robot: RobotModel) -> list[Problem]:
+def arm_problems(tree: Tree, robot: RobotModel) -> list[TreeProblem]:
     """Return a problem for each node that names an unknown arm or one without a hand, or names none of several arms.
 
     Robots without an arm are checked by ``lacking_parts``.
@@ -103,10 +103,10 @@ def arm_problems(tree: Tree, robot: RobotModel) -> list[Problem]:
     return problems
 
 
-def unknown_names(tree: Tree, names: Mapping[str, Collection[str]]) -> list[Problem]:
+def unknown_names(tree: Tree, names: Mapping[str, Collection[str]]) -> list[TreeProblem]:
     """Return a problem for each literal of a ``Named`` port that names an unknown thing."""
     written = _literals_written(tree)
-    found: dict[tuple[int, str, str], Problem] = {}
+    found: dict[tuple[int, str, str], TreeProblem] = {}
     for node in tree.nodes:
         for name, port in tree.info_of(node).ports.items():
             kind = next((bound.kind for bound in port.bounds or () if isinstance(bound, Named)), None)
@@ -161,7 +161,7 @@ def _literals_written(tree: Tree) -> dict[int, list[tuple[Node, str]]]:
     return written
 
 
-def unfilled_entries(tree: Tree, given: Collection[str], has_task: bool) -> list[Problem]:
+def unfilled_entries(tree: Tree, given: Collection[str], has_task: bool) -> list[TreeProblem]:
     """Return problems for entries that are read before they are filled; errors if the read fails, else warnings.
 
     ``given``: root entries set before the first tick, by a task, if any. If code may write undeclared entries, all are

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from bestman_bt.engine.own_files import signature_fault
 
 if TYPE_CHECKING:  # the planners in symbolic import this module
-    from bestman_bt.task_planning.symbolic.problem import Problem, TaskPlan
+    from bestman_bt.task_planning.symbolic.problem import PlanningProblem, TaskPlan
 
 
 class TaskPlanner(ABC):
@@ -21,7 +21,7 @@ class TaskPlanner(ABC):
             raise TypeError(fault)
 
     @abstractmethod
-    def plan(self, problem: Problem) -> TaskPlan:
+    def plan(self, problem: PlanningProblem) -> TaskPlan:
         """Return actions that lead from the problem's state to its goal; an empty plan if the goal holds already.
 
         Raises:

@@ -24,7 +24,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     GoalFaults,
     Literal,
     Operator,
-    Problem,
+    PlanningProblem,
     with_article,
 )
 
@@ -77,13 +77,13 @@ class Domain:
                     takes = ", ".join(wanted) or "no arguments"
                     raise DeclarationError(f"{ability.name}: {fact}: {fact.predicate} takes {takes}")
 
-    def problem(self, beliefs: Beliefs, goal: str | None = None, instruction: str = "") -> Problem:
+    def problem(self, beliefs: Beliefs, goal: str | None = None, instruction: str = "") -> PlanningProblem:
         """Return the planning problem of the beliefs and a goal. Raises GoalError for an invalid goal.
 
         ``goal``: facts as text, such as ``on(mug, table) and closed(drawer_chest/drawer_3)``; None: no goal yet.
         """
         objects = things(beliefs.world)
-        problem = Problem(
+        problem = PlanningProblem(
             objects,
             read_state(beliefs, objects),
             (),
@@ -94,7 +94,7 @@ class Domain:
         )
         return problem if goal is None else self.with_goal(problem, goal)
 
-    def with_goal(self, problem: Problem, goal: str) -> Problem:
+    def with_goal(self, problem: PlanningProblem, goal: str) -> PlanningProblem:
         """Return the problem with a checked goal. Raises GoalError listing every fault, with the closest names."""
         literals: list[Literal] = []
         wrong = GoalFaults()
@@ -110,7 +110,7 @@ class Domain:
         self.refuse_contradictions(literals)
         return replace(problem, goal=tuple(dict.fromkeys(literals)))
 
-    def places_told(self, problem: Problem, facts: Iterable[str]) -> dict[str, str]:
+    def places_told(self, problem: PlanningProblem, facts: Iterable[str]) -> dict[str, str]:
         """Return object → place, from given facts about unseen objects.
 
         Raises GoalError for facts other than ``on``.
@@ -163,7 +163,7 @@ class Domain:
             for pattern in patterns
         )
 
-    def _resolved(self, problem: Problem, fact: Fact) -> Fact:
+    def _resolved(self, problem: PlanningProblem, fact: Fact) -> Fact:
         """With the full names of things, each of the right type."""
         signatures = {**problem.predicates, **self.signatures}
         types = signatures.get(fact.predicate)
@@ -198,7 +198,7 @@ class Domain:
         return replace(operator, pre=pre, hold=hold)
 
 
-def full_name(problem: Problem, name: str, kind: str) -> str:
+def full_name(problem: PlanningProblem, name: str, kind: str) -> str:
     """Return the full name of a thing: ``table`` for its only or first surface, ``drawer_3`` for the only one.
 
     A name without a number means the first one; an ambiguous choice is logged. Raises GoalError for an unknown name.

@@ -10,13 +10,13 @@ from bestman_bt.facts.holding import HOLDING
 from bestman_bt.facts.located import LOCATED, UNSEEN
 from bestman_bt.facts.on import ON
 from bestman_bt.task_planning.symbolic.grounding import instantiate, reachable_actions
-from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, Operator, Problem
+from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, Operator, PlanningProblem
 
 _Way = tuple[tuple[Literal, Action], ...]
 """From the goal down: what is needed, and the action that needs it."""
 
 
-def explain(problem: Problem) -> str:
+def explain(problem: PlanningProblem) -> str:
     """Return why a goal cannot be reached, in words: ``locked(fridge) is believed, and nothing changes that: …``.
 
     Each line is one root cause, with its chain to the goal. Empty if the goal holds already.
@@ -34,7 +34,7 @@ def explain(problem: Problem) -> str:
 class _Frontier:
     """Where the relaxed problem, in which nothing is undone, stops."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: PlanningProblem) -> None:
         self._problem = problem
         self._achievers: dict[Literal, list[Action]] = defaultdict(list)
         actions = [action for operator in problem.operators for action in _instances(problem, operator)]
@@ -122,7 +122,7 @@ class _Frontier:
         return f"{root} is not believed, and nothing brings it about"
 
 
-def _instances(problem: Problem, operator: Operator) -> Iterator[Action]:
+def _instances(problem: PlanningProblem, operator: Operator) -> Iterator[Action]:
     """Yield an operator for all things of its types, including impossible ones, to explain them."""
     for arguments in itertools.product(*(problem.of_type(kind) for kind in operator.parameters.values())):
         yield instantiate(problem, operator, arguments)

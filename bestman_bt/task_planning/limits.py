@@ -21,7 +21,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     Literal,
     Operator,
     PlanningError,
-    Problem,
+    PlanningProblem,
     TaskPlan,
     Unsolvable,
 )
@@ -100,7 +100,7 @@ class PlanLimits:
                 parts.append(f"{key}={', '.join(quote(name) for name in sorted(names))}")
         return "; ".join(parts)
 
-    def resolved(self, problem: Problem) -> PlanLimits:
+    def resolved(self, problem: PlanningProblem) -> PlanLimits:
         """Return the limits with full names: ``fridge`` stands for all parts of the fridge, ``drawer`` for all numbered
         drawers.
 
@@ -117,16 +117,16 @@ class PlanLimits:
         """Return the limits for a world in which objects and places have other ``names``: old → new."""
         return replace(self, forbidden=frozenset(names[name] for name in self.forbidden))
 
-    def operators(self, problem: Problem) -> tuple[Operator, ...]:
+    def operators(self, problem: PlanningProblem) -> tuple[Operator, ...]:
         """Return the allowed abilities."""
         allowed = self.abilities
         return tuple(operator for operator in problem.operators if allowed is None or operator.name in allowed)
 
-    def things(self, problem: Problem, kind: str) -> list[str]:
+    def things(self, problem: PlanningProblem, kind: str) -> list[str]:
         """Return the allowed objects, places or containers of type ``kind``."""
         return [name for name in problem.of_type(kind) if name not in self.forbidden]
 
-    def applied_to(self, problem: Problem) -> Problem:
+    def applied_to(self, problem: PlanningProblem) -> PlanningProblem:
         """Return a problem that enforces ``abilities`` and ``forbidden`` for any planner, by a static fact
         ``allowed(thing)``.
 
@@ -157,7 +157,7 @@ class PlanLimits:
         return [name for name in names if name in self.forbidden]
 
 
-def plan_within(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> TaskPlan:
+def plan_within(planner: TaskPlanner, problem: PlanningProblem, limits: PlanLimits) -> TaskPlan:
     """Return the plan of any planner for a problem, within limits.
 
     Raises:
@@ -184,12 +184,12 @@ def plan_within(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> T
     return TaskPlan(actions)
 
 
-def _explained(problem: Problem) -> str:
+def _explained(problem: PlanningProblem) -> str:
     """Return why there is no plan; things that are not ``allowed`` are reported as forbidden by the limits."""
     return _ALLOWED.sub(r"the \1", _FORBIDDEN.sub(r"the limits forbid the \1", explain(problem)))
 
 
-def _meant(name: str, problem: Problem) -> list[str]:
+def _meant(name: str, problem: PlanningProblem) -> list[str]:
     there = list(problem.objects)
     meant = [full for full in there if full == name or full.startswith(f"{name}/") or full.endswith(f"/{name}")]
     meant = meant or [full for full in there if without_number(full) == name]

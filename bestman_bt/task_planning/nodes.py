@@ -41,7 +41,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     GoalError,
     Literal,
     PlanningError,
-    Problem,
+    PlanningProblem,
     TaskPlan,
     Unsolvable,
 )
@@ -158,7 +158,7 @@ _GOAL = PortInformation(str, description="facts, joined by and: on(mug, table) a
 class _Planning(OnRobot):
     """What both leaves know of the task."""
 
-    def domain_and_problem(self) -> tuple[Domain, Problem]:
+    def domain_and_problem(self) -> tuple[Domain, PlanningProblem]:
         """Return the domain, and the problem of the current beliefs and goal. Raises SkillFailure (``bad_goal``)."""
         domain = Domain.of(self.owner.registry)
         try:
@@ -256,14 +256,14 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
             self._tree.halt()
             self._tree = None
 
-    def _built(self, domain: Domain, problem: Problem, plan: TaskPlan) -> PlanTree:
+    def _built(self, domain: Domain, problem: PlanningProblem, plan: TaskPlan) -> PlanTree:
         try:
             builder = made_builder(self.get_input("builder"))
         except UnknownNameError as error:
             raise SkillFailure("unknown_name", str(error)) from error
         return builder.build(plan, problem.goal, [one.name for one in domain.abilities if not one.is_subtree])
 
-    def _checked(self, made: PlanTree, problem: Problem) -> Tree:
+    def _checked(self, made: PlanTree, problem: PlanningProblem) -> Tree:
         registry, skills = self.owner.registry, self.skills
         faults = verify(made.document().to_xml(), problem, registry, skills.robot, skills.world)
         refusals = [str(fault) for fault in faults if fault.severity != "warning"]
@@ -282,7 +282,7 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
         return "; ".join([*said, str(self._monitor.outlook(problem.state))])
 
 
-def _plan(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> TaskPlan:
+def _plan(planner: TaskPlanner, problem: PlanningProblem, limits: PlanLimits) -> TaskPlan:
     """Return a plan. Raises SkillFailure with the reason."""
     try:
         return plan_within(planner, problem, limits)

@@ -7,7 +7,7 @@ import inspect
 from bestman_bt.engine.own_files import in_words
 from bestman_bt.registry import PLANNERS, UnknownNameError
 from bestman_bt.task_planning.base import TaskPlanner
-from bestman_bt.task_planning.symbolic.problem import Action, PlanningError, Problem, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import Action, PlanningError, PlanningProblem, TaskPlan
 
 
 def planner_class(name: str) -> type[TaskPlanner]:
@@ -34,7 +34,7 @@ def made_planner(name: str) -> TaskPlanner:
         raise PlanningError(f"the planner {name!r} cannot be made: {in_words(error)}") from error
 
 
-def actions_of(planner: TaskPlanner, problem: Problem) -> tuple[Action, ...]:
+def actions_of(planner: TaskPlanner, problem: PlanningProblem) -> tuple[Action, ...]:
     """Return the actions of a planner. Raises PlanningError if it fails or returns something else."""
     who = type(planner).__name__
     try:

@@ -27,7 +27,7 @@ from bestman_bt.task_planning.builders.plan_tree import ABILITIES_FILE, PlanTree
 from bestman_bt.task_planning.symbolic.facts import parse_literals
 from bestman_bt.task_planning.symbolic.grounding import instantiate
 from bestman_bt.task_planning.symbolic.plan_check import broken_in, state_after
-from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, Operator, PlanningError, Problem
+from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, Operator, PlanningError, PlanningProblem
 
 MAX_TICKS = 10_000
 """Ticks after which a tree counts as one that does not end."""
@@ -37,7 +37,7 @@ MAX_TICKS = 10_000
 class SymbolicWorld:
     """The facts that hold, and the executed actions. ``done``: succeeded; ``told``: failures, (path, reason)."""
 
-    problem: Problem
+    problem: PlanningProblem
     state: frozenset[Fact] = field(init=False)
     done: list[Action] = field(default_factory=list)
     told: list[tuple[str, str]] = field(default_factory=list)
@@ -153,7 +153,7 @@ def load_simulated(source: str | Path, world: SymbolicWorld, registry: NodeRegis
     return load_tree(text, simulated, context=world, clock=ManualClock(), search_path=search_path)
 
 
-def folded(made: PlanTree, problem: Problem) -> Tree:
+def folded(made: PlanTree, problem: PlanningProblem) -> Tree:
     """Return the tree of a plan for display: each ability is one leaf."""
     names = {operator.name for operator in problem.operators}
     registry = NodeRegistry()

@@ -24,14 +24,14 @@ from bestman_bt.engine import (
     SubTree,
     Tree,
     TreeLoadError,
+    TreeProblem,
     load_tree,
 )
-from bestman_bt.engine import Problem as Fault
 from bestman_bt.registry import suggestion
 from bestman_bt.task_planning.builders.steps import depend
 from bestman_bt.task_planning.simulation import SymbolicWorld, dry_run
 from bestman_bt.task_planning.symbolic.grounding import instantiate
-from bestman_bt.task_planning.symbolic.problem import Action, Operator, PlanningError, Problem
+from bestman_bt.task_planning.symbolic.problem import Action, Operator, PlanningError, PlanningProblem
 
 if TYPE_CHECKING:
     from bestman_bt.robot_model.model import RobotModel
@@ -85,11 +85,11 @@ _HARMLESS = frozenset({"AlwaysSuccess", "AlwaysFailure", "Holds"})
 
 def verify(
     source: str | Path,
-    problem: Problem,
+    problem: PlanningProblem,
     registry: NodeRegistry,
     robot: RobotModel | None = None,
     world: WorldModel | None = None,
-) -> list[Fault]:
+) -> list[TreeProblem]:
     """Everything that is wrong with a tree for a problem; warnings are hints, all else is a reason not to run it.
 
     ``source``: a file or XML text. ``robot``: whose capabilities count; ``world``: what it believes, for hints.
@@ -110,14 +110,14 @@ def verify(
 class _Check:
     """``actions``: what the nodes of abilities do, once ``nodes`` has looked at them."""
 
-    def __init__(self, tree: Tree, problem: Problem, robot: RobotModel | None) -> None:
+    def __init__(self, tree: Tree, problem: PlanningProblem, robot: RobotModel | None) -> None:
         self.tree = tree
         self.problem = problem
         self.operators = {operator.name: operator for operator in problem.operators}
         self.robot = robot
         self.actions: dict[Node, Action] = {}
 
-    def nodes(self) -> Iterator[Fault]:
+    def nodes(self) -> Iterator[TreeProblem]:
         """Each node of the tree but those inside abilities."""
         for node in self.tree.nodes:
             if node.place is not None and self.operators.keys() & set(node.place.ancestors):
@@ -128,7 +128,7 @@ class _Check:
             elif not isinstance(node, SubTree) and not node.children and node.type_id not in _HARMLESS:
                 yield _fault(node, "", "it is no ability", suggestion(node.type_id, list(self.operators)))
 
-    def branches(self) -> Iterator[Fault]:
+    def branches(self) -> Iterator[TreeProblem]:
         """What goes side by side must not need the same part, nor touch what the other needs."""
         for node in self.tree.nodes:
             if not isinstance(node, (Parallel, ParallelAll)):
@@ -138,7 +138,7 @@ class _Check:
                 for other in branches[index + 1 :]:
                     yield from self._conflicts(node, branch, other)
 
-    def _ability(self, node: Node, operator: Operator) -> Iterator[Fault]:
+    def _ability(self, node: Node, operator: Operator) -> Iterator[TreeProblem]:
         faults = []
         for port, kind in operator.parameters.items():
             value = node.attributes.get(port)
@@ -158,7 +158,7 @@ class _Check:
         except PlanningError as error:
             yield _fault(node, "", str(error))
 
-    def _missing_parts(self, node: Node, operator: Operator) -> Iterator[Fault]:
+    def _missing_parts(self, node: Node, operator: Operator) -> Iterator[TreeProblem]:
         if self.robot is None:
             return
         for part, needed in Counter(operator.parts).items():
@@ -175,7 +175,7 @@ class _Check:
             found += self._below(child)
         return found
 
-    def _conflicts(self, parallel: Node, branch: list[Node], other: list[Node]) -> Iterator[Fault]:
+    def _conflicts(self, parallel: Node, branch: list[Node], other: list[Node]) -> Iterator[TreeProblem]:
         for first in branch:
             for second in other:
                 one, two = self.actions[first], self.actions[second]
@@ -199,24 +199,24 @@ def _count(robot: RobotModel, part: str) -> int:
     return int(part in robot.parts) if kind is None else sum(isinstance(p, kind) for p in robot.parts.values())
 
 
-def _dry_run(source: str | Path, problem: Problem, registry: NodeRegistry) -> Iterator[Fault]:
+def _dry_run(source: str | Path, problem: PlanningProblem, registry: NodeRegistry) -> Iterator[TreeProblem]:
     world = SymbolicWorld(problem)
     run = dry_run(source, world, registry)
     missing = " and ".join(map(str, problem.unmet_in(world.state)))
     if run.status == RUNNING:
-        yield Fault(_name(source), 0, "", "", "in a dry run it does not end")
+        yield TreeProblem(_name(source), 0, "", "", "in a dry run it does not end")
     elif run.status != SUCCESS:
         node, why = run.why[-1] if run.why else ("", "it fails")
         for path, words in reversed(run.why):
             if words.startswith("it needs"):  # an ability says more than the condition that failed after it
                 node, why = path, words
                 break
-        yield Fault(_name(source), 0, node, "", f"in a dry run it fails here: {why}")
+        yield TreeProblem(_name(source), 0, node, "", f"in a dry run it fails here: {why}")
     elif missing:
-        yield Fault(_name(source), 0, "", "", f"in a dry run the goal is not reached: {missing} does not hold")
+        yield TreeProblem(_name(source), 0, "", "", f"in a dry run the goal is not reached: {missing} does not hold")
 
 
-def _hints(tree: Tree, actions: dict[Node, Action], robot: RobotModel, world: WorldModel) -> Iterator[Fault]:
+def _hints(tree: Tree, actions: dict[Node, Action], robot: RobotModel, world: WorldModel) -> Iterator[TreeProblem]:
     """Warnings on what is higher than the arm, or thicker than the open hand."""
     reach, grasp = highest_reach(robot), widest_grasp(robot)
     for node, action in actions.items():
@@ -247,6 +247,6 @@ def _name(source: str | Path) -> str:
     return str(source) if isinstance(source, Path) or not source.lstrip().startswith("<") else "<text>"
 
 
-def _fault(node: Node, field: str, message: str, hint: str = "", severity: str = "error") -> Fault:
+def _fault(node: Node, field: str, message: str, hint: str = "", severity: str = "error") -> TreeProblem:
     file = "" if node.place is None else node.place.file
-    return Fault(file, node.line, node.path, field, message, hint, severity)
+    return TreeProblem(file, node.line, node.path, field, message, hint, severity)

@@ -20,7 +20,7 @@ from typing import Any
 from bestman_bt.engine import RUNNING, SUCCESS, Tree, XmlDocument, XmlElement, load_tree
 from bestman_bt.task_planning.builders.reactive import ReactiveBuilder
 from bestman_bt.task_planning.symbolic.facts import parse_literals
-from bestman_bt.task_planning.symbolic.problem import Literal, PlanningError, Problem
+from bestman_bt.task_planning.symbolic.problem import Literal, PlanningError, PlanningProblem
 from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 
 try:
@@ -56,7 +56,7 @@ def planned(world: WorkshopWorld, goal: tuple[Literal, ...]) -> tuple[int, int]:
     """Plan, run the plan's tree, and plan again as long as it fails; the last status and the number of plans."""
     nodes, abilities, status, plans = registry(), operators(world), RUNNING, 0
     while status != SUCCESS and plans < MOST_PLANS:
-        problem = Problem(world.objects(), world.facts(ENOUGH), goal, abilities, {"charger": ("location",)})
+        problem = PlanningProblem(world.objects(), world.facts(ENOUGH), goal, abilities, {"charger": ("location",)})
         try:
             plan = SymbolicPlanner().plan(problem)
         except PlanningError:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from bestman_bt.engine import RUNNING, Tree
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from hal.api import Arm, JointGroup, MobileBase
 
 AT_THE_TABLE = (
@@ -47,7 +47,7 @@ def tick(tree: Tree, times: int = 1) -> int:
     return status
 
 
-def fastest(robot_session: Session) -> float:
+def fastest(robot_session: RobotSession) -> float:
     """How fast the robot moves, by its encoders: the largest of its velocities, m/s or rad/s."""
     parts = robot_session.robot.parts
     groups = [part.velocities() for part in parts.values() if isinstance(part, Arm | JointGroup)]
@@ -55,6 +55,6 @@ def fastest(robot_session: Session) -> float:
     return float(max(np.abs(np.concatenate(groups)).max(), abs(base.vx), abs(base.wz)))
 
 
-def failures_of(robot_session: Session, count: int = 1) -> list[tuple[str, str]]:
+def failures_of(robot_session: RobotSession, count: int = 1) -> list[tuple[str, str]]:
     """Codes and texts of the last failures that were told."""
     return [(failure.error_code, failure.why) for failure in robot_session.skills.failures[-count:]]

@@ -16,7 +16,7 @@ from behaviours.furniture.opening import plan_opening
 from behaviours.manipulation.base_placement import SAME_STAND
 from bestman_bt.engine import SUCCESS
 from bestman_bt.manipulation.kinematics.link_hulls import body_between
-from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
 from bestman_bt.messages import Handle, Pose, Pose2D
 from bestman_bt.world_model.openness import handle_shape
 from bestman_bt.world_model.world_model import BasePose, HandleBelief
@@ -152,7 +152,7 @@ def test_on_its_way_home_the_arm_keeps_clear_of_a_leaf_as_unsure_as_it_is_if_it_
     def move_free(skill: Any, goals: Any, world: Any) -> Any:
         told.append(world.which)
         if world.which in refused:
-            raise PlanningError(PlanningErrorCode.TIMED_PATH_INVALID, f"no way with a margin of {world.which[0]}")
+            raise MotionPlanningError(PlanningErrorCode.TIMED_PATH_INVALID, f"no way with a margin of {world.which[0]}")
         yield from ()
 
     monkeypatch.setattr("behaviours.furniture.leaf_motion.move_free", move_free)
@@ -171,6 +171,6 @@ def test_on_its_way_home_the_arm_keeps_clear_of_a_leaf_as_unsure_as_it_is_if_it_
     list(withdraw(skill, leaf, "carry"))
     assert told[-2:] == [(unsure, ()), (0.0, ())]
     refused.append((0.0, ()))
-    with pytest.raises(PlanningError, match=f"no way with a margin of {unsure}"):
+    with pytest.raises(MotionPlanningError, match=f"no way with a margin of {unsure}"):
         list(withdraw(skill, leaf, "carry"))
     assert told[-2:] == [(unsure, ()), (0.0, ())]  # never through the leaf

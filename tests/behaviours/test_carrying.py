@@ -11,13 +11,13 @@ from behaviours.manipulation.move_arm import IN_VIEW, ROOM_TO_TURN, _with_room, 
 from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle
 from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import PlacedShape, Pose, Sphere
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.world_model.world_model import HeldObject
 
 
 @pytest.mark.parametrize("roll", [0.0, math.pi], ids=["camera on one side", "camera on the other side"])
 def test_a_cup_in_a_level_hand_is_carried_upright_out_of_view_and_over_the_base(
-    bystander: Session, roll: float
+    bystander: RobotSession, roll: float
 ) -> None:
     skills = bystander.skills
     level = Pose.from_xyz_rpy((0.0, 0.0, 0.035), (0.0, np.pi / 2, 0.0)) @ Pose.from_xyz_rpy((0, 0, 0), (0, 0, roll))
@@ -45,7 +45,7 @@ def test_a_cup_in_a_level_hand_is_carried_upright_out_of_view_and_over_the_base(
 
 
 @pytest.mark.parametrize(("beside", "room"), [(0.02, 0.012), (0.15, 0.02)])
-def test_what_reaches_far_from_the_hand_keeps_more_room(bystander: Session, beside: float, room: float) -> None:
+def test_what_reaches_far_from_the_hand_keeps_more_room(bystander: RobotSession, beside: float, room: float) -> None:
     skills = bystander.skills
     cup = skills.world.models["cup"]
     held = HeldObject("cup", cup, Pose.from_xyz_rpy((0.0, beside, 0.0), (0.0, 0.0, 0.0)), 0.01)
@@ -59,7 +59,7 @@ def test_what_reaches_far_from_the_hand_keeps_more_room(bystander: Session, besi
     assert attached.padding == pytest.approx(room)
 
 
-def beads(session: Session) -> tuple[SceneObstacle, ...]:
+def beads(session: RobotSession) -> tuple[SceneObstacle, ...]:
     """Small balls on the way from the head camera to what it should see."""
     eye = session.skills.camera.base_from_camera().position
     middles = [eye + share * (np.array(point) - eye) for point in IN_VIEW for share in np.linspace(0.15, 0.85, 12)]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from bestman_bt.engine import FAILURE, SUCCESS
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.world_model.world_model import HeldObject
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.sensor_pipeline import SensorFault
@@ -27,7 +27,7 @@ CHECK = '<CheckHeld object="cup" look="{look}" width="{width}" evidence="{eviden
 
 
 @pytest.fixture(scope="module")
-def taken(tmp_path_factory) -> Iterator[tuple[Session, GroundTruth, HeldObject]]:
+def taken(tmp_path_factory) -> Iterator[tuple[RobotSession, GroundTruth, HeldObject]]:
     """A robot that has lifted a cup, and what it believes to hold."""
     config = table_with(tmp_path_factory.mktemp("scene"), cup=("cup", -0.2, 0.0, 0.0))
     with known_world(config) as (session, truth):
@@ -39,7 +39,7 @@ def taken(tmp_path_factory) -> Iterator[tuple[Session, GroundTruth, HeldObject]]
         yield session, truth, held
 
 
-def check(session: Session, look: bool = True) -> tuple[int, str, float]:
+def check(session: RobotSession, look: bool = True) -> tuple[int, str, float]:
     """Status, evidence, width in metres."""
     tree = session.load(tree_of(CHECK))
     tree.blackboard.set("look", look)
@@ -47,7 +47,7 @@ def check(session: Session, look: bool = True) -> tuple[int, str, float]:
     return status, tree.blackboard.get("evidence"), tree.blackboard.get("width")
 
 
-def move_fingers(session: Session, width: float) -> None:
+def move_fingers(session: RobotSession, width: float) -> None:
     handle = session.skills.gripper.open(width)
     while not handle.done:
         session.robot.clock.sleep(0.05)

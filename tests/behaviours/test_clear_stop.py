@@ -11,7 +11,7 @@ import pytest
 
 from bestman_bt.control.robot_stop import RobotStop
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from hal.api import Arm, RobotError
 from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
 
@@ -20,7 +20,7 @@ EXAMPLES = re.findall(r"^```xml\n(.*?)^```", PAGE.read_text(), re.MULTILINE | re
 MOVE = '<MoveArm posture="home"/>'
 
 
-def stopped_on_the_way(session: Session, text: str, stops: int = 1) -> int:
+def stopped_on_the_way(session: RobotSession, text: str, stops: int = 1) -> int:
     """Tick a tree to its end; so many times, as soon as the robot moves, it is stopped as by a controller of its."""
     tree = session.load(text)
     status = RUNNING
@@ -33,12 +33,12 @@ def stopped_on_the_way(session: Session, text: str, stops: int = 1) -> int:
     return status
 
 
-def at_home(session: Session) -> bool:
+def at_home(session: RobotSession) -> bool:
     arm = session.robot.part("arm", Arm)
     return arm.positions() == pytest.approx(session.robot.model.posture("home", arm.joint_names), abs=0.02)
 
 
-def refusing(session: Session, times: int, monkeypatch: pytest.MonkeyPatch) -> list[float]:
+def refusing(session: RobotSession, times: int, monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """When the stop was to be cleared; the first so many times a button is pressed."""
     clear: Callable[[], None] = session.robot.clear_stop
     asked: list[float] = []
@@ -55,26 +55,26 @@ def refusing(session: Session, times: int, monkeypatch: pytest.MonkeyPatch) -> l
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("example", "stops"), [pytest.param(0, 1, marks=pytest.mark.slow), (0, 2), (1, 1)])
-def test_the_examples_of_the_docs_get_there_after_stops(at_table: Session, example: int, stops: int) -> None:
+def test_the_examples_of_the_docs_get_there_after_stops(at_table: RobotSession, example: int, stops: int) -> None:
     assert stopped_on_the_way(at_table, EXAMPLES[example], stops) == SUCCESS
     assert at_home(at_table)
     assert [failure.error_code for failure in at_table.skills.failures] == ["stopped"] * stops
 
 
 @pytest.mark.slow
-def test_it_gives_up_when_it_is_stopped_again_and_again(at_table: Session) -> None:
+def test_it_gives_up_when_it_is_stopped_again_and_again(at_table: RobotSession) -> None:
     assert stopped_on_the_way(at_table, EXAMPLES[0], 3) == FAILURE
     assert not at_home(at_table)
 
 
-def test_without_the_leaf_a_stop_stays(at_table: Session) -> None:
+def test_without_the_leaf_a_stop_stays(at_table: RobotSession) -> None:
     retry = f'<RetryUntilSuccessful num_attempts="3">{MOVE}</RetryUntilSuccessful>'
     assert stopped_on_the_way(at_table, tree_of(retry)) == FAILURE
     assert at_table.robot.stopped
 
 
 def test_it_waits_between_attempts_and_clears_as_soon_as_that_is_possible(
-    at_table: Session, monkeypatch: pytest.MonkeyPatch
+    at_table: RobotSession, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = refusing(at_table, 2, monkeypatch)
     at_table.robot.stop()
@@ -86,7 +86,7 @@ def test_it_waits_between_attempts_and_clears_as_soon_as_that_is_possible(
 
 @pytest.mark.slow
 def test_a_stop_that_cannot_be_cleared_is_told_with_its_reason(
-    at_table: Session, monkeypatch: pytest.MonkeyPatch
+    at_table: RobotSession, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = refusing(at_table, 99, monkeypatch)
     at_table.robot.stop()
@@ -99,13 +99,13 @@ def test_a_stop_that_cannot_be_cleared_is_told_with_its_reason(
     assert at_table.robot.stopped
 
 
-def test_a_robot_that_is_not_stopped_needs_no_clearing(at_table: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_robot_that_is_not_stopped_needs_no_clearing(at_table: RobotSession, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = refusing(at_table, 0, monkeypatch)
     assert at_table.load(tree_of("<ClearStop/>")).tick_once() == SUCCESS
     assert not asked
 
 
-def test_clearing_moves_nothing(at_table: Session) -> None:
+def test_clearing_moves_nothing(at_table: RobotSession) -> None:
     tree = at_table.load(tree_of(MOVE))
     while fastest(at_table) < 0.1:
         assert tick(tree) == RUNNING
@@ -117,7 +117,7 @@ def test_clearing_moves_nothing(at_table: Session) -> None:
     assert fastest(at_table) < 0.02
 
 
-def test_a_stop_that_a_person_asked_for_is_not_cleared(at_table: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stop_that_a_person_asked_for_is_not_cleared(at_table: RobotSession, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = refusing(at_table, 0, monkeypatch)
     monkeypatch.setattr(at_table.skills, "stop", RobotStop(at_table.robot))  # held for good: a stop of its own
     at_table.skills.stop.hold()

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from bestman_bt.engine import RUNNING, SUCCESS
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.at_the_table import fastest, tick, tree_of
 from tests.behaviours.driving import BEHIND_THE_DOORWAY, at, to
@@ -34,14 +34,14 @@ walls:
 """.strip()
 
 
-def somebody_opens_it(session: Session) -> None:
+def somebody_opens_it(session: RobotSession) -> None:
     """With a motor that is no stronger than a hand."""
     simulation = session.robot.simulation
     body, joint = simulation.built.articulations[LEAF]
     simulation.engine.turn(body, [joint], [1.0], [12.0])
 
 
-def belief_error(session: Session, truth: GroundTruth) -> float:
+def belief_error(session: RobotSession, truth: GroundTruth) -> float:
     return session.skills.world.base.pose.distance_to(truth.base_pose().to_pose2d())
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.configuration.run import load_run
 from bestman_bt.messages import Pose
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.truth import audited, known_world, succeeds, why_not
 
@@ -27,7 +27,7 @@ STANDING_OPEN = (
 
 
 @pytest.fixture(scope="module")
-def before_the_drawer() -> Iterator[tuple[Session, GroundTruth]]:
+def before_the_drawer() -> Iterator[tuple[RobotSession, GroundTruth]]:
     """A robot before an open drawer; it knows where the chest stands and how far the drawer is open."""
     with known_world(load_run("fetch_from_drawer", seed=3, settings=STANDING_OPEN)) as (session, truth):
         world = session.skills.world

@@ -13,7 +13,7 @@ from bestman_bt.messages.grids import FREE, OCCUPIED
 from bestman_bt.navigation.map_file import read_map
 from bestman_bt.navigation.slam.base import SlamEstimate
 from bestman_bt.runtime.executor import Execution
-from bestman_bt.runtime.robot_session import Session, session
+from bestman_bt.runtime.robot_session import RobotSession, session
 from bestman_bt.scene.map_of_world import semantic_map
 from hal.api import MobileBase
 from tests.behaviours.at_the_table import fastest, tick, tree_of
@@ -27,19 +27,19 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def explored(file: Path) -> Iterator[tuple[Session, Execution]]:
+def explored(file: Path) -> Iterator[tuple[RobotSession, Execution]]:
     with session(seed=1) as opened:
         yield opened, opened.run(tree_of(f'<ExploreAndMap file="{file}" max_time="120"/>'))
 
 
-def test_it_ends_when_nothing_is_left_to_see_and_has_touched_nothing(explored: tuple[Session, Execution]) -> None:
+def test_it_ends_when_nothing_is_left_to_see_and_has_touched_nothing(explored: tuple[RobotSession, Execution]) -> None:
     opened, execution = explored
     assert execution.tree_status == "SUCCESS", opened.skills.failures
     assert not opened.robot.audit_record().contacts
     assert fastest(opened) < 0.01
 
 
-def test_the_saved_map_shows_both_rooms_with_their_walls(explored: tuple[Session, Execution], file: Path) -> None:
+def test_the_saved_map_shows_both_rooms_with_their_walls(explored: tuple[RobotSession, Execution], file: Path) -> None:
     grid = read_map(file)
     walls = semantic_map(explored[0].setup.world).walls
     # The map begins where the robot was told to be, which is up to 3 cm and 1.2 degrees off.
@@ -54,7 +54,7 @@ def test_the_saved_map_shows_both_rooms_with_their_walls(explored: tuple[Session
         assert grid.data[tuple(grid.to_cells(room))] == FREE
 
 
-def test_afterwards_the_base_drives_by_its_old_map_again(explored: tuple[Session, Execution]) -> None:
+def test_afterwards_the_base_drives_by_its_old_map_again(explored: tuple[RobotSession, Execution]) -> None:
     opened = explored[0]
     execution = opened.run(tree_of('<NavigateTo goal="-2.0;-0.8;0"/>'))
     assert execution.tree_status == "SUCCESS", opened.skills.failures

@@ -8,7 +8,7 @@ import pytest
 
 from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import FAILURE, SUCCESS
-from bestman_bt.runtime.robot_session import Session, open_session
+from bestman_bt.runtime.robot_session import RobotSession, open_session
 from hal.simulation.sensor_pipeline import SensorFault
 from tests.behaviours.at_the_table import failures_of, standing_at_a_table, tick, tree_of
 
@@ -16,7 +16,7 @@ DETECT = '<Sequence><LookAt surface="table"/><DetectObject object="cup" surface=
 
 
 @pytest.fixture(scope="module")
-def session() -> Iterator[Session]:
+def session() -> Iterator[RobotSession]:
     with open_session(load_run("fetch_cup", seed=3, settings=standing_at_a_table(-100.0))) as opened:
         yield opened
 
@@ -30,7 +30,7 @@ def session() -> Iterator[Session]:
         (SensorFault.FROZEN, "camera_stale"),
     ],
 )
-def test_detection_fails_with_the_camera_and_works_when_it_works(session: Session, fault, code: str) -> None:
+def test_detection_fails_with_the_camera_and_works_when_it_works(session: RobotSession, fault, code: str) -> None:
     camera = session.robot.parts["head_camera"]
     assert tick(session.load(tree_of(DETECT)), 200) == SUCCESS
     before = dict(session.skills.world.objects)

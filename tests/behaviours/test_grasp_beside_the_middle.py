@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.truth import audited, known_world, succeeds, table_with
 
@@ -23,7 +23,7 @@ TAKE = """<Sequence>
 
 
 @pytest.fixture(scope="module")
-def carrying(tmp_path_factory) -> Iterator[tuple[Session, GroundTruth]]:
+def carrying(tmp_path_factory) -> Iterator[tuple[RobotSession, GroundTruth]]:
     """A robot that has taken a plate and is ready to drive."""
     config = table_with(tmp_path_factory.mktemp("scene"), heading=150.0, plate=("plate", -0.2, 0.0, 0.0))
     with known_world(config) as (session, truth):

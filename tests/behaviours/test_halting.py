@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.engine import RUNNING
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from tests.behaviours.at_the_table import fastest, tick, tree_of
 
 REST = 0.01
@@ -17,7 +17,7 @@ GRASP = """<Sequence>
 </Sequence>"""
 
 
-def halt_in_motion(robot: Session, body: str, leaf: str, moving_for: float) -> None:
+def halt_in_motion(robot: RobotSession, body: str, leaf: str, moving_for: float) -> None:
     """Tick until ``leaf`` has moved the robot for so many seconds, then halt the tree."""
     tree = robot.load(tree_of(body))
     node = next(node for node in tree.nodes if type(node).__name__ == leaf)
@@ -30,7 +30,7 @@ def halt_in_motion(robot: Session, body: str, leaf: str, moving_for: float) -> N
     tree.halt()
 
 
-def assert_rests(robot: Session) -> None:
+def assert_rests(robot: RobotSession) -> None:
     clock = robot.robot.clock
     clock.sleep(0.5)
     for _ in range(10):
@@ -49,13 +49,13 @@ def assert_rests(robot: Session) -> None:
     ids=["NavigateTo", "MoveArm", "LookAt", "Grasp"],
 )
 def test_a_skill_that_is_halted_in_motion_comes_to_rest(
-    at_table: Session, leaf: str, body: str, moving_for: float
+    at_table: RobotSession, leaf: str, body: str, moving_for: float
 ) -> None:
     halt_in_motion(at_table, body, leaf, moving_for)
     assert_rests(at_table)
 
 
-def test_a_reactive_parent_that_halts_its_child_stops_the_robot(at_table: Session) -> None:
+def test_a_reactive_parent_that_halts_its_child_stops_the_robot(at_table: RobotSession) -> None:
     body = """<ReactiveSequence>
       <ScriptCondition code="go"/>
       <NavigateTo goal="0.8;-1.2;3.0"/>

@@ -11,7 +11,7 @@ import pytest
 from bestman_bt.configuration.run import RunRequest
 from bestman_bt.messages import Handle
 from bestman_bt.runtime.looking import furniture_to_look_at, standing_before
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from tests.behaviours.at_the_table import tick, tree_of
 from tests.behaviours.truth import known_world, succeeds, why_not
 
@@ -21,7 +21,7 @@ SCENE, SEED = "kitchen_furnished", 3
 
 
 @contextmanager
-def standing_at(name: str) -> Iterator[tuple[Session, dict[str, Handle]]]:
+def standing_at(name: str) -> Iterator[tuple[RobotSession, dict[str, Handle]]]:
     """A robot before furniture, its arm out of the picture, and the true handles in the map frame, by articulation."""
     asked = RunRequest(scene=SCENE, robot="diff_panda", seed=SEED)
     furniture = furniture_to_look_at(asked)[name]
@@ -35,18 +35,18 @@ def standing_at(name: str) -> Iterator[tuple[Session, dict[str, Handle]]]:
 
 
 @pytest.fixture(scope="module")
-def at_chest() -> Iterator[tuple[Session, dict[str, Handle]]]:
+def at_chest() -> Iterator[tuple[RobotSession, dict[str, Handle]]]:
     with standing_at("drawer_chest") as there:
         yield there
 
 
 @pytest.fixture(scope="module")
-def at_microwave() -> Iterator[tuple[Session, dict[str, Handle]]]:
+def at_microwave() -> Iterator[tuple[RobotSession, dict[str, Handle]]]:
     with standing_at("microwave") as there:
         yield there
 
 
-def found(session: Session, attributes: str) -> tuple[str, int]:
+def found(session: RobotSession, attributes: str) -> tuple[str, int]:
     """The handle that is chosen, and how many there were to choose from."""
     tree = session.load(tree_of(f'<DetectHandle {attributes} handle="{{handle}}" count="{{count}}"/>'))
     tick(tree, 100)

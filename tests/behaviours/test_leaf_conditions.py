@@ -10,19 +10,19 @@ import pytest
 from behaviours.furniture.leaf import find_leaf
 from behaviours.skill import SkillFailure
 from bestman_bt.engine import FAILURE, SUCCESS
-from bestman_bt.runtime.robot_session import Session, session
+from bestman_bt.runtime.robot_session import RobotSession, session
 from tests.behaviours.at_the_table import tick, tree_of
 
 DOOR, DRAWER = "fridge/upper_door", "drawer_chest/drawer_1"
 
 
 @pytest.fixture(scope="module")
-def furnished() -> Iterator[Session]:
+def furnished() -> Iterator[RobotSession]:
     with session(scene="kitchen_furnished", seed=1) as opened:
         yield opened
 
 
-def asked(opened: Session, believed: float, **limits: float) -> tuple[int, list[tuple[str, str]]]:
+def asked(opened: RobotSession, believed: float, **limits: float) -> tuple[int, list[tuple[str, str]]]:
     """What IsOpen says of the door that is believed to be open by ``believed``, radians."""
     opened.skills.world.articulations[DOOR] = believed
     before = len(opened.skills.failures)
@@ -34,7 +34,7 @@ def asked(opened: Session, believed: float, **limits: float) -> tuple[int, list[
     return status, [(failure.error_code, failure.why) for failure in opened.skills.failures[before:]]
 
 
-def test_the_limits_themselves_hold(furnished: Session) -> None:
+def test_the_limits_themselves_hold(furnished: RobotSession) -> None:
     assert asked(furnished, 0.5, at_least=0.5, at_most=0.5) == (SUCCESS, [])
     assert asked(furnished, 0.5, at_least=0.51) == (FAILURE, [("not_open", f"{DOOR} is open by 0.50 rad only")])
     assert asked(furnished, 0.5, at_most=0.49) == (FAILURE, [("not_closed", f"{DOOR} is open by 0.50 rad")])
@@ -47,13 +47,15 @@ def test_the_limits_themselves_hold(furnished: Session) -> None:
         ("at_most", "port 'at_most': nan is not accepted, but a finite number of 0 or more"),
     ],
 )
-def test_a_limit_that_is_no_number_is_refused_whatever_is_believed(furnished: Session, port: str, message: str) -> None:
+def test_a_limit_that_is_no_number_is_refused_whatever_is_believed(
+    furnished: RobotSession, port: str, message: str
+) -> None:
     for believed in (0.0, 0.5):
         assert asked(furnished, believed, **{port: math.nan}) == (FAILURE, [("bad_input", message)])
 
 
 @pytest.mark.parametrize("port", ["at_least", "at_most"])
-def test_a_door_that_is_open_by_no_number_is_neither_open_nor_shut(furnished: Session, port: str) -> None:
+def test_a_door_that_is_open_by_no_number_is_neither_open_nor_shut(furnished: RobotSession, port: str) -> None:
     assert asked(furnished, math.nan, **{port: 0.1}) == (FAILURE, [("not_open", f"{DOOR} is open by nan rad only")])
 
 
@@ -62,7 +64,7 @@ def test_a_door_that_is_open_by_no_number_is_neither_open_nor_shut(furnished: Se
     [(DOOR, 2.5, "opens by 0 to 1.90 rad"), (DOOR, -0.01, "rad"), (DRAWER, 0.5, "opens by 0 to 0.33 m")],
 )
 def test_an_opening_out_of_range_is_refused_in_the_unit_of_the_joint(
-    furnished: Session, name: str, beyond: float, range_told: str
+    furnished: RobotSession, name: str, beyond: float, range_told: str
 ) -> None:
     leaf = find_leaf(furnished.skills, name)
     leaf.check_opening("opening", 0.0)

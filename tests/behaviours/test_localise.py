@@ -13,7 +13,7 @@ import pytest
 from bestman_bt.configuration.run import load_run
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
 from bestman_bt.navigation.localization.base import Place
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.world_model.semantic_map import SemanticMap
 from hal.api import Lidar
 from hal.simulation.ground_truth import GroundTruth
@@ -25,24 +25,26 @@ FIND = "<Relocalise/>"
 
 
 @pytest.fixture
-def anywhere() -> Iterator[Callable[..., tuple[Session, GroundTruth]]]:
+def anywhere() -> Iterator[Callable[..., tuple[RobotSession, GroundTruth]]]:
     """Opens sessions of a robot in the kitchen that nobody has told where it is."""
     with ExitStack() as stack:
 
-        def opened(*settings: str) -> tuple[Session, GroundTruth]:
+        def opened(*settings: str) -> tuple[RobotSession, GroundTruth]:
             config = load_run("navigate_from_anywhere", scene="kitchen", seed=1, settings=settings)
             return stack.enter_context(known_world(config))
 
         yield opened
 
 
-def error(session: Session, truth: GroundTruth) -> tuple[float, float]:
+def error(session: RobotSession, truth: GroundTruth) -> tuple[float, float]:
     """Metres and radians between where the base is and where it believes to be."""
     believed, actual = session.skills.world.base.pose, truth.base_pose().to_pose2d()
     return believed.distance_to(actual), abs(wrap_angle(believed.theta - actual.theta))
 
 
-def look_out(session: Session, monkeypatch: pytest.MonkeyPatch, change: Callable[[np.ndarray], np.ndarray]) -> None:
+def look_out(
+    session: RobotSession, monkeypatch: pytest.MonkeyPatch, change: Callable[[np.ndarray], np.ndarray]
+) -> None:
     """Let the lidar see something else from now on."""
     lidar = session.robot.part("lidar", Lidar)
     scan = lidar.scan

@@ -10,7 +10,7 @@ import pytest
 from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, TreeLoadError
 from bestman_bt.messages import Box, MotionStage, PlacedShape, Pose2D
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.world_model.world_model import Obstacle
 from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
 from tests.behaviours.scripted import DeclaredContacts
@@ -37,7 +37,7 @@ furniture:
 """
 
 
-def opens(session: Session) -> bool:
+def opens(session: RobotSession) -> bool:
     """Run the shipped tree on the drawer."""
     return tick(session.load("open_furniture"), 1500) == SUCCESS
 
@@ -167,7 +167,7 @@ def test_a_drawer_whose_handle_slips_out_of_the_hand_is_believed_to_be_where_it_
         assert session.skills.world.articulations[DRAWER] == pytest.approx(left, abs=0.02)
 
 
-def with_chest_mapped(session: Session, x: float) -> Pose2D:
+def with_chest_mapped(session: RobotSession, x: float) -> Pose2D:
     """Put the chest of the map so many metres farther back than it stands; returns where it stands."""
     world = session.skills.world
     true = next(piece.actual for piece in session.setup.world.furniture if piece.name == "drawer_chest")

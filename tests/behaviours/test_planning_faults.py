@@ -7,7 +7,7 @@ import pytest
 
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.messages import Box, MotionErrorCode, PlacedShape, Pose, Pose2D
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.world_model.world_model import Obstacle
 from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
 from tests.behaviours.scripted import codes, load, run, scripted_skills
@@ -15,7 +15,7 @@ from tests.behaviours.truth import succeeds, why_not
 
 
 @pytest.fixture
-def arm(bystander: Session):
+def arm(bystander: RobotSession):
     """A robot whose beliefs are as before afterwards."""
     skills = bystander.skills
     obstacles = dict(skills.world.obstacles)
@@ -23,7 +23,7 @@ def arm(bystander: Session):
     skills.world.obstacles = obstacles
 
 
-def believe_board(session: Session, below: float, size: float = 0.3) -> None:
+def believe_board(session: RobotSession, below: float, size: float = 0.3) -> None:
     """A board that nobody has put there, its upper side ``below`` metres under the tool (less: into the fingers)."""
     skills = session.skills
     tool = (skills.map_from_base @ skills.base_from_tool()).position
@@ -33,13 +33,13 @@ def believe_board(session: Session, below: float, size: float = 0.3) -> None:
     )
 
 
-def free_now(session: Session) -> bool:
+def free_now(session: RobotSession) -> bool:
     skills = session.skills
     return skills.arm_world(skills.planning_scene()).is_free(skills.arm_positions())
 
 
 @pytest.mark.slow
-def test_an_arm_that_is_believed_to_touch_something_moves_out_of_it_first(arm: Session) -> None:
+def test_an_arm_that_is_believed_to_touch_something_moves_out_of_it_first(arm: RobotSession) -> None:
     assert succeeds(arm, '<MoveArm posture="home"/>')
     before = arm.skills.arm_positions()
     believe_board(arm, below=0.004)
@@ -51,7 +51,7 @@ def test_an_arm_that_is_believed_to_touch_something_moves_out_of_it_first(arm: S
     assert np.abs(arm.skills.arm_positions() - before).max() > 0.3
 
 
-def test_an_arm_deep_in_what_is_believed_refuses_and_stays(arm: Session) -> None:
+def test_an_arm_deep_in_what_is_believed_refuses_and_stays(arm: RobotSession) -> None:
     assert succeeds(arm, '<MoveArm posture="home"/>')
     before = arm.skills.arm_positions()
     believe_board(arm, below=-0.06)
@@ -62,7 +62,7 @@ def test_an_arm_deep_in_what_is_believed_refuses_and_stays(arm: Session) -> None
     assert np.abs(arm.skills.arm_positions() - before).max() < 0.005
 
 
-def test_a_posture_in_what_is_believed_is_refused_with_the_pair(arm: Session) -> None:
+def test_a_posture_in_what_is_believed_is_refused_with_the_pair(arm: RobotSession) -> None:
     assert succeeds(arm, '<MoveArm posture="home"/>')
     believe_board(arm, below=0.0)
     board = arm.skills.world.obstacles.pop("board")
@@ -75,7 +75,7 @@ def test_a_posture_in_what_is_believed_is_refused_with_the_pair(arm: Session) ->
     assert np.abs(arm.skills.arm_positions() - before).max() < 0.005
 
 
-def test_a_place_out_of_the_arms_reach_is_refused(arm: Session) -> None:
+def test_a_place_out_of_the_arms_reach_is_refused(arm: RobotSession) -> None:
     code, words = why_not(arm, '<FindStandPose surface="table" goal="9;9;0.8" stand="{s}"/>')
     assert code == "no_stand"
     assert "lets the arm reach its target" in words
@@ -97,7 +97,7 @@ def test_a_place_out_of_the_arms_reach_is_refused(arm: Session) -> None:
     ],
     ids=["NavigateTo", "LookAt", "FindStandPose", "Push", "Retreat", "RunPolicy", "timeout", "IsOpen", "shut", "At"],
 )
-def test_numbers_that_are_none_are_refused_and_nothing_moves(arm: Session, body: str) -> None:
+def test_numbers_that_are_none_are_refused_and_nothing_moves(arm: RobotSession, body: str) -> None:
     tree = arm.load(tree_of(body))
     tree.blackboard.set("pose", Pose([np.nan, 0.0, 0.8]))
     tree.blackboard.set("flat", Pose2D(1.0, np.nan, 0.0))

@@ -9,7 +9,7 @@ import pytest
 
 from behaviours.manipulation.push import HEIGHT, STANDOFF, push_tool_poses, spread
 from bestman_bt.messages import Pose
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.scene.load import load_scene
 from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.truth import audited, known_world, put, succeeds, table_with, why_not
@@ -23,7 +23,7 @@ def goal_beside(truth: GroundTruth, name: str, x: float, y: float) -> str:
     return ";".join(f"{value:.4f}" for value in place)
 
 
-def push(session: Session, name: str, goal: str) -> bool:
+def push(session: RobotSession, name: str, goal: str) -> bool:
     return succeeds(session, f'<Sequence>{SEE.format(name=name)}<Push object="{name}" goal="{goal}"/></Sequence>')
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
 from tests.behaviours.truth import known_world, succeeds, table_with
 
 pytestmark = pytest.mark.slow
@@ -30,7 +30,7 @@ def test_it_lets_go_and_leaves_as_it_came(tmp_path, monkeypatch: pytest.MonkeyPa
         def refuse_the_lift(*arguments: Any) -> Any:
             asked.append(skills.gripper.width())
             if len(asked) == 2:
-                raise PlanningError(PlanningErrorCode.TIMED_PATH_INVALID, WHY)
+                raise MotionPlanningError(PlanningErrorCode.TIMED_PATH_INVALID, WHY)
             return follow(*arguments)
 
         monkeypatch.setattr(planner, "follow_path", refuse_the_lift)

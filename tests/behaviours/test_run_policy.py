@@ -15,7 +15,7 @@ from bestman_bt.manipulation.policy.features import pose_error
 from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
 from bestman_bt.messages import Pose
 from bestman_bt.runtime.policies import find_policy
-from bestman_bt.runtime.robot_session import Session, session
+from bestman_bt.runtime.robot_session import RobotSession, session
 from bestman_bt.world_model.world_model import HeldObject
 from tests.behaviours.at_the_table import PERIOD, failures_of, fastest, tick, tree_of
 
@@ -26,13 +26,13 @@ WIDE = "-1;-1;0;1.2;1;2"
 
 
 @pytest.fixture(scope="module")
-def opened() -> Iterator[Session]:
+def opened() -> Iterator[RobotSession]:
     with session(seed=1, settings=OPEN_FLOOR) as robot:
         yield robot
 
 
 @pytest.fixture
-def robot(opened: Session) -> Session:
+def robot(opened: RobotSession) -> RobotSession:
     """At the home posture, with the shipped policies."""
     skills = opened.skills
     skills.policies = find_policy
@@ -46,7 +46,7 @@ def robot(opened: Session) -> Session:
 class Scripted(Policy):
     """Gives the chunk that ``answer`` makes of the observation, again and again."""
 
-    def __init__(self, session: Session, answer: Callable[[Observation], ActionChunk], **other: object) -> None:
+    def __init__(self, session: RobotSession, answer: Callable[[Observation], ActionChunk], **other: object) -> None:
         fields: dict = {"joint_names": session.skills.arm_model.joint_names, "space": "joint_deltas", "horizon": 0}
         fields |= {"dt": 0.1, "workspace": ((0.2, -0.5, 0.7), (0.8, 0.5, 1.4))}
         self._specification = PolicySpecification(**(fields | other))
@@ -74,7 +74,7 @@ def deltas(step: float, joint: int = 0, count: int = 10) -> Callable[[Observatio
     return lambda observation: ActionChunk(actions, 0.1, ActionSpace.JOINT_DELTAS)
 
 
-def load(robot: Session, goal: Pose | None = GOAL, **ports: object):
+def load(robot: RobotSession, goal: Pose | None = GOAL, **ports: object):
     given = " ".join(f'{name}="{value}"' for name, value in ({"policy": "reach_diff_panda"} | ports).items())
     bound = "" if goal is None else 'goal="{goal}"'
     tree = robot.load(tree_of(f"<RunPolicy {given} {bound}/>"))
@@ -83,11 +83,11 @@ def load(robot: Session, goal: Pose | None = GOAL, **ports: object):
     return tree
 
 
-def run(robot: Session, goal: Pose | None = GOAL, **ports: object) -> int:
+def run(robot: RobotSession, goal: Pose | None = GOAL, **ports: object) -> int:
     return tick(load(robot, goal, **ports), 800)
 
 
-def refused(robot: Session, goal: Pose | None = GOAL, **ports: object) -> tuple[str, str]:
+def refused(robot: RobotSession, goal: Pose | None = GOAL, **ports: object) -> tuple[str, str]:
     """Code and words of a failure in which the arm did not move."""
     before = robot.skills.arm_positions()
     assert run(robot, goal, **ports) == FAILURE
@@ -95,7 +95,7 @@ def refused(robot: Session, goal: Pose | None = GOAL, **ports: object) -> tuple[
     return failures_of(robot)[0]
 
 
-def test_the_shipped_policy_brings_the_tool_to_the_goal(robot: Session) -> None:
+def test_the_shipped_policy_brings_the_tool_to_the_goal(robot: RobotSession) -> None:
     assert run(robot, policy="reach_diff_panda", position_tolerance=0.005) == SUCCESS
     robot.skills.clock.sleep(0.3)
     error = pose_error(GOAL, robot.skills.base_from_tool())
@@ -103,7 +103,7 @@ def test_the_shipped_policy_brings_the_tool_to_the_goal(robot: Session) -> None:
     assert np.linalg.norm(error[3:]) < 0.1
 
 
-def test_it_does_not_stop_where_one_chunk_meets_the_next(robot: Session) -> None:
+def test_it_does_not_stop_where_one_chunk_meets_the_next(robot: RobotSession) -> None:
     """By encoders: once it has gathered speed the arm keeps moving, several chunks long, until it is near its goal."""
     tree = load(robot, FAR, policy="reach_diff_panda")
     postures, left = [robot.skills.arm_positions()], []
@@ -119,7 +119,7 @@ def test_it_does_not_stop_where_one_chunk_meets_the_next(robot: Session) -> None
     assert (speeds <= 0.5 * 1.1 * max(robot.skills.arm_model.velocity)).all()
 
 
-def test_halted_in_motion_it_comes_to_rest_and_lets_go_of_the_policy(robot: Session) -> None:
+def test_halted_in_motion_it_comes_to_rest_and_lets_go_of_the_policy(robot: RobotSession) -> None:
     policy = Scripted(robot, deltas(0.03))
     tree = load(robot)
     while fastest(robot) < 0.1:
@@ -131,7 +131,7 @@ def test_halted_in_motion_it_comes_to_rest_and_lets_go_of_the_policy(robot: Sess
     assert policy.closed
 
 
-def test_a_policy_that_does_nothing_has_stalled(robot: Session) -> None:
+def test_a_policy_that_does_nothing_has_stalled(robot: RobotSession) -> None:
     Scripted(robot, deltas(0.0))
     code, why = refused(robot)
     assert code == "stalled"
@@ -139,7 +139,7 @@ def test_a_policy_that_does_nothing_has_stalled(robot: Session) -> None:
 
 
 @pytest.mark.slow
-def test_a_policy_that_dithers_runs_into_the_timeout(robot: Session) -> None:
+def test_a_policy_that_dithers_runs_into_the_timeout(robot: RobotSession) -> None:
     signs = iter(int(i % 2 == 0) * 2 - 1 for i in range(10000))
     Scripted(robot, lambda observation: deltas(0.01 * next(signs))(observation))
     started = robot.skills.clock.now()
@@ -148,7 +148,7 @@ def test_a_policy_that_dithers_runs_into_the_timeout(robot: Session) -> None:
     assert 4.0 <= robot.skills.clock.now() - started < 6.0
 
 
-def test_time_that_is_up_stops_the_arm_in_the_middle_of_a_chunk(robot: Session) -> None:
+def test_time_that_is_up_stops_the_arm_in_the_middle_of_a_chunk(robot: RobotSession) -> None:
     Scripted(robot, deltas(0.004, count=100))
     started = robot.skills.clock.now()
     assert run(robot, timeout=2.0) == FAILURE
@@ -158,21 +158,21 @@ def test_time_that_is_up_stops_the_arm_in_the_middle_of_a_chunk(robot: Session) 
     assert fastest(robot) < 0.01
 
 
-def test_a_chunk_that_would_leave_the_workspace_moves_nothing(robot: Session) -> None:
+def test_a_chunk_that_would_leave_the_workspace_moves_nothing(robot: RobotSession) -> None:
     Scripted(robot, deltas(0.2))
     code, why = refused(robot)
     assert code == "workspace"
     assert "would leave the workspace at" in why
 
 
-def test_a_chunk_that_would_touch_the_robot_itself_moves_nothing(robot: Session) -> None:
+def test_a_chunk_that_would_touch_the_robot_itself_moves_nothing(robot: RobotSession) -> None:
     Scripted(robot, deltas(0.1, joint=1, count=20))
     code, why = refused(robot, workspace=WIDE)
     assert code == "collision"
     assert "column_link with panda_" in why
 
 
-def test_a_policy_that_gives_nan_or_jumps_moves_nothing(robot: Session) -> None:
+def test_a_policy_that_gives_nan_or_jumps_moves_nothing(robot: RobotSession) -> None:
     Scripted(robot, lambda observation: ActionChunk(np.full((2, 7), np.nan), 0.1, ActionSpace.JOINT_DELTAS))
     assert refused(robot)[0] == "bad_action"
     Scripted(robot, lambda observation: ActionChunk(np.full((2, 7), 0.1), 1e-4, ActionSpace.JOINT_DELTAS))
@@ -181,7 +181,7 @@ def test_a_policy_that_gives_nan_or_jumps_moves_nothing(robot: Session) -> None:
     assert "jumps" in why
 
 
-def test_a_server_that_is_gone_is_told_by_its_code(robot: Session) -> None:
+def test_a_server_that_is_gone_is_told_by_its_code(robot: RobotSession) -> None:
     def lost(observation: Observation) -> ActionChunk:
         raise PolicyUnreachableError("ws://robot:8000 gave no answer")
 
@@ -204,13 +204,13 @@ def test_a_server_that_is_gone_is_told_by_its_code(robot: Session) -> None:
     ],
 )
 def test_what_cannot_go_well_is_refused_with_its_reason(
-    robot: Session, other: dict, goal: Pose | None, ports: dict, code: str
+    robot: RobotSession, other: dict, goal: Pose | None, ports: dict, code: str
 ) -> None:
     Scripted(robot, deltas(0.01), **other)
     assert refused(robot, goal, **ports)[0] == code
 
 
-def test_an_unknown_policy_is_answered_by_the_closest(robot: Session) -> None:
+def test_an_unknown_policy_is_answered_by_the_closest(robot: RobotSession) -> None:
     tree = load(robot, policy="{which}")
     tree.blackboard.set("which", "reach_dif_panda")
     assert tick(tree, 800) == FAILURE
@@ -219,7 +219,7 @@ def test_an_unknown_policy_is_answered_by_the_closest(robot: Session) -> None:
     assert "did you mean 'reach_diff_panda'" in why
 
 
-def test_a_hand_that_is_full_is_not_opened_for_a_policy(robot: Session) -> None:
+def test_a_hand_that_is_full_is_not_opened_for_a_policy(robot: RobotSession) -> None:
     Scripted(robot, deltas(0.0), moves_gripper=True, open_width=0.08)
     model = robot.skills.world.models["cup"]
     robot.skills.held = HeldObject("cup", model, Pose(), 0.066)
@@ -230,7 +230,7 @@ def test_a_hand_that_is_full_is_not_opened_for_a_policy(robot: Session) -> None:
 
 
 @pytest.mark.slow
-def test_closing_in_the_air_and_going_up_is_no_lift(robot: Session) -> None:
+def test_closing_in_the_air_and_going_up_is_no_lift(robot: RobotSession) -> None:
     """The gripper closes as told and the tool rises: without anything in the hand that is not success."""
     up = deltas(-0.02, joint=1)
     shut = np.zeros(10)
@@ -243,7 +243,7 @@ def test_closing_in_the_air_and_going_up_is_no_lift(robot: Session) -> None:
 
 
 @pytest.mark.slow
-def test_without_a_goal_it_ends_when_the_gripper_holds_something(robot: Session) -> None:
+def test_without_a_goal_it_ends_when_the_gripper_holds_something(robot: RobotSession) -> None:
     """In empty air it never does: the gripper closes as told, and that does not count as holding."""
     width = np.zeros(10)
     Scripted(

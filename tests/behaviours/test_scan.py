@@ -11,7 +11,7 @@ from bestman_bt.configuration.run import RunRequest
 from bestman_bt.engine import SUCCESS
 from bestman_bt.messages import VOXEL_FREE, VOXEL_OCCUPIED
 from bestman_bt.runtime.looking import furniture_to_look_at, standing_before
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.sensor_pipeline import SensorFault
 from tests.behaviours.at_the_table import tick, tree_of
@@ -28,7 +28,7 @@ DETECT_CUP = '<Sequence><LookAt surface="table"/><DetectObject object="cup" surf
 
 
 @pytest.fixture(scope="module")
-def at_shelf() -> Iterator[tuple[Session, GroundTruth]]:
+def at_shelf() -> Iterator[tuple[RobotSession, GroundTruth]]:
     """A robot before a shelf with things on two of its boards, which it has scanned."""
     asked = RunRequest(scene="kitchen_furnished", robot="diff_panda", seed=5, settings=ALL_THERE)
     shelf = furniture_to_look_at(asked)["shelf"]
@@ -41,7 +41,7 @@ def at_shelf() -> Iterator[tuple[Session, GroundTruth]]:
 
 
 @pytest.fixture(scope="module")
-def table(tmp_path_factory) -> Iterator[tuple[Session, GroundTruth]]:
+def table(tmp_path_factory) -> Iterator[tuple[RobotSession, GroundTruth]]:
     """A robot that has scanned a table with a cup, a can and a box."""
     config = table_with(
         tmp_path_factory.mktemp("scene"),
@@ -55,7 +55,7 @@ def table(tmp_path_factory) -> Iterator[tuple[Session, GroundTruth]]:
         yield session, truth
 
 
-def errors(session: Session, truth: GroundTruth, names: tuple[str, ...]) -> dict[str, float]:
+def errors(session: RobotSession, truth: GroundTruth, names: tuple[str, ...]) -> dict[str, float]:
     """Metres between belief and truth, by name."""
     objects = session.skills.world.objects
     return {n: float(np.linalg.norm(objects[n].pose.position - truth.object_pose(n).position)) for n in names}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import wrap_angle
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.truth import audited, known_world, succeeds, table_with, why_not
 
@@ -26,7 +26,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def crowded(folder: Path) -> Iterator[tuple[Session, GroundTruth]]:
+def crowded(folder: Path) -> Iterator[tuple[RobotSession, GroundTruth]]:
     """The handle points away from the robot; a can stands beside the mug, a tall box behind it."""
     config = table_with(
         folder,
@@ -38,7 +38,7 @@ def crowded(folder: Path) -> Iterator[tuple[Session, GroundTruth]]:
         yield session, truth
 
 
-def yaw_error(session: Session, truth: GroundTruth) -> float:
+def yaw_error(session: RobotSession, truth: GroundTruth) -> float:
     """Radians."""
     return abs(wrap_angle(session.skills.world.objects["mug"].pose.yaw - truth.object_pose("mug").yaw))
 

@@ -11,7 +11,7 @@ import pytest
 from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.messages import Pose
-from bestman_bt.runtime.robot_session import Session, open_session
+from bestman_bt.runtime.robot_session import RobotSession, open_session
 from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.at_the_table import failures_of, standing_at_a_table, tick, tree_of
 
@@ -24,7 +24,7 @@ LOOK = """<Sequence>
 
 
 @pytest.fixture(scope="module")
-def looked() -> Iterator[tuple[Session, GroundTruth, dict[str, Any]]]:
+def looked() -> Iterator[tuple[RobotSession, GroundTruth, dict[str, Any]]]:
     """A robot that has looked at the table, the truth, and what the look gave."""
     truths: list[GroundTruth] = []
     with open_session(

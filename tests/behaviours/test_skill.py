@@ -13,7 +13,7 @@ from behaviours.contacts import Contact, grasp, handle, push, support
 from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, In, Node, NodeError, Tree, build_tree, load_tree
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from hal.simulation.sensor_pipeline import SensorFault
 from tests.behaviours.at_the_table import PERIOD, failures_of, tick, tree_of
 from tests.behaviours.test_leaf_seen import leaf_and_handle
@@ -120,7 +120,7 @@ class Press(Skill):
             self.remarked, self.feedback_message = True, "it gave way"
 
 
-def load(robot: Session, body: str) -> Tree:
+def load(robot: RobotSession, body: str) -> Tree:
     for leaf in (Think, Feel, Felt, Compared, Tidy, TryTwice, Press, Reach):
         if leaf.__name__ not in robot.setup.registry:
             robot.setup.registry.register(leaf)
@@ -131,7 +131,7 @@ def leaf_of(tree: Tree, kind: type[Node]) -> Any:
     return next(node for node in tree.nodes if isinstance(node, kind))
 
 
-def test_a_computation_keeps_its_skill_running_for_its_cost(bystander: Session) -> None:
+def test_a_computation_keeps_its_skill_running_for_its_cost(bystander: RobotSession) -> None:
     tree = load(bystander, '<Think answer="{answer}"/>')
     start = bystander.robot.clock.now()
     assert tick(tree, 100) == SUCCESS
@@ -140,7 +140,7 @@ def test_a_computation_keeps_its_skill_running_for_its_cost(bystander: Session) 
     assert tree.blackboard.get("answer") == 42
 
 
-def test_code_and_words_of_a_failure_are_written_and_success_clears_them(bystander: Session) -> None:
+def test_code_and_words_of_a_failure_are_written_and_success_clears_them(bystander: RobotSession) -> None:
     tree = load(bystander, '<Think trouble="{trouble}" error_code="{code}" error_message="{words}"/>')
     tree.blackboard.set("trouble", "lost")
     assert tick(tree, 100) == FAILURE
@@ -152,13 +152,13 @@ def test_code_and_words_of_a_failure_are_written_and_success_clears_them(bystand
     assert leaf_of(tree, Think).feedback_message == "thought it over"
 
 
-def test_an_algorithm_that_finds_nothing_fails_the_skill(bystander: Session) -> None:
+def test_an_algorithm_that_finds_nothing_fails_the_skill(bystander: RobotSession) -> None:
     assert tick(load(bystander, '<Think trouble="no way"/>'), 100) == FAILURE
     assert failures_of(bystander) == [("failed", "there is no way")]
 
 
 @pytest.mark.parametrize("leaf", ["Feel", "Felt"])
-def test_a_silent_sensor_fails_whoever_reads_it(bystander: Session, leaf: str) -> None:
+def test_a_silent_sensor_fails_whoever_reads_it(bystander: RobotSession, leaf: str) -> None:
     sensor = bystander.robot.parts["wrist_force_torque"]
     assert tick(load(bystander, f"<{leaf}/>"), 50) == SUCCESS
     sensor.fault = SensorFault.SILENT
@@ -171,7 +171,7 @@ def test_a_silent_sensor_fails_whoever_reads_it(bystander: Session, leaf: str) -
     assert "wrist_force_torque" in words
 
 
-def test_a_leaf_that_needs_silent_encoders_fails_with_a_code(bystander: Session) -> None:
+def test_a_leaf_that_needs_silent_encoders_fails_with_a_code(bystander: RobotSession) -> None:
     encoders = bystander.robot.encoders("arm")
     encoders.fault = SensorFault.SILENT
     try:
@@ -186,7 +186,7 @@ def test_a_leaf_that_needs_silent_encoders_fails_with_a_code(bystander: Session)
 @pytest.mark.parametrize(
     "limits", [[0.0, math.nan], [[1.0], [math.nan]], [(1.0, math.nan)]], ids=["flat", "nested", "in a tuple"]
 )
-def test_a_condition_refuses_a_number_that_is_none_in_a_list_too(bystander: Session, limits: Any) -> None:
+def test_a_condition_refuses_a_number_that_is_none_in_a_list_too(bystander: RobotSession, limits: Any) -> None:
     assert tick(load(bystander, "<Compared/>"), 2) == SUCCESS
     tree = load(bystander, '<Compared limits="{limits}"/>')
     tree.blackboard.set("limits", limits)
@@ -194,7 +194,7 @@ def test_a_condition_refuses_a_number_that_is_none_in_a_list_too(bystander: Sess
     assert [code for code, _ in failures_of(bystander)] == ["bad_input"]
 
 
-def test_failures_are_recorded_in_their_order_with_path_and_time(bystander: Session) -> None:
+def test_failures_are_recorded_in_their_order_with_path_and_time(bystander: RobotSession) -> None:
     body = '<Fallback name="all"><Think name="first" trouble="lost"/><Think name="second" trouble="no way"/></Fallback>'
     before = len(bystander.skills.failures)
     assert tick(load(bystander, body), 100) == FAILURE
@@ -203,13 +203,13 @@ def test_failures_are_recorded_in_their_order_with_path_and_time(bystander: Sess
     assert first.stamp < second.stamp <= bystander.robot.clock.now()
 
 
-def test_a_mistake_in_a_skill_is_an_error_that_names_the_node_not_a_failure(bystander: Session) -> None:
+def test_a_mistake_in_a_skill_is_an_error_that_names_the_node_not_a_failure(bystander: RobotSession) -> None:
     tree = load(bystander, '<Think name="thinker" trouble="bug"/>')
     with pytest.raises(NodeError, match=r"thinker.*a mistake in the code"):
         tick(tree, 100)
 
 
-def test_a_halt_cancels_what_the_skill_waits_for_and_runs_its_finally_clauses(bystander: Session) -> None:
+def test_a_halt_cancels_what_the_skill_waits_for_and_runs_its_finally_clauses(bystander: RobotSession) -> None:
     tree = load(bystander, "<Tidy/>")
     assert tick(tree, 3) == RUNNING
     leaf = leaf_of(tree, Tidy)
@@ -222,7 +222,7 @@ def test_a_halt_cancels_what_the_skill_waits_for_and_runs_its_finally_clauses(by
 
 
 @pytest.mark.parametrize("end", ["success", "failure", "halt"])
-def test_contacts_are_declared_as_long_as_the_work_lasts_however_it_ends(bystander: Session, end: str) -> None:
+def test_contacts_are_declared_as_long_as_the_work_lasts_however_it_ends(bystander: RobotSession, end: str) -> None:
     tree = load(bystander, f'<Press fails="{str(end == "failure").lower()}"/>')
     assert tick(tree, 1) == RUNNING
     assert [contact.skill for contact in bystander.skills.contacts] == [leaf_of(tree, Press).path]
@@ -245,7 +245,7 @@ def test_contacts_are_declared_as_long_as_the_work_lasts_however_it_ends(bystand
     ],
 )
 def test_contacts_that_name_no_single_thing_or_too_much_force_are_refused(
-    bystander: Session, declared: Contact, words: str
+    bystander: RobotSession, declared: Contact, words: str
 ) -> None:
     tree = load(bystander, "<Reach/>")
     leaf_of(tree, Reach).declared = declared
@@ -260,7 +260,7 @@ def test_contacts_that_name_no_single_thing_or_too_much_force_are_refused(
 
 
 def test_a_handle_is_one_of_the_map_where_the_map_has_doors_or_drawers(
-    bystander: Session, monkeypatch: pytest.MonkeyPatch
+    bystander: RobotSession, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tree = load(bystander, "<Reach/>")
     reach = leaf_of(tree, Reach)
@@ -277,14 +277,14 @@ def test_a_handle_is_one_of_the_map_where_the_map_has_doors_or_drawers(
     tree.halt()
 
 
-def test_what_a_skill_said_the_last_time_is_not_said_again(bystander: Session) -> None:
+def test_what_a_skill_said_the_last_time_is_not_said_again(bystander: RobotSession) -> None:
     tree = load(bystander, "<Press/>")
     for told in ("it gave way", ""):
         assert tick(tree, 100) == SUCCESS
         assert leaf_of(tree, Press).feedback_message == told
 
 
-def test_a_halted_skill_starts_anew(bystander: Session) -> None:
+def test_a_halted_skill_starts_anew(bystander: RobotSession) -> None:
     tree = load(bystander, '<Think answer="{answer}"/>')
     assert tick(tree, 2) == RUNNING
     tree.halt()
@@ -293,13 +293,13 @@ def test_a_halted_skill_starts_anew(bystander: Session) -> None:
     assert tree.blackboard.get("answer") == 42
 
 
-def test_a_skill_may_go_on_after_a_controller_that_fails(bystander: Session) -> None:
+def test_a_skill_may_go_on_after_a_controller_that_fails(bystander: RobotSession) -> None:
     tree = load(bystander, "<TryTwice/>")
     assert tick(tree, 100) == SUCCESS
     assert leaf_of(tree, TryTwice).feedback_message == "not there: unreachable"
 
 
-def test_skills_say_what_context_they_need(bystander: Session) -> None:
+def test_skills_say_what_context_they_need(bystander: RobotSession) -> None:
     tree = load_tree(tree_of('<MoveArm posture="carry"/>'), bystander.setup.registry, context="no robot")
     with pytest.raises(NodeError, match="skills need a SkillContext as the tree's context, not str"):
         tree.tick_once()

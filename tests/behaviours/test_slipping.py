@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.engine import FAILURE, RUNNING
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
 from tests.behaviours.truth import known_world, succeeds, table_with
 
@@ -24,7 +24,7 @@ CARRY = """<ReactiveSequence>
 </ReactiveSequence>"""
 
 
-def grease(session: Session, name: str) -> None:
+def grease(session: RobotSession, name: str) -> None:
     """From now on nothing holds the thing by friction."""
     simulation = session.robot.simulation
     simulation.engine.set_friction(simulation.built.objects[name], 0.0, 0.0)

@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.engine import FAILURE, SUCCESS, Tree
 from bestman_bt.messages import Pose
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.world_model.world_model import HeldObject
 from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.at_the_table import failures_of, tick, tree_of
@@ -24,7 +24,7 @@ WHERE = 'surface="table" region_x="{x}" region_y="{y}"'
 
 
 @pytest.fixture(scope="module")
-def table(tmp_path_factory) -> Iterator[tuple[Session, GroundTruth]]:
+def table(tmp_path_factory) -> Iterator[tuple[RobotSession, GroundTruth]]:
     """A robot that has seen the cup and the can on the table before it."""
     config = table_with(tmp_path_factory.mktemp("scene"), cup=("cup", *CUP, 0.0), can=("can", *CAN, 0.0))
     with known_world(config) as (session, truth):
@@ -32,7 +32,7 @@ def table(tmp_path_factory) -> Iterator[tuple[Session, GroundTruth]]:
         yield session, truth
 
 
-def run(session: Session, body: str, **entries: object) -> tuple[int, Tree]:
+def run(session: RobotSession, body: str, **entries: object) -> tuple[int, Tree]:
     """Status and tree, once it is done."""
     tree = session.load(tree_of(body))
     for name, value in entries.items():
@@ -40,7 +40,7 @@ def run(session: Session, body: str, **entries: object) -> tuple[int, Tree]:
     return tick(tree, 200), tree
 
 
-def untidy(session: Session, x: tuple[float, float], y: tuple[float, float]) -> list[str]:
+def untidy(session: RobotSession, x: tuple[float, float], y: tuple[float, float]) -> list[str]:
     body = f'<FindUntidy seen="{{seen}}" {WHERE} untidy="{{untidy}}"/>'
     _, tree = run(session, body, seen=["cup", "can"], x=list(x), y=list(y))
     return tree.blackboard.get("untidy")

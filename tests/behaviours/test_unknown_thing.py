@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.truth import audited, known_world, succeeds, table_with, why_not
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def scanned(tmp_path_factory) -> Iterator[tuple[Session, GroundTruth]]:
+def scanned(tmp_path_factory) -> Iterator[tuple[RobotSession, GroundTruth]]:
     """A scan of a table with a duck that the robot knows nothing of, and a can."""
     config = table_with(
         tmp_path_factory.mktemp("scene"), heading=-70.0, duck=("duck", -0.2, 0.0, 90.0), can=("can", -0.15, 0.2, 0.0)

@@ -18,7 +18,7 @@ from bestman_bt.engine import FAILURE
 from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene, SceneObstacle
 from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.messages import Box, Failure, MotionErrorCode, MotionObstacle, MotionStage, PlacedShape, Pose
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.visualization.scene_picture import scene_picture
 from tests.behaviours.at_the_table import tick, tree_of
 
@@ -157,7 +157,7 @@ CAUSES = [
 ]
 
 
-def failure_of(robot: Session, plant: Callable[[SkillContext], None]) -> NodeFailure:
+def failure_of(robot: RobotSession, plant: Callable[[SkillContext], None]) -> NodeFailure:
     if Planted.__name__ not in robot.setup.registry:
         robot.setup.registry.register(Planted)
     Planted.plant = staticmethod(plant)
@@ -166,7 +166,7 @@ def failure_of(robot: Session, plant: Callable[[SkillContext], None]) -> NodeFai
 
 
 @pytest.mark.parametrize("cause", CAUSES, ids=lambda cause: cause.plant.__name__)
-def test_a_planted_cause_is_named(bystander: Session, cause: Named) -> None:
+def test_a_planted_cause_is_named(bystander: RobotSession, cause: Named) -> None:
     failure = failure_of(bystander, cause.plant)
     met = failure.obstacle
     assert met is not None
@@ -178,14 +178,16 @@ def test_a_planted_cause_is_named(bystander: Session, cause: Named) -> None:
     assert set(met.positions) == set(bystander.skills.arm_model.joint_names)
 
 
-def test_a_base_that_finds_no_room_names_the_furniture(bystander: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_base_that_finds_no_room_names_the_furniture(
+    bystander: RobotSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(FindStandPose, "_beside", lambda *_: [])
     assert tick(bystander.load(tree_of('<FindStandPose surface="table" stand="{stand}"/>')), 300) == FAILURE
     met = bystander.skills.failures[-1].obstacle
     assert (met.stage, met.pairs) == (MotionStage.STAND, (("base", "table"),))
 
 
-def test_the_pair_is_red_in_both_views(bystander: Session) -> None:
+def test_the_pair_is_red_in_both_views(bystander: RobotSession) -> None:
     skills = bystander.skills
     scene = empty(skills).adding(post(skills, ASIDE), post(skills, ALOFT, 0.05, "other"))
     bodies = skills.arm_world(scene).bodies(ASIDE)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.engine import FAILURE
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.runtime.setup import load_for
 from tests.behaviours.at_the_table import failures_of, tick, tree_of
 
@@ -37,7 +37,7 @@ from tests.behaviours.at_the_table import failures_of, tick, tree_of
     ],
     ids=lambda value: value if value.startswith("<") else "",
 )
-def test_what_cannot_be_done_fails_in_words(bystander: Session, body: str, code: str, why: str) -> None:
+def test_what_cannot_be_done_fails_in_words(bystander: RobotSession, body: str, code: str, why: str) -> None:
     before = len(bystander.skills.failures)
     # As a tree whose names come from elsewhere: those that stand in it are checked when it is loaded.
     tree = load_for(bystander.setup, tree_of(body), context=bystander.skills, clock=bystander.robot.clock)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.engine import SUCCESS
 from bestman_bt.evaluation.audit import Audit, audit
-from bestman_bt.runtime.robot_session import Session, open_session
+from bestman_bt.runtime.robot_session import RobotSession, open_session
 from bestman_bt.runtime.setup import load_for
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.robot import SimulatedRobot
@@ -31,7 +31,7 @@ objects:
 
 
 @contextmanager
-def known_world(config: RunConfig) -> Iterator[tuple[Session, GroundTruth]]:
+def known_world(config: RunConfig) -> Iterator[tuple[RobotSession, GroundTruth]]:
     """A session together with the truth."""
     truths: list[GroundTruth] = []
 
@@ -61,7 +61,7 @@ def table_with(
     return load_run(tree="look", scene=scene, robot="diff_panda", seed=seed, settings=standing_at_a_table(heading))
 
 
-def succeeds(session: Session, body: str, ticks: int = 2000) -> bool:
+def succeeds(session: RobotSession, body: str, ticks: int = 2000) -> bool:
     """Whether a tree succeeds, whatever it names: skills tell, too, what is not there."""
     tree = load_for(session.setup, tree_of(body), context=session.skills, clock=session.robot.clock)
     for key, value in session.entries.items():
@@ -69,13 +69,13 @@ def succeeds(session: Session, body: str, ticks: int = 2000) -> bool:
     return tick(tree, ticks) == SUCCESS
 
 
-def why_not(session: Session, body: str) -> tuple[str, str]:
+def why_not(session: RobotSession, body: str) -> tuple[str, str]:
     """Run a tree that must fail; code and words of its last failure."""
     assert not succeeds(session, body)
     return failures_of(session)[0]
 
 
-def put(session: Session, name: str, shift: ArrayLike) -> None:
+def put(session: RobotSession, name: str, shift: ArrayLike) -> None:
     """Someone takes a thing and puts it elsewhere, (x, y, z) metres away."""
     simulation = session.robot.simulation  # type: ignore[attr-defined]
     body, engine = simulation.built.objects[name], simulation.engine
@@ -84,7 +84,7 @@ def put(session: Session, name: str, shift: ArrayLike) -> None:
     session.robot.clock.sleep(0.3)
 
 
-def audited(session: Session) -> Audit:
+def audited(session: RobotSession) -> Audit:
     """What the simulation has to object to so far."""
     assert isinstance(session.robot, SimulatedRobot)
     return audit(session.robot.audit_record())

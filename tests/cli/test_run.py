@@ -23,7 +23,7 @@ from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.monitor.control_client import request
 from bestman_bt.records.reader import read
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from hal.api import MobileBase
 from hal.simulation.audit_record import AuditRecord
 from hal.simulation.robot import SimulatedRobot
@@ -272,7 +272,7 @@ def test_a_stop_leaves_the_robot_at_rest(folder: Path, monkeypatch: pytest.Monke
         twist = robot.part("base", MobileBase).velocity()
         return max(abs(twist.vx), abs(twist.wz))
 
-    def stop_when_it_drives(session: Session, tree: Tree) -> Callable[[], None]:
+    def stop_when_it_drives(session: RobotSession, tree: Tree) -> Callable[[], None]:
         def after_tick() -> None:
             if not driven and speed(session.robot) > 0.2:
                 driven.append(speed(session.robot))

@@ -16,7 +16,7 @@ from bestman_bt.engine import (
     build_tree,
     load_tree,
 )
-from bestman_bt.engine.errors import Problem
+from bestman_bt.engine.errors import TreeProblem
 
 
 class NavigateTo(SyncAction):
@@ -54,14 +54,14 @@ def test_with_faults_the_rest_of_a_tree_is_there_to_be_checked(registry: NodeReg
         '<Sequense>\n<NavigateTo goal="1;2" speed="fast"/>\n<Drive/>\n<SubTree ID="Mian"/>\n<Sleep msec="20"/>\n'
         '<Inverter><AlwaysSuccess/><Drive/></Inverter>\n<Script code="a :="/>\n</Sequense>'
     )
-    faults: list[Problem] = []
+    faults: list[TreeProblem] = []
     tree = load_tree(text, registry, faults=faults)
     assert [str(fault) for fault in faults] == problems(text, registry)
     kinds = ["Sequence", "NavigateTo", "AlwaysSuccess", "AlwaysSuccess", "Sleep", "Sequence"]
     kinds += ["AlwaysSuccess", "AlwaysSuccess", "Script"]
     assert [node.type_id for node in tree.nodes] == kinds
     assert tree.nodes[1].attributes == {"goal": "1;2"}
-    several: list[Problem] = []
+    several: list[TreeProblem] = []
     assert len(load_tree(document("<NavigateTo/>\n<Drive/>"), registry, faults=several).nodes) == 3
     assert [fault.line for fault in several] == [2, 3, 4]
     with pytest.raises(TreeLoadError):

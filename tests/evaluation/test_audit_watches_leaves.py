@@ -16,7 +16,7 @@ from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.extras import PYBULLET_HAS_WHEELS
 from bestman_bt.robot_model.compose import load_robot_model
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.scene import World
@@ -199,7 +199,7 @@ def test_a_judged_run_closes_the_truth_before_its_first_tick(tmp_path: Path) -> 
         assert isinstance(robot, PyBulletRobot)
         views.append(GroundTruth(robot))
 
-    def watch(session: Session, tree: Tree) -> Callable[[], None]:
+    def watch(session: RobotSession, tree: Tree) -> Callable[[], None]:
         assert isinstance(session.robot, PyBulletRobot)
         views.append(GroundTruth(session.robot))
         return lambda: None

@@ -14,7 +14,7 @@ from bestman_bt.engine import Tree
 from bestman_bt.evaluation.disturbances import Disturbances
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.messages import Pose
-from bestman_bt.runtime.robot_session import Session, open_session
+from bestman_bt.runtime.robot_session import RobotSession, open_session
 from bestman_bt.world_model.world_model import HeldObject, ObjectBelief
 from hal.simulation.disturbance_injector import DisturbanceInjector
 from hal.simulation.ground_truth import GroundTruth
@@ -26,7 +26,7 @@ DRAWER = "drawer_chest/drawer_3"
 class Stage:
     """A session in which no tree runs; a test decides what the robot believes."""
 
-    def __init__(self, session: Session, truth: GroundTruth, injector: DisturbanceInjector) -> None:
+    def __init__(self, session: RobotSession, truth: GroundTruth, injector: DisturbanceInjector) -> None:
         self.session, self.truth = session, truth
         self.script = Disturbances(session, truth, injector)
 
@@ -166,7 +166,7 @@ def test_a_task_without_disturbances_forgives_nothing() -> None:
     """A plug-in that makes an injector in time, and uses it during the run, is found by ``run_episode`` itself."""
     made: list[DisturbanceInjector] = []
 
-    def watch(session: Session, tree: Tree) -> Callable[[], None]:
+    def watch(session: RobotSession, tree: Tree) -> Callable[[], None]:
         cup = next(placed for placed in session.setup.world.objects if placed.name == "cup")
         done = []
 

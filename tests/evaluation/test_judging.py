@@ -24,7 +24,7 @@ from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.messages import Pose
 from bestman_bt.monitor.groot2.hooks import Groot2Hooks
 from bestman_bt.runtime.executor import Ending, Execution
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.runtime.setup import Setup
 from hal.simulation.audit_record import ContactIncident, DisturbanceEvent
 from hal.simulation.robot import SimulatedRobot
@@ -301,7 +301,7 @@ def test_a_run_that_nobody_judges_succeeds_with_its_tree_but_not_with_a_cheat(tm
     assert judged("<AlwaysSuccess/>", tmp_path, "predicate=null").success
     tree = tmp_path / "tree.xml"
 
-    def cheat(session: Session, _: Tree) -> Callable[[], None]:
+    def cheat(session: RobotSession, _: Tree) -> Callable[[], None]:
         simulation = session.robot.simulation
         cup = simulation.built.objects["cup"]
         return lambda: simulation.engine.put(cup, *simulation.engine.body_pose(cup))
@@ -318,7 +318,7 @@ def test_what_somebody_forces_by_groot2_while_a_run_is_judged_stands_in_its_resu
     path = tmp_path / "tree.xml"
     path.write_text('<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysFailure name="leaf"/></BehaviorTree></root>')
 
-    def force(session: Session, tree: Tree) -> Callable[[], None]:
+    def force(session: RobotSession, tree: Tree) -> Callable[[], None]:
         hooks = Groot2Hooks(tree, lambda uid: None, session.intervened)
         once = {"uid": 1, "position": 1, "mode": 1, "once": True, "enabled": True, "desired_status": "SUCCESS"}
         hooks.insert(json.dumps(once).encode())

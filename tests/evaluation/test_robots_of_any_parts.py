@@ -13,7 +13,7 @@ from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.messages import Pose
-from bestman_bt.runtime.robot_session import Session, session
+from bestman_bt.runtime.robot_session import RobotSession, session
 
 WITHOUT_A_LOOK = """
 <root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
@@ -44,7 +44,7 @@ def test_an_arm_on_a_stand_moves_a_thing_on_its_table() -> None:
 def test_two_arms_bring_two_things_in_one_drive() -> None:
     seen: set[tuple[str, ...]] = set()
 
-    def watch(opened: Session, tree: Tree) -> Callable[[], None]:
+    def watch(opened: RobotSession, tree: Tree) -> Callable[[], None]:
         hands = opened.skills.world.hands
         return lambda: seen.add(tuple(f"{arm} {held.name}" for arm, held in sorted(hands.items())))
 

@@ -13,7 +13,7 @@ from bestman_bt.engine import Tree
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.messages import Pose
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 
 NOTHING = '<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>'
 AS_MAPPED = {"offset": 0, "turn": 0}
@@ -25,9 +25,9 @@ class Staged:
     gives it when it is told the session."""
 
     opened: Mapping[str, float] = field(default_factory=dict)
-    moved: Mapping[str, Pose | Callable[[Session], Pose]] = field(default_factory=dict)
+    moved: Mapping[str, Pose | Callable[[RobotSession], Pose]] = field(default_factory=dict)
 
-    def __call__(self, session: Session, tree: Tree) -> Callable[[], None]:
+    def __call__(self, session: RobotSession, tree: Tree) -> Callable[[], None]:
         """Called before the first tick."""
         simulation = session.robot.simulation  # type: ignore[attr-defined]
         engine, built = simulation.engine, simulation.built

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from tests.facts.scripted import ScriptedEnd
 from tests.facts.staged import Staged, judged
 
@@ -45,7 +45,7 @@ def opened_by(chest: ScriptedEnd, metres: float) -> Pose:
 def test_a_cup_in_the_closed_drawer_is_put_away_and_in_the_open_one_it_is_not(tmp_path: Path) -> None:
     """In physics, by both predicates of the task."""
 
-    def in_the_drawer(session: Session) -> Pose:
+    def in_the_drawer(session: RobotSession) -> Pose:
         chest = next(p for p in session.setup.world.furniture if p.name == "drawer_chest")
         surface = next(s for s in chest.model.all_surfaces if s.name == "drawer_3")
         return chest.pose @ surface.pose @ Pose(np.array([0.0, 0.0, 0.0501]))

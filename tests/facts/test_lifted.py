@@ -9,7 +9,7 @@ from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.messages import Pose
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from tests.facts.scripted import ScriptedEnd, shifted
 from tests.facts.staged import Staged, judged, why
 
@@ -33,7 +33,7 @@ def test_a_cup_that_nobody_touched_is_not_lifted(tmp_path: Path) -> None:
 def test_a_cup_that_stands_higher_but_in_no_hand_is_not_lifted(tmp_path: Path) -> None:
     """It was put on the tool's back, where it cannot stay: height alone is not enough."""
 
-    def in_the_air(session: Session) -> Pose:
+    def in_the_air(session: RobotSession) -> Pose:
         cup = session.setup.world.objects[0].pose
         return Pose(cup.position + np.array([0.0, 0.0, 0.4]), cup.quaternion)
 

@@ -10,7 +10,7 @@ import pytest
 from bestman_bt.configuration.run import load_run
 from bestman_bt.facts.goals.placed import Placed
 from bestman_bt.messages import Pose
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.runtime.setup import prepare
 from tests.facts.scripted import ScriptedEnd, shifted, turned
 from tests.facts.staged import NOTHING, Staged, judged
@@ -29,10 +29,10 @@ SET_TABLE = {
 def laid(**off: tuple[float, float]) -> Staged:
     """Everything at its goal, but for what is off by (metres, radians)."""
 
-    def at_goal(name: str) -> Callable[[Session], Pose]:
+    def at_goal(name: str) -> Callable[[RobotSession], Pose]:
         metres, turn = off.get(name, (0.0, 0.0))
 
-        def where(session: Session) -> Pose:
+        def where(session: RobotSession) -> Pose:
             goal = next(goal for goal in session.setup.goals if goal.object == name)
             return Pose(np.array([0.0, metres, 1e-4])) @ goal.pose @ Pose.from_xyz_rpy((0, 0, 0), (0, 0, turn))
 

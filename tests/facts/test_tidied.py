@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.facts.standing import surface_pose
 from bestman_bt.messages import Pose
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from tests.facts.scripted import ScriptedEnd
@@ -35,8 +35,8 @@ TIDY = {
 SEED = 2
 
 
-def on_counter(name: str, x: float, y: float) -> Callable[[Session], Pose]:
-    def where(session: Session) -> Pose:
+def on_counter(name: str, x: float, y: float) -> Callable[[RobotSession], Pose]:
+    def where(session: RobotSession) -> Pose:
         height = float(session.setup.world_model.models[name].size[2])
         counter = next(p for p in session.setup.world.furniture if p.name == "counter")
         return counter.pose @ counter.model.surfaces[0].pose @ Pose(np.array([x, y, height / 2 + 1e-4]))

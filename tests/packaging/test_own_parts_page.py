@@ -17,7 +17,7 @@ from bestman_bt.engine import load_tree
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome
 from bestman_bt.facts.predicate import Beliefs
-from bestman_bt.manipulation.motion_planning.base import PlanningError
+from bestman_bt.manipulation.motion_planning.base import MotionPlanningError
 from bestman_bt.messages import Box, Path2D, PlacedShape, Pose, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning.base import PlanningFailure
 from bestman_bt.navigation.global_planning.costmap import Costmap
@@ -28,7 +28,7 @@ from bestman_bt.robot_model.model import GripperModel
 from bestman_bt.runtime.algorithms import Algorithms
 from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.task_planning.symbolic.facts import parse_literals
-from bestman_bt.task_planning.symbolic.problem import Fact, Operator, Problem, Unsolvable
+from bestman_bt.task_planning.symbolic.problem import Fact, Operator, PlanningProblem, Unsolvable
 from bestman_bt.world_model.semantic_map import SemanticMap
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld
 from tests.robot_models import base_model
@@ -159,15 +159,15 @@ def test_the_motion_planner_goes_around_a_wall(algorithms: Any) -> None:
     assert len(plan.path) == 3
     np.testing.assert_allclose(plan.path[[0, -1]], [[-1.0, 0.0], [1.0, 0.0]])
     closed = JointWorld(lambda q: abs(q[0]) > 0.1)
-    with pytest.raises(PlanningError, match="no way over one posture"):
+    with pytest.raises(MotionPlanningError, match="no way over one posture"):
         planner.plan([-1.0, 0.0], [[1.0, 0.0]], closed, TWO, np.random.default_rng(1))
 
 
-def steps(goal: str) -> Problem:
+def steps(goal: str) -> PlanningProblem:
     operators = tuple(
         Operator(f"Step{n}", add=(Fact(f"at{n + 1}"),), pre=parse_literals(f"at{n}"), cost=n + 1.0) for n in range(3)
     )
-    return Problem({}, frozenset({Fact("at0")}), parse_literals(goal), operators)
+    return PlanningProblem({}, frozenset({Fact("at0")}), parse_literals(goal), operators)
 
 
 def test_the_task_planner_plans_and_the_builder_retries_each_action(setup: Setup) -> None:

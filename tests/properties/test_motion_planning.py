@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
 from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
 from bestman_bt.manipulation.motion_planning.ompl_planners import AORRTC
 from bestman_bt.manipulation.motion_planning.portfolio import Portfolio
@@ -56,7 +56,7 @@ def test_a_path_is_free_and_found_where_there_is_room_in_any_order_of_the_joints
     plan, code = None, ""
     try:
         plan = planner().plan(start[order], [goal[order]], world, limits, np.random.default_rng(seed))
-    except PlanningError as error:
+    except MotionPlanningError as error:
         code = error.code
     if plan is None:
         assert code in (PlanningErrorCode.NO_PATH, PlanningErrorCode.TIMEOUT)

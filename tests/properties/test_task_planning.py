@@ -21,7 +21,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     Literal,
     Operator,
     PlanningError,
-    Problem,
+    PlanningProblem,
     Unsolvable,
 )
 from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
@@ -80,7 +80,7 @@ def problems(draw, given_of=("still",)):
     goal = draw(st.lists(literals(list(OBJECTS)), min_size=1, max_size=3))
     goal = {literal.fact: literal for literal in goal}.values()
     types = {"p": ("object",), "q": ("object", "object"), "r": (), "still": ("object",)}
-    return Problem(OBJECTS, state, tuple(goal), made, {"thing": ("object",), "box": ("object",)}, types)
+    return PlanningProblem(OBJECTS, state, tuple(goal), made, {"thing": ("object",), "box": ("object",)}, types)
 
 
 def instances(problem):
@@ -128,7 +128,7 @@ def test_a_plan_reaches_the_goal_and_none_is_missed(problem):
     check(problem, SymbolicPlanner())
 
 
-TAKEN_FOR_GRANTED = Problem(
+TAKEN_FOR_GRANTED = PlanningProblem(
     OBJECTS,
     frozenset(),
     (Literal(Fact("r")),),
@@ -185,7 +185,9 @@ def test_the_order_of_objects_and_operators_decides_nothing_but_among_equals(pro
     things, made = list(problem.objects.items()), list(problem.operators)
     random.shuffle(things)
     random.shuffle(made)
-    mixed = Problem(dict(things), problem.state, problem.goal, tuple(made), problem.supertypes, problem.predicates)
+    mixed = PlanningProblem(
+        dict(things), problem.state, problem.goal, tuple(made), problem.supertypes, problem.predicates
+    )
 
     def found(one):
         try:

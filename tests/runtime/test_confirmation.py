@@ -20,7 +20,7 @@ from bestman_bt.control.planned_motion import PlannedMotion
 from bestman_bt.engine import Fallback
 from bestman_bt.runtime.confirmation import Confirmation
 from bestman_bt.runtime.executor import Ending
-from bestman_bt.runtime.robot_session import Session, open_session, session_config
+from bestman_bt.runtime.robot_session import RobotSession, open_session, session_config
 from hal.api import Arm, Gripper, JointGroup
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
@@ -33,7 +33,7 @@ class OpenHand(Skill):
         yield self.skills.gripper.open(0.03)
 
 
-def asked(opened: Session, answer: Callable[[Confirmation, PlannedMotion], None]) -> list[PlannedMotion]:
+def asked(opened: RobotSession, answer: Callable[[Confirmation, PlannedMotion], None]) -> list[PlannedMotion]:
     """What was asked so far; a person answers each from another thread."""
     confirmation, seen = opened.confirmation, list[PlannedMotion]()
     assert confirmation is not None

@@ -14,7 +14,7 @@ from bestman_bt.engine import load_tree
 from bestman_bt.runtime.planning import PlannedTree
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.base import TaskPlanner
-from bestman_bt.task_planning.symbolic.problem import PlanningError, Problem, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import PlanningError, PlanningProblem, TaskPlan
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "task_planning.md"
 
@@ -30,7 +30,7 @@ def test_a_goal_in_a_scene_becomes_a_plan_and_a_tree() -> None:
 
 def test_what_a_planner_of_ones_own_returns_is_verified() -> None:
     class Forgets(TaskPlanner):
-        def plan(self, problem: Problem) -> TaskPlan:
+        def plan(self, problem: PlanningProblem) -> TaskPlan:
             return TaskPlan(())
 
     with pytest.raises(PlanningError, match=r"the plan of Forgets is refused: .*on\(cup, counter/top\) does not hold"):

@@ -21,7 +21,7 @@ from bestman_bt.records.events import (
     ScanEvent,
 )
 from bestman_bt.records.reader import read_events, read_log
-from bestman_bt.runtime.robot_session import Session, session
+from bestman_bt.runtime.robot_session import RobotSession, session
 
 
 class LookAndGiveUp(Explained, SyncAction):
@@ -33,13 +33,13 @@ class LookAndGiveUp(Explained, SyncAction):
 
 
 @pytest.fixture(scope="module")
-def opened() -> Session:
+def opened() -> RobotSession:
     with session(scene="kitchen", seed=3) as opened:
         yield opened
 
 
 @pytest.fixture(scope="module")
-def folder(opened: Session, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(opened: RobotSession, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run")
     tree = opened.load(Sequence(MoveArm(posture="look"), LookAndGiveUp(name="look")))
     executor = opened.executor(tree)
@@ -62,7 +62,7 @@ def test_the_run_is_told_with_what_the_configuration_names(events: list[Event], 
     assert events[-1].outcome == "failure"
 
 
-def test_the_map_is_told_once_with_walls_and_furniture(events: list[Event], opened: Session) -> None:
+def test_the_map_is_told_once_with_walls_and_furniture(events: list[Event], opened: RobotSession) -> None:
     maps = [event for event in events if isinstance(event, MapEvent)]
     assert len(maps) == 1
     plan = opened.skills.world.map
@@ -71,7 +71,7 @@ def test_the_map_is_told_once_with_walls_and_furniture(events: list[Event], open
 
 
 def test_the_robot_is_told_five_times_a_second_with_its_belief_and_its_joints(
-    events: list[Event], opened: Session
+    events: list[Event], opened: RobotSession
 ) -> None:
     told = [event for event in events if isinstance(event, RobotEvent)]
     gaps = np.diff([event.time for event in told])
@@ -84,7 +84,7 @@ def test_the_robot_is_told_five_times_a_second_with_its_belief_and_its_joints(
     assert told[-1].joints["panda_joint4"] == pytest.approx(-1.26, abs=0.02)
 
 
-def test_scans_lie_on_the_walls_and_furniture_of_the_map(events: list[Event], opened: Session) -> None:
+def test_scans_lie_on_the_walls_and_furniture_of_the_map(events: list[Event], opened: RobotSession) -> None:
     scans = [event for event in events if isinstance(event, ScanEvent)]
     assert scans
     x_min, y_min, x_max, y_max = opened.skills.world.map.bounds(0.1)

@@ -17,7 +17,7 @@ from bestman_bt.robot_model.sensor_parts import LidarPart
 from bestman_bt.runtime.algorithms import algorithm_by_name
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.policies import policy_problems
-from bestman_bt.runtime.robot_session import Session, session
+from bestman_bt.runtime.robot_session import RobotSession, session
 from bestman_bt.runtime.setup import Setup, load_for, prepare
 from bestman_bt.runtime.tree_checks import lacking_parts, unfilled_entries, unknown_names
 
@@ -171,7 +171,7 @@ def test_a_session_without_a_task_warns_of_keys_that_only_tasks_fill(
     for entries in ({}, dict(kitchen.entries)):
         caplog.clear()
         with caplog.at_level(logging.WARNING):
-            Session(kitchen, None, None, entries, None).check(load_for(kitchen, tree), entries)
+            RobotSession(kitchen, None, None, entries, None).check(load_for(kitchen, tree), entries)
         told.append(caplog.messages)
     assert told[0] == [
         "<text>:3: warning: <CheckHeld> port 'object': reads '{object}', which tasks fill, but no task is given"
@@ -180,7 +180,7 @@ def test_a_session_without_a_task_warns_of_keys_that_only_tasks_fill(
 
 
 def test_a_session_refuses_names_that_nothing_bears(kitchen: Setup) -> None:
-    session = Session(kitchen, None, None, dict(kitchen.entries), None)
+    session = RobotSession(kitchen, None, None, dict(kitchen.entries), None)
     with pytest.raises(TreeLoadError, match="there is no surface 'countr'"):
         session.check(load_for(kitchen, text_of('<LookAt surface="countr"/>')), session.entries)
 

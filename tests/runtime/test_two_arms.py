@@ -17,7 +17,7 @@ from bestman_bt.evaluation.audit import audit
 from bestman_bt.manipulation.collision.planning_scene import PlanningScene
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.compose import load_robot_model
-from bestman_bt.runtime.robot_session import Session, session
+from bestman_bt.runtime.robot_session import RobotSession, session
 from bestman_bt.runtime.setup import prepare
 from bestman_bt.world_model.world_model import HeldObject
 
@@ -110,13 +110,13 @@ def test_a_leaf_of_ones_own_without_the_port_needs_a_default_arm(tmp_path: Path)
 
 
 @pytest.fixture(scope="module")
-def opened() -> Iterator[Session]:
+def opened() -> Iterator[RobotSession]:
     with session(scene="two_things", robot="two_arms", seed=1) as opened:
         yield opened
 
 
 @pytest.fixture
-def cup_left(opened: Session) -> Iterator[HeldObject]:
+def cup_left(opened: RobotSession) -> Iterator[HeldObject]:
     """Believed to be in the left hand."""
     held = HeldObject("cup", opened.skills.world.models["cup"], Pose(), OPEN)
     opened.skills.for_arm("left").held = held
@@ -124,7 +124,7 @@ def cup_left(opened: Session) -> Iterator[HeldObject]:
     opened.skills.world.hands.clear()
 
 
-def test_each_arm_has_its_own_hand_sensors_and_kinematics_and_the_rest_is_shared(opened: Session) -> None:
+def test_each_arm_has_its_own_hand_sensors_and_kinematics_and_the_rest_is_shared(opened: RobotSession) -> None:
     left, right = (opened.skills.for_arm(arm) for arm in ("left", "right"))
     assert opened.skills.for_arm() is right  # the default_arm
     assert (left.arm.name, left.gripper.name) == ("left", "left_gripper")
@@ -137,7 +137,7 @@ def test_each_arm_has_its_own_hand_sensors_and_kinematics_and_the_rest_is_shared
 
 
 def test_what_one_hand_holds_stays_there_and_is_in_the_way_of_the_other_arm(
-    opened: Session, cup_left: HeldObject
+    opened: RobotSession, cup_left: HeldObject
 ) -> None:
     left, right = (opened.skills.for_arm(arm) for arm in ("left", "right"))
     assert (left.held, right.held) == (cup_left, None)
@@ -154,7 +154,7 @@ def test_what_one_hand_holds_stays_there_and_is_in_the_way_of_the_other_arm(
 
 
 @pytest.mark.slow
-def test_the_base_keeps_room_for_both_arms_and_what_they_hold(opened: Session, cup_left: HeldObject) -> None:
+def test_the_base_keeps_room_for_both_arms_and_what_they_hold(opened: RobotSession, cup_left: HeldObject) -> None:
     skills = opened.skills
     for arm in ("left", "right"):
         tool = skills.for_arm(arm).base_from_tool().position[:2]
@@ -162,7 +162,7 @@ def test_the_base_keeps_room_for_both_arms_and_what_they_hold(opened: Session, c
         assert outline[:, 0].min() < tool[0] < outline[:, 0].max()
 
 
-def test_holding_asks_the_hand_that_is_named_or_any(opened: Session, cup_left: HeldObject) -> None:
+def test_holding_asks_the_hand_that_is_named_or_any(opened: RobotSession, cup_left: HeldObject) -> None:
     def holds(arm: str) -> bool:
         tree = opened.load(
             f'<root BTCPP_format="4"><BehaviorTree ID="M"><Holding object="cup"{arm}/></BehaviorTree></root>'
@@ -175,7 +175,7 @@ def test_holding_asks_the_hand_that_is_named_or_any(opened: Session, cup_left: H
     assert opened.skills.world.hands == {"left": cup_left}
 
 
-def test_cameras_are_found_by_their_names(opened: Session) -> None:
+def test_cameras_are_found_by_their_names(opened: RobotSession) -> None:
     named = [camera_called(opened.skills, name).name for name in ("head", "wrist", "left_wrist_camera")]
     assert named == ["head_camera", "right_wrist_camera", "left_wrist_camera"]
     assert [camera.name for camera in opened.skills.cameras] == [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_fact, parse_literals
 from bestman_bt.task_planning.symbolic.grounding import instantiate
-from bestman_bt.task_planning.symbolic.problem import Fact, Operator, Problem, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import Fact, Operator, PlanningProblem, TaskPlan
 
 
 def operator(
@@ -66,13 +66,13 @@ def facts(*texts: str) -> frozenset[Fact]:
     return frozenset(parse_fact(text) for text in texts)
 
 
-def kitchen(goal: str, *more: str, without: tuple[str, ...] = ()) -> Problem:
+def kitchen(goal: str, *more: str, without: tuple[str, ...] = ()) -> PlanningProblem:
     """The problem of a goal; ``more``: facts that hold, too; ``without``: those that do not."""
     state = facts(*STATE, *BEHIND, *more) - facts(*without)
-    return Problem(OBJECTS, state, parse_literals(goal), OPERATORS)
+    return PlanningProblem(OBJECTS, state, parse_literals(goal), OPERATORS)
 
 
-def plan_of(problem: Problem, *actions: str) -> TaskPlan:
+def plan_of(problem: PlanningProblem, *actions: str) -> TaskPlan:
     """A plan from text: ``PickUp(mug, table)``."""
     named = {operator.name: operator for operator in problem.operators}
     calls = [parse_fact(action) for action in actions]

@@ -9,7 +9,7 @@ from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.explanation import explain
 from bestman_bt.task_planning.state import SUPERTYPES
 from bestman_bt.task_planning.symbolic.facts import parse_literals
-from bestman_bt.task_planning.symbolic.problem import Problem
+from bestman_bt.task_planning.symbolic.problem import PlanningProblem
 from tests.task_planning.kitchen_domain import facts, kitchen, operator
 
 UNLOCK = operator(
@@ -18,17 +18,19 @@ UNLOCK = operator(
 )  # fmt: skip
 
 
-def with_keys(*more: str) -> Problem:
+def with_keys(*more: str) -> PlanningProblem:
     """The mug is in a locked drawer, and the can is a key."""
     problem = kitchen("on(mug, table)", "locked(drawer_1)", *more, without=("on(can, table)",))
     return replace(problem, operators=(*problem.operators, UNLOCK))
 
 
-def shipped(*more: str) -> Problem:
+def shipped(*more: str) -> PlanningProblem:
     """The shipped abilities; of the mug nobody knows where it is."""
     objects = {"mug": "object", "table": "place", "counter": "place", "drawer": "drawer"}
     state = facts("hand_empty", "tucked", "closed(drawer)", "behind(drawer, drawer)", "drawer(drawer)", *more)
-    return Problem(objects, state, parse_literals("on(mug, table)"), Domain.of(NodeRegistry()).operators, SUPERTYPES)
+    return PlanningProblem(
+        objects, state, parse_literals("on(mug, table)"), Domain.of(NodeRegistry()).operators, SUPERTYPES
+    )
 
 
 def test_a_locked_drawer_is_named_with_the_way_from_it_to_the_goal() -> None:

@@ -11,12 +11,19 @@ from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits, pla
 from bestman_bt.task_planning.planners import made_planner
 from bestman_bt.task_planning.symbolic.facts import parse_literals
 from bestman_bt.task_planning.symbolic.grounding import instantiate
-from bestman_bt.task_planning.symbolic.problem import Action, GoalError, PlanningError, Problem, TaskPlan, Unsolvable
+from bestman_bt.task_planning.symbolic.problem import (
+    Action,
+    GoalError,
+    PlanningError,
+    PlanningProblem,
+    TaskPlan,
+    Unsolvable,
+)
 from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 from tests.task_planning.language.kitchen_problem import kitchen
 
 
-def fetching() -> Problem:
+def fetching() -> PlanningProblem:
     return replace(kitchen(), goal=parse_literals("on(mug, table)"))
 
 
@@ -36,7 +43,7 @@ class Inventive(TaskPlanner):
     def __init__(self, *actions: Action) -> None:
         self.actions = actions
 
-    def plan(self, problem: Problem) -> TaskPlan:
+    def plan(self, problem: PlanningProblem) -> TaskPlan:
         return TaskPlan(self.actions)
 
 
@@ -63,7 +70,7 @@ class Odd(TaskPlanner):
     def __init__(self, outcome: object) -> None:
         self.outcome = outcome
 
-    def plan(self, problem: Problem) -> TaskPlan:
+    def plan(self, problem: PlanningProblem) -> TaskPlan:
         if isinstance(self.outcome, BaseException):
             raise self.outcome
         return self.outcome  # type: ignore[return-value]  # that is what is tested

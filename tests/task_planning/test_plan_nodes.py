@@ -37,7 +37,7 @@ from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.nodes import TUCKED, beliefs_of
 from bestman_bt.task_planning.state import PredicateError, read_state
 from bestman_bt.task_planning.symbolic.facts import parse_fact
-from bestman_bt.task_planning.symbolic.problem import Problem, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import PlanningProblem, TaskPlan
 from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 from bestman_bt.world_model.saved_beliefs import SavedBeliefs, restored
 from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface, SemanticMap
@@ -262,7 +262,7 @@ def test_after_all_places_were_searched_it_says_so_with_their_names(skills: Any,
 class Listing(TaskPlanner):
     """A planner of somebody else, that returns what is no plan."""
 
-    def plan(self, problem: Problem) -> TaskPlan:
+    def plan(self, problem: PlanningProblem) -> TaskPlan:
         """Not as it should."""
         return []  # type: ignore[return-value]
 

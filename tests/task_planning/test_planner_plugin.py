@@ -13,7 +13,7 @@ import pytest
 from bestman_bt.registry import Registry
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.symbolic.facts import parse_literals
-from bestman_bt.task_planning.symbolic.problem import Fact, Operator, Problem, Unsolvable
+from bestman_bt.task_planning.symbolic.problem import Fact, Operator, PlanningProblem, Unsolvable
 
 PAGE_FILE = Path(__file__).parents[2] / "docs" / "task_planning.md"
 PAGE = PAGE_FILE.read_text(encoding="utf-8")
@@ -37,12 +37,12 @@ def planner(tmp_path, monkeypatch) -> TaskPlanner:
     sys.modules.pop("my_planner")
 
 
-def steps(goal: str) -> Problem:
+def steps(goal: str) -> PlanningProblem:
     operators = tuple(
         Operator(f"Step{number}", add=(Fact(f"at{number + 1}"),), pre=parse_literals(f"at{number}"))
         for number in range(3)
     )
-    return Problem({}, frozenset({Fact("at0")}), parse_literals(goal), operators)
+    return PlanningProblem({}, frozenset({Fact("at0")}), parse_literals(goal), operators)
 
 
 def test_a_planner_of_another_package_is_found_and_plans(planner):

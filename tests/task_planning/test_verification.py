@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from bestman_bt.engine import NodeRegistry, XmlDocument
-from bestman_bt.engine.errors import Problem as Fault
+from bestman_bt.engine.errors import TreeProblem
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.task_planning.builders.reactive import ReactiveBuilder
 from bestman_bt.task_planning.simulation import SimulatedHolds
-from bestman_bt.task_planning.symbolic.problem import Operator, Problem
+from bestman_bt.task_planning.symbolic.problem import Operator, PlanningProblem
 from bestman_bt.task_planning.verification import highest_reach, verify, widest_grasp
 from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface, SemanticMap
 from bestman_bt.world_model.world_model import ObjectBelief, WorldModel
@@ -34,9 +34,9 @@ def faults_of(
     tree: str,
     goal: str = FETCH_GOAL,
     robot: Any = None,
-    problem: Problem | None = None,
+    problem: PlanningProblem | None = None,
     world: WorldModel | None = None,
-) -> list[Fault]:
+) -> list[TreeProblem]:
     """What is wrong with a tree whose root node is given."""
     registry = NodeRegistry()
     registry.register(SimulatedHolds, "Holds")
@@ -49,9 +49,9 @@ def robot_with(*arms: str, base_frame: str = "base", **others: Any) -> RobotMode
     return RobotModel("one", REACH, base_frame, {"base": base_model(), **armed, **others})
 
 
-def with_operators(goal: str, *more: Operator) -> Problem:
+def with_operators(goal: str, *more: Operator) -> PlanningProblem:
     problem = kitchen(goal)
-    return Problem(problem.objects, problem.state, problem.goal, (*OPERATORS, *more))
+    return PlanningProblem(problem.objects, problem.state, problem.goal, (*OPERATORS, *more))
 
 
 def in_parallel(*branches: str) -> str:
@@ -102,7 +102,7 @@ def test_an_unknown_ability_is_refused() -> None:
 def test_a_plan_for_two_arms_is_refused_on_a_robot_with_one() -> None:
     lift: Operator = operator("LiftTogether", {"object": "object"}, "hand_empty", "holding({object})", parts="arm arm")
     problem = kitchen("holding(can)")
-    problem = Problem(problem.objects, problem.state, problem.goal, (*OPERATORS, lift))
+    problem = PlanningProblem(problem.objects, problem.state, problem.goal, (*OPERATORS, lift))
     tree = '<SubTree ID="LiftTogether" object="can"/>'
     xml = f"{tree}</BehaviorTree><BehaviorTree ID='LiftTogether'><AlwaysSuccess/>"
     (fault,) = faults_of(xml, robot=robot_with("tool"), problem=problem)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from bestman_bt.engine.errors import Problem, TreeLoadError
+from bestman_bt.engine.errors import TreeLoadError, TreeProblem
 from bestman_bt.engine.xml.elements import run_parser, safe_parser
 from bestman_bt.engine.xml.old_version import RENAMED, SIGNS
 from bestman_bt.engine.xml.writer import escape
@@ -65,7 +65,7 @@ def convert(data: bytes, file: str) -> Converted:
     is_old = True
     parser, data = safe_parser(data, file)
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise TreeLoadError([Problem(file, 1, "", "", "the file is in UTF-16; save it as UTF-8 to convert it")])
+        raise TreeLoadError([TreeProblem(file, 1, "", "", "the file is in UTF-16; save it as UTF-8 to convert it")])
 
     def start(name: str, attributes: dict[str, str]) -> None:
         nonlocal depth_of_models, is_old

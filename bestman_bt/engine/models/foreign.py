@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.core.tree import Tree
-from bestman_bt.engine.errors import Problem
+from bestman_bt.engine.errors import TreeProblem
 from bestman_bt.engine.loading import Gaps, LoadOptions, load_documents, load_tree, without_garbage_collection
 from bestman_bt.engine.models.node_models import Models, seen_ports, with_foreign
 from bestman_bt.engine.models.package import Package
@@ -31,7 +31,7 @@ class OpenOptions(LoadOptions, total=False):
 
     main_tree: str | None
     substitutions: SubstitutionRules | None
-    faults: list[Problem] | None
+    faults: list[TreeProblem] | None
 
 
 def open_tree(

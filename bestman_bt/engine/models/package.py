@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from bestman_bt.engine.core.registry import NodeInfo
-from bestman_bt.engine.errors import Problem, TreeLoadError
+from bestman_bt.engine.errors import TreeLoadError, TreeProblem
 from bestman_bt.engine.models.node_models import Models, model_info
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.xml.documents import Documents, TreeDefinition, read_documents, read_file, read_root
@@ -31,7 +31,7 @@ class Package:
     """
 
     files: dict[str, Documents] = field(default_factory=dict)
-    problems: list[Problem] = field(default_factory=list)
+    problems: list[TreeProblem] = field(default_factory=list)
     models: dict[str, NodeInfo] = field(default_factory=dict)
     others: int = 0
 
@@ -76,7 +76,7 @@ class Package:
             message = f"the tree '{tree_id}' is defined twice: {places}" if found else f"there is no tree '{tree_id}'"
             where = next(iter(self.files), "")
             suggestion = f"did you mean '{hint}'?" if hint and not found else ""
-            raise TreeLoadError([Problem(where, 0, "", "", message, suggestion)])
+            raise TreeLoadError([TreeProblem(where, 0, "", "", message, suggestion)])
         return found[0].file
 
     def refuse_broken(self) -> None:
@@ -137,7 +137,7 @@ class Package:
         if len(candidates) > 1:
             places = " and ".join(f"{one.file}:{one.element.line}" for one in candidates[:2])
             message = f"'{tree_id}' is defined twice, at {places}"
-            documents.problems.append(Problem(user.file, element.line, "SubTree", "ID", message))
+            documents.problems.append(TreeProblem(user.file, element.line, "SubTree", "ID", message))
         return candidates[0] if candidates else None
 
     def _add_models(self, documents: Documents, file: str) -> None:
@@ -183,10 +183,10 @@ class Package:
                 self._read(file, (*search_path, path.parent), named=True)
             else:
                 what = f"there is no file '{element.attributes.get('path', '')}'"
-                self.problems.append(Problem(str(path), element.line, "include", "path", what))
+                self.problems.append(TreeProblem(str(path), element.line, "include", "path", what))
 
 
-def known_models(files: Iterable[Documents], problems: list[Problem]) -> Models:
+def known_models(files: Iterable[Documents], problems: list[TreeProblem]) -> Models:
     """Return the node descriptions of the files' TreeNodesModels; contradicting kinds are added to ``problems``."""
     models: dict[str, NodeInfo] = {}
     for documents in files:
@@ -197,7 +197,7 @@ def known_models(files: Iterable[Documents], problems: list[Problem]) -> Models:
             known = models.setdefault(info.name, info)
             if known.kind != info.kind:
                 message = f"it is a {known.kind} at {known.known_from}, and a {info.kind} here"
-                problems.append(Problem(file, element.line, info.name, "", message))
+                problems.append(TreeProblem(file, element.line, info.name, "", message))
     return models
 
 
@@ -220,7 +220,7 @@ def _tree_files(folder: Path) -> list[Path]:
                 found.append(path)
         if len(found) > MAX_FILES:
             message = f"it holds more than {MAX_FILES} XML files; name a folder within it"
-            raise TreeLoadError([Problem(str(folder), 0, "", "", message)])
+            raise TreeLoadError([TreeProblem(str(folder), 0, "", "", message)])
     return sorted(found)
 
 

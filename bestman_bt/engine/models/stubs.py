@@ -12,7 +12,7 @@ from typing import Any, Final
 from bestman_bt.engine.conversion import ConverterRegistry
 from bestman_bt.engine.core.ports import Port, key_of
 from bestman_bt.engine.core.registry import NodeInfo
-from bestman_bt.engine.errors import ConversionError, Problem, TreeLoadError
+from bestman_bt.engine.errors import ConversionError, TreeLoadError, TreeProblem
 from bestman_bt.engine.leaves.base import Condition, StatefulAction
 
 _TYPES: Final[dict[str, Any]] = {
@@ -50,7 +50,7 @@ def stub_source(infos: Iterable[NodeInfo], existing: str, file: str) -> tuple[st
         module = ast.parse(existing)
     except (SyntaxError, ValueError) as error:
         line = getattr(error, "lineno", 0) or 0
-        raise TreeLoadError([Problem(file, line, "", "", f"it is not Python: {error.args[0]}")]) from None
+        raise TreeLoadError([TreeProblem(file, line, "", "", f"it is not Python: {error.args[0]}")]) from None
     there, imported = _names(module)
     added = [info for info in infos if info.kind in ("Action", "Condition") and info.name not in there]
     if not added:

@@ -17,7 +17,7 @@ from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.core.status import NodeStatus
 from bestman_bt.engine.core.strict_order import STRICT
-from bestman_bt.engine.errors import ConversionError, Problem, ScriptError
+from bestman_bt.engine.errors import ConversionError, ScriptError, TreeProblem
 from bestman_bt.engine.leaves.blackboard import names_entry
 from bestman_bt.engine.leaves.function import class_name
 from bestman_bt.engine.scripting.compiler import ScriptCompiler
@@ -85,7 +85,7 @@ class Checker:
         if self._missing and severity != "warning":
             self.misfits.append(element)
         self.documents.problems.append(
-            Problem(self.file, element.line, name, field, message, suggestion, severity, self._missing)
+            TreeProblem(self.file, element.line, name, field, message, suggestion, severity, self._missing)
         )
 
     def _check(self, element: Element) -> None:

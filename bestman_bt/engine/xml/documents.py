@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bestman_bt.engine.errors import Problem, TreeLoadError
+from bestman_bt.engine.errors import TreeLoadError, TreeProblem
 from bestman_bt.engine.xml.elements import MAX_BYTES, Element, parse_xml
 from bestman_bt.engine.xml.old_version import old_version
 from bestman_bt.engine.xml.py_trees_xml import read_as_here, sign_of_py_trees
@@ -67,8 +67,8 @@ class Documents:
     scoped: dict[tuple[str, str], TreeDefinition] = field(default_factory=dict)
     metadata: dict[str, dict[str, MetadataEntry]] = field(default_factory=dict)
     main_tree: str | None = None
-    problems: list[Problem] = field(default_factory=list)
-    old: list[Problem] = field(default_factory=list)
+    problems: list[TreeProblem] = field(default_factory=list)
+    old: list[TreeProblem] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
     search_path: tuple[Path, ...] = ()
 
@@ -133,12 +133,12 @@ def read_file(path: Path, name: str) -> bytes:
     try:
         if path.stat().st_size > MAX_BYTES:
             what = f"the file has {path.stat().st_size} bytes; at most {MAX_BYTES} are accepted"
-            raise TreeLoadError([Problem(name, 0, "", "", what)])
+            raise TreeLoadError([TreeProblem(name, 0, "", "", what)])
         return path.read_bytes()
     except FileNotFoundError:
-        raise TreeLoadError([Problem(name, 0, "", "", "the tree file does not exist")]) from None
+        raise TreeLoadError([TreeProblem(name, 0, "", "", "the tree file does not exist")]) from None
     except (OSError, ValueError) as error:
-        raise TreeLoadError([Problem(name, 0, "", "", f"the tree file cannot be read: {error}")]) from None
+        raise TreeLoadError([TreeProblem(name, 0, "", "", f"the tree file cannot be read: {error}")]) from None
 
 
 def read_root(root: Element, file: str, documents: Documents) -> None:
@@ -157,7 +157,7 @@ class _Reader:
         documents.files.append(file)
         report = documents.problems.append
         if root.tag != "root":
-            report(Problem(file, root.line, root.tag, "", "the outermost element must be <root>"))
+            report(TreeProblem(file, root.line, root.tag, "", "the outermost element must be <root>"))
             return
         self._read_format(root, file, documents)
         if main:
@@ -167,7 +167,7 @@ class _Reader:
                 self._include(element, file, path, documents)
         models = [element for element in root.children if element.tag == "TreeNodesModel"]
         for extra in models[1:]:
-            report(Problem(file, extra.line, extra.tag, "", "a file may contain only one <TreeNodesModel>"))
+            report(TreeProblem(file, extra.line, extra.tag, "", "a file may contain only one <TreeNodesModel>"))
         for model in models:
             _read_models(model, file, documents)
         trees = [element for element in root.children if element.tag == "BehaviorTree"]
@@ -175,7 +175,7 @@ class _Reader:
             _read_tree(element, file, documents, alone=len(trees) == 1, of_py_trees=self.of_py_trees)
         what = "it is ignored: only <BehaviorTree>, <TreeNodesModel> and <include> may appear under <root>"
         others = [e for e in root.children if e.tag not in ("include", "TreeNodesModel", "BehaviorTree")]
-        documents.problems += [Problem(file, e.line, e.tag, "", what, severity="warning") for e in others]
+        documents.problems += [TreeProblem(file, e.line, e.tag, "", what, severity="warning") for e in others]
 
     def _read_format(self, root: Element, file: str, documents: Documents) -> None:
         """Report files of other formats than version 4; change those of py_trees and what they include."""
@@ -186,18 +186,18 @@ class _Reader:
             documents.old.append(old)
             return
         if version != "4":
-            report(Problem(file, root.line, "root", "BTCPP_format", f"'{version}' is not supported; it must be 4"))
+            report(TreeProblem(file, root.line, "root", "BTCPP_format", f"'{version}' is not supported; it must be 4"))
         sign = sign_of_py_trees(root)
         if sign is not None:
             self.of_py_trees = True
             what = "the file is in the format of py_trees: its nodes are read as those here that mean the same"
-            report(Problem(file, sign.line, sign.tag, "", what, severity="warning"))
+            report(TreeProblem(file, sign.line, sign.tag, "", what, severity="warning"))
         if self.of_py_trees:
             read_as_here(root)
 
     def _include(self, element: Element, file: str, path: Path | None, documents: Documents) -> None:
         def report(message: str, field_name: str = "path", *, missing: bool = False) -> None:
-            documents.problems.append(Problem(file, element.line, "include", field_name, message, missing=missing))
+            documents.problems.append(TreeProblem(file, element.line, "include", field_name, message, missing=missing))
 
         if "ros_pkg" in element.attributes:
             report("ROS packages are not looked up; give a path", "ros_pkg", missing=True)
@@ -253,26 +253,26 @@ def _read_tree(element: Element, file: str, documents: Documents, *, alone: bool
     tree_id = element.attributes.get("ID", "")
     if not tree_id:
         if not alone:
-            report(Problem(file, element.line, "BehaviorTree", "ID", "the attribute is missing"))
+            report(TreeProblem(file, element.line, "BehaviorTree", "ID", "the attribute is missing"))
             return
         tree_id = "BehaviorTree_0"
     bad = bad_character(tree_id)
     if bad or tree_id in ("root", "Root"):
         what = f"'{tree_id}' cannot be the name of a tree" + (f" (it contains {bad!r})" if bad else "")
-        report(Problem(file, element.line, "BehaviorTree", "ID", what))
+        report(TreeProblem(file, element.line, "BehaviorTree", "ID", what))
     known = documents.trees.get(tree_id)
     if known is not None:
         documents.replaced.append(known)
         if known.file == file:
             what = f"'{tree_id}' is also the ID of the tree in line {known.element.line}; rename one of them"
-            report(Problem(file, element.line, "BehaviorTree", "ID", what))
+            report(TreeProblem(file, element.line, "BehaviorTree", "ID", what))
         else:
             where = f"{known.file}:{known.element.line}"
             what = f"'{tree_id}' is already defined at {where}; this later definition is used"
-            report(Problem(file, element.line, "BehaviorTree", "ID", what, severity="warning"))
+            report(TreeProblem(file, element.line, "BehaviorTree", "ID", what, severity="warning"))
     if len(element.children) != 1:
         what = f"tree '{tree_id}' must have exactly one root node but has {len(element.children)}"
-        report(Problem(file, element.line, "BehaviorTree", "", what))
+        report(TreeProblem(file, element.line, "BehaviorTree", "", what))
     documents.trees[tree_id] = TreeDefinition(tree_id, element, file)
     defaults = {key: value for key, value in element.attributes.items() if key != "ID" and key[0] != "_"}
     for port, value in defaults.items() if of_py_trees else ():
@@ -286,7 +286,7 @@ def _read_models(model: Element, file: str, documents: Documents) -> None:
             continue
         tree_id = element.attributes.get("ID")
         if tree_id is None:
-            documents.problems.append(Problem(file, element.line, element.tag, "ID", "the attribute is missing"))
+            documents.problems.append(TreeProblem(file, element.line, element.tag, "ID", "the attribute is missing"))
             continue
         ports = documents.models.setdefault(tree_id, {})
         documents.metadata[tree_id] = {
@@ -300,10 +300,12 @@ def _read_models(model: Element, file: str, documents: Documents) -> None:
             if not port.tag.endswith("_port"):
                 continue
             if not name:
-                documents.problems.append(Problem(file, port.line, port.tag, "name", "the attribute is missing"))
+                documents.problems.append(TreeProblem(file, port.line, port.tag, "name", "the attribute is missing"))
                 continue
             if name[0].isdigit() or bad_character(name) or " " in name or name in _RESERVED:
-                documents.problems.append(Problem(file, port.line, port.tag, "name", f"'{name}' is not a port name"))
+                documents.problems.append(
+                    TreeProblem(file, port.line, port.tag, "name", f"'{name}' is not a port name")
+                )
                 continue
             default = port.attributes.get("default") or None
             kind = port.attributes.get("type", "")

@@ -10,7 +10,7 @@ import xml.parsers.expat
 from collections.abc import Iterator
 from typing import Any, Final
 
-from bestman_bt.engine.errors import Problem, TreeLoadError
+from bestman_bt.engine.errors import TreeLoadError, TreeProblem
 from bestman_bt.errors import Error
 
 MAX_BYTES = 16_000_000
@@ -143,4 +143,4 @@ def run_parser(parser: xml.parsers.expat.XMLParserType, data: bytes, file: str) 
 
 
 def _failure(file: str, line: int, message: str) -> TreeLoadError:
-    return TreeLoadError([Problem(file, line, "", "", message)])
+    return TreeLoadError([TreeProblem(file, line, "", "", message)])

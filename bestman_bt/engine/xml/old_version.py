@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from bestman_bt.engine.errors import Problem
+from bestman_bt.engine.errors import TreeProblem
 from bestman_bt.engine.xml.elements import Element
 
 RENAMED: Final = {
@@ -17,7 +17,7 @@ _SIGN_ATTRIBUTES: Final = ("__shared_blackboard", "__autoremap")
 _SIGNS_OF_PARALLEL: Final = ("success_threshold", "failure_threshold")
 
 
-def old_version(root: Element, file: str) -> Problem | None:
+def old_version(root: Element, file: str) -> TreeProblem | None:
     """Return a problem if a file is of version 3, or None."""
     version = root.attributes.get("BTCPP_format")
     if version == "4":
@@ -35,4 +35,4 @@ def old_version(root: Element, file: str) -> Problem | None:
     if not sign:
         return None
     message = f"the file is in the format of BehaviorTree.CPP 3 ('{sign}')"
-    return Problem(file, line, "", "", message, f"convert it with: bestman-bt convert {file}")
+    return TreeProblem(file, line, "", "", message, f"convert it with: bestman-bt convert {file}")

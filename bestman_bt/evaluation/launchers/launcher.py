@@ -23,7 +23,7 @@ from bestman_bt.engine.own_files import in_words
 from bestman_bt.errors import Error
 from bestman_bt.evaluation.code_version import config_fingerprint
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
-from bestman_bt.evaluation.launchers.worker_process import Answer, code_here
+from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, code_here
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.evaluation.versions import versions
@@ -166,7 +166,7 @@ class Launcher(ABC):
         self.requests += requests
         return range(before, len(self.requests))
 
-    def take(self, place: int, answer: Answer) -> RunResult | None:
+    def take(self, place: int, answer: EpisodeAnswer) -> RunResult | None:
         """Return the result that an answer stands for; None: its worker was lost, and the episode is to be run again.
 
         Raises LauncherLostError if the worker has refused it, as a node of other code that joined late does.

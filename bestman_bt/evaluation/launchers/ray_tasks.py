@@ -20,7 +20,7 @@ from typing import Any
 from bestman_bt.configuration.data import data_root
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LauncherLostError, LaunchOptions
-from bestman_bt.evaluation.launchers.worker_process import Answer, code_here, run_in_own_process
+from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, code_here, run_in_own_process
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.extras import require_extra
 
@@ -140,7 +140,7 @@ class RayTasks(Launcher):
         reference = self._task.remote(request.pickled(), request.wall_limit, str(Path.cwd()))
         self._pending[reference] = place
 
-    def _answer(self, reference: Any) -> Answer:
+    def _answer(self, reference: Any) -> EpisodeAnswer:
         errors = self._ray.exceptions
         losses = (
             errors.WorkerCrashedError,
@@ -150,9 +150,9 @@ class RayTasks(Launcher):
             errors.OutOfMemoryError,
         )
         try:
-            answer: Answer = self._ray.get(reference)
+            answer: EpisodeAnswer = self._ray.get(reference)
         except losses as error:
-            return Answer(lost=f"its Ray worker or node was lost ({type(error).__name__})")
+            return EpisodeAnswer(lost=f"its Ray worker or node was lost ({type(error).__name__})")
         return answer
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LauncherLostError, LaunchOptions
-from bestman_bt.evaluation.launchers.worker_process import Answer, run_in_own_process
+from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, run_in_own_process
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.extras import require_extra
 
@@ -71,7 +71,9 @@ class SlurmArray(Launcher):
                     answers += part.read()
                     self._fruitless = self._fruitless + 1 if part.left and not part.offset else 0
                     if part.left:  # the first of them was running
-                        answers.append((part.left.pop(0), Answer(lost=f"task {part.job.job_id} of Slurm was lost")))
+                        answers.append(
+                            (part.left.pop(0), EpisodeAnswer(lost=f"task {part.job.job_id} of Slurm was lost"))
+                        )
                     again.append(part.left)
                 for place, answer in answers:
                     result = self.take(place, answer)
@@ -142,7 +144,7 @@ class _Part:
     left: list[int]
     offset: int = field(default=0, init=False)
 
-    def read(self) -> list[tuple[int, Answer]]:
+    def read(self) -> list[tuple[int, EpisodeAnswer]]:
         """Return the answers since the last call."""
         with self.file.open("rb") as file:
             file.seek(self.offset)
@@ -164,7 +166,7 @@ def run_share(episodes: Sequence[tuple[int, tuple[bytes, float]]], file: str, fo
                 results.write(f"{place} ".encode() + base64.b64encode(pickle.dumps(answer)) + b"\n")
 
 
-def _parsed(line: bytes) -> tuple[int, Answer]:
+def _parsed(line: bytes) -> tuple[int, EpisodeAnswer]:
     place, _, answer = line.partition(b" ")
     return int(place), pickle.loads(base64.b64decode(answer))  # noqa: S301 - a task of this evaluation wrote it
 

@@ -38,7 +38,7 @@ _ENDED = {
 
 
 @dataclass(frozen=True)
-class Answer:
+class EpisodeAnswer:
     """What became of an episode; exactly one of the texts or ``result`` is not empty.
 
     ``result``: the pickled ``RunResult``. ``crashed``: the episode ended its process, or hung. ``lost``: the worker was
@@ -75,12 +75,12 @@ class WorkerProcess:
         with suppress(ConnectionError):  # ``answer`` reports its end
             self.connection.send_bytes(request)
 
-    def answer(self, timeout: float = 0.0) -> Answer | None:
+    def answer(self, timeout: float = 0.0) -> EpisodeAnswer | None:
         """Return what became of the episode, once that is known. Raises RuntimeError if the worker cannot start."""
         try:
             if self.connection.poll(timeout):
                 message = self.connection.recv()
-                if isinstance(message, Answer):
+                if isinstance(message, EpisodeAnswer):
                     return message
                 self._ready, self._began = True, time.perf_counter()
                 return None
@@ -88,14 +88,14 @@ class WorkerProcess:
             code = self._process.wait()
             self.kill()
             if code in _ENDED:
-                return Answer(lost=_ENDED[code])
+                return EpisodeAnswer(lost=_ENDED[code])
             if not self._ready:
                 raise RuntimeError("a worker process cannot start; its error is above") from error
-            return Answer(crashed=f"the process ended with code {code}", seconds=self._passed)
+            return EpisodeAnswer(crashed=f"the process ended with code {code}", seconds=self._passed)
         if not self._ready or self._passed <= self._limit:
             return None
         self.kill()
-        return Answer(crashed=f"given up after {self._passed:.0f} s of wall time", seconds=self._passed)
+        return EpisodeAnswer(crashed=f"given up after {self._passed:.0f} s of wall time", seconds=self._passed)
 
     @property
     def _passed(self) -> float:
@@ -113,7 +113,7 @@ _own: list[WorkerProcess] = []
 """The worker of this process, kept for the next episode."""
 
 
-def run_in_own_process(request: bytes, wall_limit: float, folder: str) -> Answer:
+def run_in_own_process(request: bytes, wall_limit: float, folder: str) -> EpisodeAnswer:
     """Run a pickled ``EpisodeRequest`` in a worker of this process, in ``folder`` if that exists; wait for it."""
     if not _own:
         _own.append(WorkerProcess(folder if Path(folder).is_dir() else None))
@@ -123,7 +123,7 @@ def run_in_own_process(request: bytes, wall_limit: float, folder: str) -> Answer
         while (answer := worker.answer(1.0)) is None:
             pass
     except RuntimeError as error:
-        answer = Answer(lost=str(error))
+        answer = EpisodeAnswer(lost=str(error))
     if not worker.alive:
         _own.clear()
     return answer
@@ -151,20 +151,20 @@ def serve(descriptor: int) -> None:
         connection.send(_answer(request))
 
 
-def _answer(request: bytes) -> Answer:
+def _answer(request: bytes) -> EpisodeAnswer:
     from bestman_bt.evaluation.code_version import code_fingerprint
 
     try:
         asked = pickle.loads(request)  # noqa: S301 - from the process that has started this one
         if why := asked.why_not_here():
-            return Answer(refused=why)
+            return EpisodeAnswer(refused=why)
         result = asked.run()
         # A node that goes takes the code away, file by file, below an episode that still runs.
         if result.success or not asked.code or code_fingerprint() == asked.code:
-            return Answer(result=pickle.dumps(result))
-        return Answer(lost="the code was changed or taken away below its worker")
+            return EpisodeAnswer(result=pickle.dumps(result))
+        return EpisodeAnswer(lost="the code was changed or taken away below its worker")
     except Exception as error:  # noqa: BLE001 - ``run`` catches those of the episode: this one is the worker's
-        return Answer(lost=f"its worker failed ({type(error).__name__}: {error})")
+        return EpisodeAnswer(lost=f"its worker failed ({type(error).__name__}: {error})")
 
 
 def _end_with_the_parent(descriptor: int) -> None:

@@ -31,7 +31,7 @@ class PlanningErrorCode(StrEnum):
     TIMED_PATH_INVALID = "timed_path_invalid"
 
 
-class PlanningError(ManipulationError):
+class MotionPlanningError(ManipulationError):
     """Raised if no plan was found; ``code``: a PlanningErrorCode; ``failure``: with the obstacle, if known."""
 
     code: PlanningErrorCode
@@ -91,5 +91,5 @@ class MotionPlanner(ABC):
     ) -> MotionPlan:
         """Plan from ``start`` (n,) to any of ``goals``, each (n,), radians.
 
-        Raises PlanningError if no plan is found, ManipulationError for NaN, wrong shapes or an empty list of goals.
+        Raises MotionPlanningError if no plan is found, ManipulationError for NaN, wrong shapes or no goals.
         """

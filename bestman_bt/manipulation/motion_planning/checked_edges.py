@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.manipulation.collision.base import CollisionWorld
-from bestman_bt.manipulation.motion_planning.base import PathConstraint, PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PathConstraint, PlanningErrorCode
 
 # What a planner asks of a configuration: collisions, the constraint, and a count of the questions.
 
@@ -24,7 +24,7 @@ _CHECKS_BETWEEN_LOOKS_AT_THE_CLOCK = 256
 class CountedValidity:
     """Free of collisions and within the constraint, as a Python ``bool`` (OMPL refuses numpy's).
 
-    ``wall_limit``: seconds after which it raises PlanningError (``timeout``). A result never depends on it.
+    ``wall_limit``: seconds after which it raises MotionPlanningError (``timeout``). A result never depends on it.
     """
 
     def __init__(self, world: CollisionWorld, constraint: PathConstraint | None, wall_limit: float) -> None:
@@ -38,7 +38,7 @@ class CountedValidity:
         """Return whether the arm may stand at ``positions`` (n,)."""
         self.checks += 1
         if self.checks % _CHECKS_BETWEEN_LOOKS_AT_THE_CLOCK == 0 and time.monotonic() > self._end:
-            raise PlanningError(
+            raise MotionPlanningError(
                 PlanningErrorCode.TIMEOUT,
                 f"planning was aborted after {self._wall_limit:g} s and {self.checks} checks",
             )

@@ -16,8 +16,8 @@ from bestman_bt.manipulation.joint_values import JointLimits
 from bestman_bt.manipulation.motion_planning.base import (
     MotionPlan,
     MotionPlanner,
+    MotionPlanningError,
     PathConstraint,
-    PlanningError,
     PlanningErrorCode,
 )
 from bestman_bt.manipulation.motion_planning.ompl_planners import AORRTC, KPIECE, BITStar, RRTStar
@@ -71,12 +71,12 @@ class Portfolio(MotionPlanner):
         constraint: PathConstraint | None = None,
     ) -> MotionPlan:
         """Plan from ``start`` to any of ``goals``; see the base class."""
-        failures: list[PlanningError] = []
+        failures: list[MotionPlanningError] = []
         plans: list[MotionPlan] = []
         for planner, own in zip(self.members, rng.spawn(len(self.members)), strict=True):
             try:
                 plans.append(planner.plan(start, goals, world, limits, own, constraint))
-            except PlanningError as error:
+            except MotionPlanningError as error:
                 if error.code not in (PlanningErrorCode.NO_PATH, PlanningErrorCode.TIMEOUT):
                     raise
                 failures.append(error)
@@ -85,5 +85,5 @@ class Portfolio(MotionPlanner):
                 break
         if not plans:
             last = failures[-1].failure.obstacle
-            raise PlanningError(PlanningErrorCode.NO_PATH, "; ".join(map(str, failures)), last)
+            raise MotionPlanningError(PlanningErrorCode.NO_PATH, "; ".join(map(str, failures)), last)
         return min(plans, key=lambda plan: plan.length)

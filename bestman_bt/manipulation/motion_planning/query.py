@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from bestman_bt.manipulation.collision.base import CollisionWorld
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import JointLimits, joint_vector
-from bestman_bt.manipulation.motion_planning.base import PathConstraint, PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PathConstraint, PlanningErrorCode
 from bestman_bt.messages import MotionObstacle, MotionStage
 
 
@@ -41,8 +41,8 @@ def check_query(
 ) -> PlanningQuery:
     """Check start and goals; the start may be ``limit_tolerance`` rad outside of its limits.
 
-    Raises PlanningError if the start, or every goal, violates limits, collision or constraint; ManipulationError for
-    NaN, wrong shapes, no goals, or different joints of world and limits.
+    Raises MotionPlanningError if the start, or every goal, violates limits, collision or constraint; ManipulationError
+    for NaN, wrong shapes, no goals, or different joints of world and limits.
     """
     if world.joint_names != limits.joint_names:
         raise ManipulationError(
@@ -79,41 +79,41 @@ def _check_start(
 ) -> None:
     outside = _out_of_limits(start, limits, tolerance)
     if outside:
-        raise PlanningError(
+        raise MotionPlanningError(
             PlanningErrorCode.START_OUT_OF_LIMITS,
             f"the start is outside its limits: {outside}",
             at_limit(MotionStage.START, start, limits),
         )
     if not world.is_free(start):
-        raise PlanningError(
+        raise MotionPlanningError(
             PlanningErrorCode.START_IN_COLLISION,
             f"the start is in collision: {describe_contacts(world, start)}",
             in_the_way(MotionStage.START, world, start),
         )
     if constraint is not None and not constraint.satisfied(start):
-        raise PlanningError(
+        raise MotionPlanningError(
             PlanningErrorCode.START_VIOLATES_CONSTRAINT, f"the start violates: {constraint.description}"
         )
 
 
 def _goal_refusal(
     index: int, goal: NDArray[np.float64], world: CollisionWorld, limits: JointLimits, constraint: PathConstraint | None
-) -> PlanningError | None:
+) -> MotionPlanningError | None:
     outside = _out_of_limits(goal, limits, 1e-6)
     if outside:
-        return PlanningError(
+        return MotionPlanningError(
             PlanningErrorCode.GOAL_OUT_OF_LIMITS,
             f"goal {index} is outside the limits: {outside}",
             at_limit(MotionStage.GOAL, goal, limits),
         )
     if not world.is_free(goal):
-        return PlanningError(
+        return MotionPlanningError(
             PlanningErrorCode.GOAL_IN_COLLISION,
             f"goal {index} is in collision: {describe_contacts(world, goal)}",
             in_the_way(MotionStage.GOAL, world, goal),
         )
     if constraint is not None and not constraint.satisfied(goal):
-        return PlanningError(
+        return MotionPlanningError(
             PlanningErrorCode.GOAL_VIOLATES_CONSTRAINT, f"goal {index} breaks: {constraint.description}"
         )
     return None

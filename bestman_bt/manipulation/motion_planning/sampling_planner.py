@@ -16,8 +16,8 @@ from bestman_bt.manipulation.joint_values import JointLimits
 from bestman_bt.manipulation.motion_planning.base import (
     MotionPlan,
     MotionPlanner,
+    MotionPlanningError,
     PathConstraint,
-    PlanningError,
     PlanningErrorCode,
 )
 from bestman_bt.manipulation.motion_planning.checked_edges import CheckedEdges, CountedValidity
@@ -197,9 +197,9 @@ class SamplingPlanner(MotionPlanner):
         validity = CountedValidity(world, constraint, self.wall_limit)
         try:
             path = self._found(query, validity, rng)
-        except PlanningError as late:
+        except MotionPlanningError as late:
             words, obstacle = _in_the_way(query, world)
-            raise PlanningError(late.code, f"{late}{words}", obstacle) from late
+            raise MotionPlanningError(late.code, f"{late}{words}", obstacle) from late
         return MotionPlan(path, query.index_of(path[-1]), validity.checks)
 
     def _found(self, query: PlanningQuery, validity: CountedValidity, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -217,7 +217,7 @@ class SamplingPlanner(MotionPlanner):
                 return path
             step = max(step / 2, self.final_check_step)  # what is there is thin: look more closely
             edges = CheckedEdges(validity, step, self.final_check_step)
-        raise PlanningError(
+        raise MotionPlanningError(
             PlanningErrorCode.NO_PATH,
             f"{type(self).__name__} found no path to any of {len(query.goals)} goals after {validity.checks} "
             "collision checks",

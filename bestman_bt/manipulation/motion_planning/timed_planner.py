@@ -14,8 +14,8 @@ from bestman_bt.manipulation.joint_values import JointLimits, joint_vector
 from bestman_bt.manipulation.motion_planning.base import (
     MotionPlan,
     MotionPlanner,
+    MotionPlanningError,
     PathConstraint,
-    PlanningError,
     PlanningErrorCode,
 )
 from bestman_bt.manipulation.motion_planning.query import in_the_way
@@ -52,8 +52,8 @@ class Escape:
     ) -> NDArray[np.float64]:
         """Return waypoints (N, n), radians, from ``start`` to a free configuration, with increasing clearance.
 
-        One row if the start is free. Raises PlanningError (``start_in_collision``) naming the pairs if they overlap too
-        far, or no small motion helps.
+        One row if the start is free. Raises MotionPlanningError (``start_in_collision``) naming the pairs if they
+        overlap too far, or no small motion helps.
         """
         origin = joint_vector(start, len(limits.joint_names), "start of an escape")
         path = [origin]
@@ -118,10 +118,12 @@ def _gradient(positions: NDArray[np.float64], clearance: float, world: Collision
     return np.array([world.clearance(step) - clearance for step in steps]) / _DIFFERENCE
 
 
-def _refusal(origin: NDArray[np.float64], world: CollisionWorld, why: str) -> PlanningError:
+def _refusal(origin: NDArray[np.float64], world: CollisionWorld, why: str) -> MotionPlanningError:
     pairs = ", ".join(f"{a} with {b}" for a, b in world.colliding_pairs(origin))
     obstacle = in_the_way(MotionStage.START, world, origin)
-    return PlanningError(PlanningErrorCode.START_IN_COLLISION, f"the start is in collision: {pairs}, {why}", obstacle)
+    return MotionPlanningError(
+        PlanningErrorCode.START_IN_COLLISION, f"the start is in collision: {pairs}, {why}", obstacle
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,9 +160,9 @@ class TimedMotionPlanner:
     ) -> TimedPlan:
         """Return a timed motion from ``start`` (n,) to one of ``goals``.
 
-        Raises PlanningError if there is no path, or (``timed_path_invalid``) no collision-free timed motion.
+        Raises MotionPlanningError if there is no path, or (``timed_path_invalid``) no collision-free timed motion.
         """
-        fault: PlanningError | None = None
+        fault: MotionPlanningError | None = None
         for attempt in range(1, self.attempts + 1):
             plan = self.planner.plan(start, goals, world, limits, rng, constraint)
             trajectory = self.timing.parametrize(plan.path, limits, scale)
@@ -169,7 +171,7 @@ class TimedMotionPlanner:
                 return TimedPlan(trajectory, plan, attempt)
         assert fault is not None  # there is at least one attempt
         message = f"none of {self.attempts} timed motions keeps clear; the last {fault}"
-        raise PlanningError(fault.code, message, fault.failure.obstacle)
+        raise MotionPlanningError(fault.code, message, fault.failure.obstacle)
 
     def escape(
         self,
@@ -181,11 +183,11 @@ class TimedMotionPlanner:
     ) -> JointTrajectory:
         """Return a small timed motion out of a ``start`` (n,) in collision, with increasing clearance.
 
-        Raises PlanningError (``start_in_collision``) if there is none, or if the start is already free.
+        Raises MotionPlanningError (``start_in_collision``) if there is none, or if the start is already free.
         """
         path = Escape().path(start, world, limits, rng)
         if len(path) == 1:
-            raise PlanningError(
+            raise MotionPlanningError(
                 PlanningErrorCode.START_IN_COLLISION, "there is nothing to escape from: the start is free"
             )
         return self.timing.parametrize(path, limits, scale)
@@ -200,27 +202,27 @@ class TimedMotionPlanner:
     ) -> JointTrajectory:
         """Time a given path (N, n), for example a Cartesian one, and check it.
 
-        Raises PlanningError (``timed_path_invalid``) if the timed motion collides.
+        Raises MotionPlanningError (``timed_path_invalid``) if the timed motion collides.
         """
         trajectory = self.timing.parametrize(path, limits, scale)
         fault = why_invalid(trajectory, world, constraint)
         if fault is not None:
-            raise PlanningError(fault.code, f"the timed motion {fault}", fault.failure.obstacle)
+            raise MotionPlanningError(fault.code, f"the timed motion {fault}", fault.failure.obstacle)
         return trajectory
 
 
 def why_invalid(
     trajectory: JointTrajectory, world: CollisionWorld, constraint: PathConstraint | None = None
-) -> PlanningError | None:
+) -> MotionPlanningError | None:
     """Return the fault of a timed motion: ``touches ...``, or ``breaks at ...``; or None."""
     touch = first_touch(trajectory, world)
     if touch is not None:
         obstacle = in_the_way(MotionStage.TIMED_MOTION, world, trajectory.sample(touch.time)[0])
         pairs = replace(obstacle, pairs=touch.pairs)
-        return PlanningError(PlanningErrorCode.TIMED_PATH_INVALID, f"touches {touch}", pairs)
+        return MotionPlanningError(PlanningErrorCode.TIMED_PATH_INVALID, f"touches {touch}", pairs)
     if constraint is not None:
         for time, positions in dense_samples(trajectory, 0.01, 0.01):
             if not constraint.tolerated(positions):
                 words = f"breaks at {time:.2f} s: {constraint.description}"
-                return PlanningError(PlanningErrorCode.TIMED_PATH_INVALID, words)
+                return MotionPlanningError(PlanningErrorCode.TIMED_PATH_INVALID, words)
     return None

@@ -26,7 +26,7 @@ from bestman_bt.manipulation.collision.planning_scene import AttachedObject, Pla
 from bestman_bt.manipulation.collision.scene_from_world_model import hand_links
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares
 from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
-from bestman_bt.manipulation.motion_planning.base import PlanningError
+from bestman_bt.manipulation.motion_planning.base import MotionPlanningError
 from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
 from bestman_bt.manipulation.trajectory.base import SpeedScale
@@ -248,7 +248,7 @@ class _Recorder:
         limits_of_arm = self._model.of(ArmModel)[self._arm_name]
         try:
             timed = self._planner.plan(start, solutions, world, limits_of_arm, self._rng, SPEED)
-        except PlanningError:
+        except MotionPlanningError:
             return False
         return self._finish(self._arm.follow(timed.trajectory))
 

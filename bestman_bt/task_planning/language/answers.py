@@ -14,11 +14,19 @@ from bestman_bt.task_planning.language.conversation import FaultyAnswerError
 from bestman_bt.task_planning.language.schema import GoalAnswer, PlanAnswer
 from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.symbolic.grounding import ground, instantiate
-from bestman_bt.task_planning.symbolic.problem import Action, Fact, GoalError, Literal, PlanningError, Problem, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import (
+    Action,
+    Fact,
+    GoalError,
+    Literal,
+    PlanningError,
+    PlanningProblem,
+    TaskPlan,
+)
 from bestman_bt.task_planning.symbolic.search import without_needless
 
 
-def checked_goal(problem: Problem, answer: GoalAnswer) -> Problem:
+def checked_goal(problem: PlanningProblem, answer: GoalAnswer) -> PlanningProblem:
     """Return the problem with the goal of the answer, unless it has its own; given places restrict unseen things.
 
     Raises FaultyAnswerError.
@@ -42,7 +50,7 @@ def checked_goal(problem: Problem, answer: GoalAnswer) -> Problem:
     return replace(problem, goal=tuple(dict.fromkeys(goal)), state=state)
 
 
-def _facts(problem: Problem, field: str, texts: Sequence[str]) -> tuple[list[Literal], list[str]]:
+def _facts(problem: PlanningProblem, field: str, texts: Sequence[str]) -> tuple[list[Literal], list[str]]:
     """Return the facts in the texts with full names, and the faults."""
     domain = Domain(())
     literals: list[Literal] = []
@@ -55,7 +63,7 @@ def _facts(problem: Problem, field: str, texts: Sequence[str]) -> tuple[list[Lit
     return literals, faults
 
 
-def _ruled_out(problem: Problem, told: Sequence[Fact]) -> set[Fact]:
+def _ruled_out(problem: PlanningProblem, told: Sequence[Fact]) -> set[Fact]:
     """Return the facts excluded by given places of unseen things; places that were searched do not count."""
     places: dict[str, set[str]] = {}
     for fact in told:
@@ -69,7 +77,7 @@ def _ruled_out(problem: Problem, told: Sequence[Fact]) -> set[Fact]:
     }
 
 
-def checked_plan(problem: Problem, limits: PlanLimits, answer: PlanAnswer) -> tuple[Problem, TaskPlan]:
+def checked_plan(problem: PlanningProblem, limits: PlanLimits, answer: PlanAnswer) -> tuple[PlanningProblem, TaskPlan]:
     """Return the problem with its goal, and the plan without unnecessary steps. Raises FaultyAnswerError."""
     problem = checked_goal(problem, answer)
     operators = {operator.name: operator for operator in limits.operators(problem)}
@@ -83,7 +91,7 @@ def checked_plan(problem: Problem, limits: PlanLimits, answer: PlanAnswer) -> tu
     raise FaultyAnswerError(faults)
 
 
-def _run_through(problem: Problem, actions: Sequence[Action]) -> list[str]:
+def _run_through(problem: PlanningProblem, actions: Sequence[Action]) -> list[str]:
     """Do the steps in thought, up to the first that cannot be done or leads back to where the plan has been."""
     state = problem.state
     been = {state: "the start"}
@@ -100,7 +108,7 @@ def _run_through(problem: Problem, actions: Sequence[Action]) -> list[str]:
     return [f"{after} the goal's {' and '.join(map(str, unmet))} does not hold"] if unmet else []
 
 
-def _needed(problem: Problem, actions: Sequence[Action]) -> tuple[Action, ...]:
+def _needed(problem: PlanningProblem, actions: Sequence[Action]) -> tuple[Action, ...]:
     """Return the steps without those that the goal does not need."""
     grounded = ground(problem)
     numbers = {action: number for number, action in enumerate(grounded.actions)}

@@ -18,12 +18,12 @@ from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, Rep
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
 from bestman_bt.task_planning.planners import made_planner, planner_class
 from bestman_bt.task_planning.symbolic.grounding import instantiate
-from bestman_bt.task_planning.symbolic.problem import PlanningError, Problem, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import PlanningError, PlanningProblem, TaskPlan
 
 # A language model as task planner: it proposes, what it proposes is checked, and nothing unchecked comes out.
 
 
-PlanCheck = Callable[[Problem, TaskPlan], Sequence[str]]
+PlanCheck = Callable[[PlanningProblem, TaskPlan], Sequence[str]]
 """What else is wrong with a plan for a problem, in words; nothing where it may be carried out."""
 
 
@@ -31,7 +31,7 @@ PlanCheck = Callable[[Problem, TaskPlan], Sequence[str]]
 class Proposal:
     """The result: the problem with the goal as understood, a checked plan for it, and its cost."""
 
-    problem: Problem
+    problem: PlanningProblem
     plan: TaskPlan
     usage: Usage
 
@@ -51,11 +51,11 @@ class LanguagePlanner(TaskPlanner):
     endpoint: ChatEndpoint | None = None
     further: PlanCheck | None = None
 
-    def plan(self, problem: Problem) -> TaskPlan:
+    def plan(self, problem: PlanningProblem) -> TaskPlan:
         """Return a plan for the goal, or for the instruction if there is no goal; raises also LanguageError."""
         return self.propose(problem).plan
 
-    def propose(self, problem: Problem) -> Proposal:
+    def propose(self, problem: PlanningProblem) -> Proposal:
         """Return the plan with the goal that it reaches.
 
         Raises:
@@ -67,7 +67,7 @@ class LanguagePlanner(TaskPlanner):
         told, limits = names.renamed(problem), self.limits.resolved(problem).renamed(names.told)
         model = plan_answer(told, limits)
 
-        def check(answer: PlanAnswer) -> tuple[Problem, TaskPlan]:
+        def check(answer: PlanAnswer) -> tuple[PlanningProblem, TaskPlan]:
             solved, plan = checked_plan(told, limits, answer)
             meant = names.meant(problem, solved)
             operators = {operator.name: operator for operator in problem.operators}
@@ -98,7 +98,7 @@ class GoalReader:
     limits: PlanLimits = field(default_factory=PlanLimits)
     endpoint: ChatEndpoint | None = None
 
-    def read(self, problem: Problem) -> tuple[Problem, Usage]:
+    def read(self, problem: PlanningProblem) -> tuple[PlanningProblem, Usage]:
         """Return the problem with the goal of its instruction.
 
         Raises:
@@ -117,7 +117,7 @@ class GoalReader:
 
 def plan_from_text(
     text: str,
-    problem: Problem,
+    problem: PlanningProblem,
     planner: str = "language",
     *,
     tries: int = 4,

@@ -16,7 +16,7 @@ from bestman_bt.facts.located import UNSEEN
 from bestman_bt.task_planning.language.chat import Message
 from bestman_bt.task_planning.limits import ALLOWED, PlanLimits
 from bestman_bt.task_planning.state import known_predicates
-from bestman_bt.task_planning.symbolic.problem import Operator, Problem
+from bestman_bt.task_planning.symbolic.problem import Operator, PlanningProblem
 
 # Names of things as they are told to a language model: words without room for sentences.
 
@@ -54,7 +54,7 @@ class PlainNames:
             taken.add(candidate)
         return cls(told)
 
-    def renamed(self, problem: Problem) -> Problem:
+    def renamed(self, problem: PlanningProblem) -> PlanningProblem:
         """Return the problem with the names of the prompt."""
         return replace(
             problem,
@@ -68,7 +68,7 @@ class PlainNames:
         world = {told: name for name, told in self.told.items()}
         return tuple(world[name] for name in names)
 
-    def meant(self, problem: Problem, solved: Problem) -> Problem:
+    def meant(self, problem: PlanningProblem, solved: PlanningProblem) -> PlanningProblem:
         """Return ``problem`` with the goal of ``solved``, converted to names of the world, and without excluded
         facts.
         """
@@ -112,12 +112,12 @@ say why in one sentence, and leave the rest empty.
 _FAULTS = "That answer was not accepted:\n{faults}\nAnswer again, with the whole JSON object."
 
 
-def goal_messages(problem: Problem, limits: PlanLimits) -> tuple[Message, ...]:
+def goal_messages(problem: PlanningProblem, limits: PlanLimits) -> tuple[Message, ...]:
     """Return the question for the goal alone."""
     return Message("system", _RULES + _REFUSAL), Message("user", _document(problem, limits))
 
 
-def plan_messages(problem: Problem, limits: PlanLimits) -> tuple[Message, ...]:
+def plan_messages(problem: PlanningProblem, limits: PlanLimits) -> tuple[Message, ...]:
     """Return the question for the goal and the steps."""
     return Message("system", _RULES + _STEPS + _REFUSAL), Message("user", _document(problem, limits))
 
@@ -127,7 +127,7 @@ def fault_message(faults: Sequence[str]) -> Message:
     return Message("user", _FAULTS.format(faults="\n".join(f"- {fault}" for fault in faults)))
 
 
-def _document(problem: Problem, limits: PlanLimits) -> str:
+def _document(problem: PlanningProblem, limits: PlanLimits) -> str:
     operators = limits.operators(problem)
     hidden = _not_seen(problem)
     document: dict[str, Any] = {
@@ -158,7 +158,7 @@ def _ability(operator: Operator) -> dict[str, Any]:
     }
 
 
-def _predicates(problem: Problem) -> dict[str, Any]:
+def _predicates(problem: PlanningProblem) -> dict[str, Any]:
     known = known_predicates()
     return {
         name: {"arguments": types, "means": known[name].words if name in known else ""}
@@ -166,7 +166,7 @@ def _predicates(problem: Problem) -> dict[str, Any]:
     }
 
 
-def _not_seen(problem: Problem) -> dict[str, list[str]]:
+def _not_seen(problem: PlanningProblem) -> dict[str, list[str]]:
     """Return the unseen objects, each with its possible places."""
     said = (fact for fact in problem.state if fact.predicate not in (UNSEEN.name, ALLOWED))
     seen = {name for fact in said for name in fact.arguments}
@@ -179,7 +179,7 @@ def _not_seen(problem: Problem) -> dict[str, list[str]]:
     return hidden
 
 
-def _names(problem: Problem) -> dict[str, list[str]]:
+def _names(problem: PlanningProblem) -> dict[str, list[str]]:
     """Return the things of each type that abilities and predicates speak of; some are of several."""
     types = {kind for operator in problem.operators for kind in operator.parameters.values()}
     types.update(kind for kinds in problem.predicates.values() for kind in kinds)

@@ -12,7 +12,7 @@ from pydantic_core import core_schema
 
 from bestman_bt.registry import suggestion
 from bestman_bt.task_planning.limits import PlanLimits
-from bestman_bt.task_planning.symbolic.problem import Operator, Problem
+from bestman_bt.task_planning.symbolic.problem import Operator, PlanningProblem
 
 MOST_FACTS = 40
 _MOST_FAULTS = 8
@@ -52,7 +52,7 @@ class PlanAnswer(GoalAnswer):
     plan: list[PlannedStep]
 
 
-def plan_answer(problem: Problem, limits: PlanLimits) -> type[PlanAnswer]:
+def plan_answer(problem: PlanningProblem, limits: PlanLimits) -> type[PlanAnswer]:
     """Return the model of plans for a problem: only abilities and names that the limits allow."""
     steps = [step for operator in limits.operators(problem) if (step := _step(operator, problem, limits)) is not None]
     entries: Any = reduce(or_, steps) if steps else PlannedStep
@@ -76,7 +76,7 @@ def faults_of(error: ValidationError) -> list[str]:
     return faults if len(found) <= _MOST_FAULTS else [*faults, f"and {len(found) - _MOST_FAULTS} more"]
 
 
-def _step(operator: Operator, problem: Problem, limits: PlanLimits) -> type[PlannedStep] | None:
+def _step(operator: Operator, problem: PlanningProblem, limits: PlanLimits) -> type[PlannedStep] | None:
     """Return the model of one ability's uses, or None if there is nothing of a type that it takes."""
     fields: dict[str, Any] = {}
     for number, (parameter, kind) in enumerate(operator.parameters.items()):

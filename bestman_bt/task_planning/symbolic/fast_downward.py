@@ -11,7 +11,7 @@ from bestman_bt.extras import install_command
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.symbolic.grounding import instantiate
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
-from bestman_bt.task_planning.symbolic.problem import GoalError, PlanningError, Problem, TaskPlan, Unsolvable
+from bestman_bt.task_planning.symbolic.problem import GoalError, PlanningError, PlanningProblem, TaskPlan, Unsolvable
 
 
 class PlannerMissingError(PlanningError, MissingExtraError):
@@ -29,7 +29,7 @@ class FastDownwardPlanner(TaskPlanner):
     engine: str = "fast-downward"
     timeout: float = 60.0
 
-    def plan(self, problem: Problem) -> TaskPlan:
+    def plan(self, problem: PlanningProblem) -> TaskPlan:
         """Return a plan; raises as ``TaskPlanner.plan``, and PlannerMissingError naming the extra."""
         for literal in problem.goal:
             if ~literal in problem.goal:
@@ -50,7 +50,7 @@ class FastDownwardPlanner(TaskPlanner):
         return TaskPlan(tuple(instantiate(problem, operator, arguments) for operator, arguments in steps))
 
 
-def is_valid(problem: Problem, plan: TaskPlan) -> bool:
+def is_valid(problem: PlanningProblem, plan: TaskPlan) -> bool:
     """Return whether unified-planning's own validator accepts a plan."""
     planning = unified_planning()
     text = PddlText(problem)

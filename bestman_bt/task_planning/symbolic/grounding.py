@@ -19,7 +19,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     Literal,
     Operator,
     PlanningError,
-    Problem,
+    PlanningProblem,
     Unsolvable,
     with_article,
 )
@@ -27,7 +27,7 @@ from bestman_bt.task_planning.symbolic.problem import (
 # From operators to actions: parameters bound to things of the world, ``forall`` written out.
 
 
-def instantiate(problem: Problem, operator: Operator, arguments: Sequence[str]) -> Action:
+def instantiate(problem: PlanningProblem, operator: Operator, arguments: Sequence[str]) -> Action:
     """Return the action of an operator for given things. Raises PlanningError for a wrong number or type."""
     if len(arguments) != len(operator.parameters):
         named = ", ".join(operator.parameters)
@@ -41,7 +41,7 @@ def instantiate(problem: Problem, operator: Operator, arguments: Sequence[str]) 
     return bind(problem, operator, arguments)
 
 
-def bind(problem: Problem, operator: Operator, arguments: Sequence[str]) -> Action:
+def bind(problem: PlanningProblem, operator: Operator, arguments: Sequence[str]) -> Action:
     """Return the action for valid arguments. Raises PlanningError if a ``forall`` depends on changing facts."""
     if problem.unsound:
         raise PlanningError(problem.unsound)
@@ -55,7 +55,7 @@ def bind(problem: Problem, operator: Operator, arguments: Sequence[str]) -> Acti
     return Action(operator, tuple(arguments), needed, hold, add, delete)
 
 
-def written_out(problem: Problem, conditions: Iterable[Condition], values: Mapping[str, str]) -> list[Literal]:
+def written_out(problem: PlanningProblem, conditions: Iterable[Condition], values: Mapping[str, str]) -> list[Literal]:
     """Return the conditions with ``values`` for parameters; ``forall`` becomes a literal per thing with ``given``."""
     literals: list[Literal] = []
     for condition in conditions:
@@ -76,7 +76,7 @@ class GroundProblem:
     that need each bit.
     """
 
-    def __init__(self, problem: Problem, actions: Sequence[Action]) -> None:
+    def __init__(self, problem: PlanningProblem, actions: Sequence[Action]) -> None:
         changing = {effect.fact for action in actions for effect in action.effects}
         asked = {need for action in actions for need in action.pre}.union(problem.goal)
         self.literals = sorted(literal for literal in asked if literal.fact in changing)
@@ -112,7 +112,7 @@ class GroundProblem:
         return state & ~self.delete[action] | self.add[action]
 
 
-def ground(problem: Problem) -> GroundProblem:
+def ground(problem: PlanningProblem) -> GroundProblem:
     """Return the relevant ground actions. Raises Unsolvable if the goal is unreachable even under the delete
     relaxation.
     """
@@ -175,7 +175,7 @@ class _Reach:
                         ready.append(waiting)
 
 
-def _joined(problem: Problem) -> tuple[list[Action], set[Literal]]:
+def _joined(problem: PlanningProblem) -> tuple[list[Action], set[Literal]]:
     """As ``reachable_actions`` of all instances of the operators, which are not made; in the order of their things."""
     reach, join, order = _Reach(problem.state), _Join(problem), dict[int, tuple[int, ...]]()
     numbers = {name: number for number, name in enumerate(problem.objects)}
@@ -199,7 +199,7 @@ def _joined(problem: Problem) -> tuple[list[Action], set[Literal]]:
 class _Join:
     """Finds the bindings of all operators for which their conditions hold of facts that were given, each once."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: PlanningProblem) -> None:
         self._problem = problem
         self._changing = frozenset[str]().union(*(operator.changes for operator in problem.operators))
         self._kinds = [{f"{{{name}}}": kind for name, kind in one.parameters.items()} for one in problem.operators]

@@ -21,7 +21,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     Literal,
     Operator,
     PlanningError,
-    Problem,
+    PlanningProblem,
 )
 
 _TOKEN = re.compile(r"[()]|[^\s();]+")
@@ -63,7 +63,7 @@ class _List:
         return first.text if isinstance(first, _Word) else ""
 
 
-def read_pddl(domain: str | Path, problem: str | Path) -> Problem:
+def read_pddl(domain: str | Path, problem: str | Path) -> PlanningProblem:
     """Return the problem of a domain file and a problem file. Raises PddlError with file and line."""
     operators, types, constants, predicates = _File(domain).domain()
     stated = _File(problem)
@@ -71,7 +71,7 @@ def read_pddl(domain: str | Path, problem: str | Path) -> Problem:
     if not stated.has_metric:  # the shortest plan is asked for
         operators = tuple(replace(operator, cost=1.0) for operator in operators)
     named = {**constants, **objects}
-    return Problem(named, state, goal, operators, {kind: (above,) for kind, above in types.items()}, predicates)
+    return PlanningProblem(named, state, goal, operators, {kind: (above,) for kind, above in types.items()}, predicates)
 
 
 def read_goal(source: str | Path) -> tuple[Literal, ...]:

@@ -14,7 +14,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     Forall,
     Literal,
     Operator,
-    Problem,
+    PlanningProblem,
 )
 
 Key = TypeVar("Key")
@@ -30,7 +30,7 @@ class PddlText:
     as a container, and equal lower-case names get numbers; ``action`` converts names back.
     """
 
-    def __init__(self, problem: Problem, name: str = "bestman") -> None:
+    def __init__(self, problem: PlanningProblem, name: str = "bestman") -> None:
         self._problem = problem
         self._name = _word(name)
         self._signatures = signatures(problem)
@@ -132,7 +132,7 @@ class PddlText:
         return f"({' '.join([EQUAL if fact.predicate == EQUAL else self._predicates[fact.predicate], *words])})"
 
 
-def signatures(problem: Problem) -> dict[str, tuple[str, ...]]:
+def signatures(problem: PlanningProblem) -> dict[str, tuple[str, ...]]:
     """Return predicate → types of its arguments: as declared, or as used by operators, state and goal."""
     known = dict(problem.predicates)
     for operator in problem.operators:

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 
-from bestman_bt.task_planning.symbolic.problem import Condition, Fact, Forall, Literal, Operator, Problem
+from bestman_bt.task_planning.symbolic.problem import Condition, Fact, Forall, Literal, Operator, PlanningProblem
 
 
 def broken_in(
-    problem: Problem, operator: Operator, arguments: Sequence[str], state: Collection[Fact]
+    problem: PlanningProblem, operator: Operator, arguments: Sequence[str], state: Collection[Fact]
 ) -> tuple[Literal, ...]:
     """Return the violated preconditions and hold-conditions in a state, sorted."""
     asked = _said((*operator.pre, *operator.hold), problem, operator, arguments, state)
@@ -19,7 +19,7 @@ def broken_in(
 
 
 def state_after(
-    problem: Problem, operator: Operator, arguments: Sequence[str], state: Collection[Fact]
+    problem: PlanningProblem, operator: Operator, arguments: Sequence[str], state: Collection[Fact]
 ) -> frozenset[Fact]:
     """Return the state after an operator; a fact that is both deleted and added holds."""
     effects = set(_said(operator.effects, problem, operator, arguments, state))
@@ -29,7 +29,7 @@ def state_after(
 
 def _said(
     conditions: Iterable[Condition],
-    problem: Problem,
+    problem: PlanningProblem,
     operator: Operator,
     arguments: Sequence[str],
     state: Collection[Fact],

@@ -227,7 +227,7 @@ class Action:
 
 
 @dataclass(frozen=True)
-class Problem:
+class PlanningProblem:
     """A planning problem. ``objects``: name → type. ``state``: all facts that hold. ``goal``: literals to achieve.
 
     ``supertypes``: type → its supertypes: a drawer is a place and a container. ``predicates``: name → declared types of

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.symbolic.grounding import GroundProblem, ground
-from bestman_bt.task_planning.symbolic.problem import PlanningError, Problem, TaskPlan, Unsolvable
+from bestman_bt.task_planning.symbolic.problem import PlanningError, PlanningProblem, TaskPlan, Unsolvable
 
 # How far the goal is if nothing were ever undone: h_add (Bonet and Geffner, 2001), h_ff on it (Hoffmann, 2001).
 
@@ -183,7 +183,7 @@ class SymbolicPlanner(TaskPlanner):
     improvement: int = 300
     weights: tuple[float, ...] = (3.0, 1.0)
 
-    def plan(self, problem: Problem) -> TaskPlan:
+    def plan(self, problem: PlanningProblem) -> TaskPlan:
         """Return a plan. Raises Unsolvable, or PlanningError if the search limit is reached without a result."""
         grounded = ground(problem)
         found = best_first(grounded, math.inf, self.max_evaluations)

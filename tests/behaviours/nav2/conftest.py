@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.configuration.run import load_run
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from hal.simulation.ground_truth import GroundTruth
 from tests.behaviours.truth import known_world
 
@@ -27,11 +27,11 @@ unmapped: {chair: {model: chair, at: [0.9, -0.3, 0]}}
 
 
 @pytest.fixture
-def kitchen() -> Iterator[Callable[..., tuple[Session, GroundTruth]]]:
+def kitchen() -> Iterator[Callable[..., tuple[RobotSession, GroundTruth]]]:
     """Opens sessions of a robot that faces the doorway."""
     with ExitStack() as stack:
 
-        def opened(scene: str | Path = "kitchen", seed: int = 1) -> tuple[Session, GroundTruth]:
+        def opened(scene: str | Path = "kitchen", seed: int = 1) -> tuple[RobotSession, GroundTruth]:
             config = load_run("navigate_kitchen", scene=scene, seed=seed, settings=START)
             return stack.enter_context(known_world(config))
 
@@ -47,7 +47,7 @@ def chair(tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def driver() -> Iterator[Session]:
+def driver() -> Iterator[RobotSession]:
     """One robot for all tests of a module that move it no more than a little, and back."""
     with known_world(load_run("navigate_kitchen", seed=1, settings=START)) as (session, _):
         yield session

@@ -13,7 +13,7 @@ from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.code_version import code_fingerprint
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LauncherLostError
 from bestman_bt.evaluation.launchers.local import LocalProcesses
-from bestman_bt.evaluation.launchers.worker_process import Answer
+from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer
 from bestman_bt.evaluation.result import Outcome
 from bestman_bt.registry import LAUNCHERS
 from tests.evaluation.test_summary import result
@@ -47,23 +47,23 @@ def test_a_process_with_other_code_refuses_an_episode(request_of_one: EpisodeReq
     other = replace(request_of_one, code="0ther").why_not_here()
     assert f"has other code: {code_fingerprint()}, here 0ther; install the same version of bestman-bt" in other
     with pytest.raises(LauncherLostError, match=r"^node9 has other code"):
-        LocalProcesses().take(0, Answer(refused="node9 has other code"))
+        LocalProcesses().take(0, EpisodeAnswer(refused="node9 has other code"))
 
 
 def test_what_an_answer_stands_for(request_of_one: EpisodeRequest) -> None:
     launcher = LocalProcesses()
     launcher.submit([request_of_one])
     sent = result(4).to_document()
-    got = launcher.take(0, Answer(result=pickle.dumps(result(4))))
+    got = launcher.take(0, EpisodeAnswer(result=pickle.dumps(result(4))))
     assert got is not None
     assert got.to_document() == sent
-    crashed = launcher.take(0, Answer(crashed="the process ended with code 3", seconds=2.0))
+    crashed = launcher.take(0, EpisodeAnswer(crashed="the process ended with code 3", seconds=2.0))
     assert crashed is not None
     assert (crashed.seed, crashed.outcome, crashed.wall_time_s) == (4, Outcome.ERROR, 2.0)
     assert launcher.notes == []
-    assert launcher.take(0, Answer(lost="node lost")) is None
-    assert launcher.take(0, Answer(lost="node lost")) is None
-    given_up = launcher.take(0, Answer(lost="node lost"))
+    assert launcher.take(0, EpisodeAnswer(lost="node lost")) is None
+    assert launcher.take(0, EpisodeAnswer(lost="node lost")) is None
+    given_up = launcher.take(0, EpisodeAnswer(lost="node lost"))
     assert given_up is not None
     assert given_up.failure is not None
     assert (given_up.outcome, given_up.failure.why) == (Outcome.ERROR, "node lost, 3 times in a row")

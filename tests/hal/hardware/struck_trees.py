@@ -10,7 +10,7 @@ from benchmarks.fault_trials.client_trial import ClientTrial
 from benchmarks.fault_trials.left_behind import LeftBehind
 from benchmarks.fault_trials.trial import GRACE, UR, XARM, Trial, strike
 from benchmarks.twin_faults import SEED, TASK, hardware_setup
-from bestman_bt.runtime.robot_session import Session, open_session
+from bestman_bt.runtime.robot_session import RobotSession, open_session
 from hal.twins.process import TwinProcess
 
 SDKS = {XARM: ("xarm", "xarm"), UR: ("ur", "rtde_control")}
@@ -34,7 +34,7 @@ def twin(robot_name: str) -> Iterator[TwinProcess]:
 
 
 @pytest.fixture(scope="module")
-def session(robot_name: str, twin: TwinProcess) -> Iterator[Session]:
+def session(robot_name: str, twin: TwinProcess) -> Iterator[RobotSession]:
     """One for all faults of a robot; nothing of it stays behind."""
     left = LeftBehind()
     with open_session(hardware_setup(robot_name, twin)) as opened:
@@ -49,7 +49,7 @@ def of_their_robots(*trials: Trial | ClientTrial) -> pytest.MarkDecorator:
     return pytest.mark.parametrize(("robot_name", "trial"), cases, indirect=["robot_name"], scope="module")
 
 
-def robot_stops_and_recovers(twin: TwinProcess, session: Session, trial: Trial) -> None:
+def robot_stops_and_recovers(twin: TwinProcess, session: RobotSession, trial: Trial) -> None:
     """In time, the leaf says why, and the recovery goes on."""
     report = strike(trial, twin, session)
     assert report.code in trial.codes, report.words

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.fault_trials.trial import TRIALS, UR, Trial
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from hal.twins.process import TwinProcess
 from tests.hal.hardware.struck_trees import FIXTURES, of_their_robots, robot_stops_and_recovers
 
@@ -16,6 +16,6 @@ robot_name, twin, session = FIXTURES
 
 @of_their_robots(*(trial for trial in TRIALS if trial.robot == UR))
 def test_the_robot_stops_the_leaf_says_why_and_the_recovery_goes_on(
-    twin: TwinProcess, session: Session, trial: Trial
+    twin: TwinProcess, session: RobotSession, trial: Trial
 ) -> None:
     robot_stops_and_recovers(twin, session, trial)

@@ -7,7 +7,7 @@ import pytest
 from benchmarks.fault_trials.client_trial import CLIENT_TRIALS, ClientTrial, run_client_trial
 from benchmarks.fault_trials.trial import TRIALS, XARM, Trial
 from benchmarks.twin_faults import hardware_setup
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from hal.twins.process import TwinProcess
 from tests.hal.hardware.struck_trees import FIXTURES, OVERDUE, of_their_robots, robot_stops_and_recovers
 
@@ -31,6 +31,6 @@ def test_a_client_that_is_killed_or_stopped_leaves_the_robot_at_rest_and_nothing
 
 @of_their_robots(*(trial for trial in TRIALS if trial.robot == XARM))
 def test_the_robot_stops_the_leaf_says_why_and_the_recovery_goes_on(
-    twin: TwinProcess, session: Session, trial: Trial
+    twin: TwinProcess, session: RobotSession, trial: Trial
 ) -> None:
     robot_stops_and_recovers(twin, session, trial)

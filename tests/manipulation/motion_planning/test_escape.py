@@ -9,7 +9,7 @@ import pytest
 
 from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
 from bestman_bt.manipulation.motion_planning.timed_planner import Escape
 from bestman_bt.messages import Box, PlacedShape, Pose
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld
@@ -67,7 +67,7 @@ def test_what_overlaps_too_far_is_refused_with_the_pair_and_the_depth(
     collision_model, arm, ready, rng, fingertips
 ) -> None:
     world = collision_model.world(scene(slab(fingertips + 0.08, thickness=0.3)))
-    with pytest.raises(PlanningError, match=r"slab.*mm, too far to move out of it") as caught:
+    with pytest.raises(MotionPlanningError, match=r"slab.*mm, too far to move out of it") as caught:
         Escape().path(ready, world, arm, rng)
     assert caught.value.code is PlanningErrorCode.START_IN_COLLISION
 
@@ -81,7 +81,7 @@ def test_a_hand_that_is_wedged_in_is_refused(collision_model, arm, ready, rng, k
         walls.append(SceneObstacle(f"wall{k}", (PlacedShape(Box((0.1, 0.1, 0.2)), Pose(tool + offset)),)))
     world = collision_model.world(scene(*walls))
     assert not world.is_free(ready)
-    with pytest.raises(PlanningError, match="lead out of it|too far"):
+    with pytest.raises(MotionPlanningError, match="lead out of it|too far"):
         Escape(largest_motion=0.05).path(ready, world, arm, rng)
 
 
@@ -111,10 +111,10 @@ def test_it_climbs_the_clearance_with_full_steps_until_there_is_some_to_spare(rn
 def test_only_a_shallow_overlap_is_left_and_only_by_a_small_motion(rng) -> None:
     steep = Slope(lambda q: q[0] - 0.029)
     assert out_of(steep, [0.0, 0.0], rng)[-1, 0] == pytest.approx(0.031, abs=0.011)
-    with pytest.raises(PlanningError, match="by 31 mm, too far"):
+    with pytest.raises(MotionPlanningError, match="by 31 mm, too far"):
         out_of(Slope(lambda q: q[0] - 0.031), [0.0, 0.0], rng)
     for direction in (1.0, -1.0):
-        with pytest.raises(PlanningError, match=r"0\.35 rad of motion do not lead out"):
+        with pytest.raises(MotionPlanningError, match=r"0\.35 rad of motion do not lead out"):
             out_of(Slope(lambda q, direction=direction: 0.05 * direction * q[0] - 0.02), [0.0, 0.0], rng)
 
 
@@ -132,7 +132,7 @@ def test_a_start_in_a_saddle_gets_out_by_chance_or_not_at_all(rng) -> None:
     saddle = Slope(lambda q: q[0] ** 2 * 100 - 0.001 - 0.01 * abs(q[1]))
     path = out_of(saddle, [0.0, 0.0], rng)
     assert saddle.is_free(path[-1])
-    with pytest.raises(PlanningError, match="no small motion leads out of it"):
+    with pytest.raises(MotionPlanningError, match="no small motion leads out of it"):
         out_of(Slope(lambda q: -0.001 - abs(q[0]) - abs(q[1])), [0.0, 0.0], rng)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.motion_planning.base import MotionPlanner, PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.base import MotionPlanner, MotionPlanningError, PlanningErrorCode
 from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
 from bestman_bt.manipulation.motion_planning.ompl_planners import AORRTC, KPIECE, BITStar, RRTStar
 from bestman_bt.manipulation.motion_planning.portfolio import Portfolio
@@ -60,10 +60,10 @@ def test_bad_requests_are_refused_by_name(planner, world, arm, ready, rng):
     start, goal = problems()[SHELF]
     in_table = np.array([0.0, 1.2, 0.0, -1.2, 0.0, 2.0, 0.0])
     assert not world.is_free(in_table)
-    with pytest.raises(PlanningError, match="the start is in collision: .* with ") as refused:
+    with pytest.raises(MotionPlanningError, match="the start is in collision: .* with ") as refused:
         planner.plan(in_table, [goal], world, arm, rng)
     assert refused.value.code is PlanningErrorCode.START_IN_COLLISION
-    with pytest.raises(PlanningError, match="goal 0 is in collision: .* with ") as refused:
+    with pytest.raises(MotionPlanningError, match="goal 0 is in collision: .* with ") as refused:
         planner.plan(start, [in_table], world, arm, rng)
     assert refused.value.code is PlanningErrorCode.GOAL_IN_COLLISION
     with pytest.raises(ManipulationError, match="start should be finite"):
@@ -79,14 +79,14 @@ def test_a_search_that_ends_without_an_exact_path_is_a_failure(planner_class, wo
     start, goal = problems()[5]
     hurried = planner_class(max_checks=30, attempts=1)
     message = f"{planner_class.__name__} found no path to any of 1 goals .*; on the straight way .* and .* collide"
-    with pytest.raises(PlanningError, match=message) as refused:
+    with pytest.raises(MotionPlanningError, match=message) as refused:
         hurried.plan(start, [goal], world, arm, rng)
     assert refused.value.code is PlanningErrorCode.NO_PATH
 
 
 def test_a_wall_limit_aborts_with_an_error(world, arm, rng):
     start, goal = problems()[5]
-    with pytest.raises(PlanningError, match="planning was aborted after 1e-06 s and") as aborted:
+    with pytest.raises(MotionPlanningError, match="planning was aborted after 1e-06 s and") as aborted:
         RRTConnect(wall_limit=1e-6).plan(start, [goal], world, arm, rng)
     assert aborted.value.code is PlanningErrorCode.TIMEOUT
 
@@ -135,5 +135,5 @@ def test_a_portfolio_goes_on_to_the_next_planner_and_tells_of_all_failures(world
     hopeless = RRTConnect(max_checks=30, attempts=1)
     plan = PortfolioOf(members=(hopeless, KPIECE())).plan(start, [goal], world, arm, rng)
     assert np.array_equal(plan.path[-1], goal)
-    with pytest.raises(PlanningError, match="RRTConnect found no path .*; RRTConnect found no path"):
+    with pytest.raises(MotionPlanningError, match="RRTConnect found no path .*; RRTConnect found no path"):
         PortfolioOf(members=(hopeless, hopeless)).plan(start, [goal], world, arm, rng)

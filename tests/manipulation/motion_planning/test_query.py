@@ -7,7 +7,12 @@ import re
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.motion_planning.base import MotionPlan, MotionPlanner, PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.base import (
+    MotionPlan,
+    MotionPlanner,
+    MotionPlanningError,
+    PlanningErrorCode,
+)
 from bestman_bt.manipulation.motion_planning.checked_edges import dense_points, halving_order
 from bestman_bt.manipulation.motion_planning.ompl_planners import KPIECE
 from bestman_bt.manipulation.motion_planning.portfolio import Portfolio
@@ -33,7 +38,7 @@ def test_a_start_may_be_outside_its_limits_by_the_tolerance_alone(start, accepte
         assert np.array_equal(found.lower, np.minimum(TWO.lower, start))
         assert np.array_equal(found.upper, np.maximum(TWO.upper, start))
         return
-    with pytest.raises(PlanningError, match="the start is outside its limits") as refused:
+    with pytest.raises(MotionPlanningError, match="the start is outside its limits") as refused:
         query(np.array(start))
     assert refused.value.code is PlanningErrorCode.START_OUT_OF_LIMITS
 
@@ -43,7 +48,7 @@ def test_a_goal_keeps_the_limits(goal, accepted):
     if accepted:
         assert query(goals=[np.array(goal)]).indices == (0,)
         return
-    with pytest.raises(PlanningError, match="goal 0 is outside the limits") as refused:
+    with pytest.raises(MotionPlanningError, match="goal 0 is outside the limits") as refused:
         query(goals=[np.array(goal)])
     assert refused.value.code is PlanningErrorCode.GOAL_OUT_OF_LIMITS
 
@@ -54,7 +59,7 @@ def test_a_goal_against_the_constraint_is_left_out_or_refused():
     found = query(goals=[high, GOAL], constraint=low)
     assert found.indices == (1,)
     assert found.index_of(GOAL) == 1
-    with pytest.raises(PlanningError, match="goal 0 breaks: b kept low") as refused:
+    with pytest.raises(MotionPlanningError, match="goal 0 breaks: b kept low") as refused:
         query(goals=[high], constraint=low)
     assert refused.value.code is PlanningErrorCode.GOAL_VIOLATES_CONSTRAINT
 
@@ -76,7 +81,7 @@ def test_paths_keep_the_limits_the_world_and_the_constraint(planner):
 
 def test_a_constraint_that_leaves_no_way_is_no_path():
     hurried = RRTConnect(max_checks=600, attempts=2)
-    with pytest.raises(PlanningError) as refused:
+    with pytest.raises(MotionPlanningError) as refused:
         hurried.plan(START, [np.array([-0.5, -0.2])], WALL, TWO, np.random.default_rng(1), Kept(0.7, 0.7))
     assert refused.value.code is PlanningErrorCode.NO_PATH
 
@@ -101,7 +106,7 @@ def test_a_search_is_bounded_by_its_checks_and_every_attempt_is_made():
     closed = JointWorld(lambda q: abs(q[0]) > 0.1)
     for attempts, most in ((1, 700), (3, 2000)):
         closed.asked.clear()
-        with pytest.raises(PlanningError):
+        with pytest.raises(MotionPlanningError):
             RRTConnect(max_checks=500, attempts=attempts).plan(START, [GOAL], closed, TWO, np.random.default_rng(0))
         assert 0.6 * most < len(closed.asked) < most
 
@@ -115,7 +120,7 @@ class Scripted(MotionPlanner):
     def plan(self, start, goals, world, limits, rng, constraint=None):
         self.asked.append((start, goals, world, limits, constraint))
         if isinstance(self.answer, PlanningErrorCode):
-            raise PlanningError(self.answer, f"refused: {self.answer}")
+            raise MotionPlanningError(self.answer, f"refused: {self.answer}")
         return MotionPlan(np.array([start, *self.answer, goals[0]]), 0, 1)
 
 
@@ -129,7 +134,7 @@ def test_a_portfolio_goes_on_after_no_path_and_after_time_is_up_but_not_after_a_
         assert len(plan.path) == 2
         assert len(second.asked) == 1
     never = Scripted(SHORT)
-    with pytest.raises(PlanningError) as refused:
+    with pytest.raises(MotionPlanningError) as refused:
         PortfolioOf(members=(Scripted(PlanningErrorCode.START_IN_COLLISION), never)).plan(
             START, [GOAL], FREE, TWO, np.random.default_rng(0)
         )
@@ -151,7 +156,7 @@ def test_a_portfolio_asks_the_next_only_as_it_takes_the_best_and_hands_on_the_co
 def test_all_but_the_last_of_a_portfolio_are_impatient():
     closed = JointWorld(lambda q: abs(q[0]) > 0.1)
     impatient = Portfolio(planners=("rrt_connect", "kpiece"), impatience=200)
-    with pytest.raises(PlanningError) as refused:
+    with pytest.raises(MotionPlanningError) as refused:
         impatient.plan(START, [GOAL], closed, TWO, np.random.default_rng(0))
     first, last = (int(count) for count in re.findall(r"after (\d+) collision checks", str(refused.value)))
     assert first < 300

@@ -5,7 +5,7 @@ import pytest
 
 from bestman_bt.manipulation.collision.base import CollisionWorld
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.motion_planning.base import PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
 from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
 from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.manipulation.motion_planning.upright import Upright
@@ -61,7 +61,7 @@ def test_a_checker_that_answers_with_numpy_booleans_works(arm, ready, rng):
 
 
 def test_an_unsolvable_problem_is_a_failure_and_not_an_approximate_path(arm, ready, rng, wall):
-    with pytest.raises(PlanningError, match="no path to any of 1 goals") as refused:
+    with pytest.raises(MotionPlanningError, match="no path to any of 1 goals") as refused:
         QUICK.plan(ready + np.eye(7)[0], [ready - np.eye(7)[0]], wall, arm, rng)
     assert refused.value.code is PlanningErrorCode.NO_PATH
     assert wall.questions < 4000
@@ -103,9 +103,9 @@ def test_of_several_goals_one_that_can_be_reached_is_chosen(arm, ready, rng, wal
 
 def test_a_start_or_goal_in_collision_is_refused_with_the_pair(arm, ready, rng, wall):
     side = ready + np.eye(7)[0]
-    with pytest.raises(PlanningError, match="the start is in collision: link1 with wall") as start:
+    with pytest.raises(MotionPlanningError, match="the start is in collision: link1 with wall") as start:
         QUICK.plan(ready, [side], wall, arm, rng)
-    with pytest.raises(PlanningError, match="goal 0 is in collision: link1 with wall") as goal:
+    with pytest.raises(MotionPlanningError, match="goal 0 is in collision: link1 with wall") as goal:
         QUICK.plan(side, [ready], wall, arm, rng)
     assert start.value.code is PlanningErrorCode.START_IN_COLLISION
     assert goal.value.code is PlanningErrorCode.GOAL_IN_COLLISION
@@ -116,9 +116,9 @@ def test_limits_are_kept_but_a_start_that_sags_a_little_is_accepted(arm, ready, 
     sagging, outside = side.copy(), side.copy()
     sagging[3], outside[3] = arm.upper[3] + 0.005, arm.upper[3] + 0.05
     assert np.array_equal(QUICK.plan(sagging, [side], wall, arm, rng).path[0], sagging)
-    with pytest.raises(PlanningError, match=r"panda_joint4 at -0.0198, allowed -3.0718 to -0.0698") as start:
+    with pytest.raises(MotionPlanningError, match=r"panda_joint4 at -0.0198, allowed -3.0718 to -0.0698") as start:
         QUICK.plan(outside, [side], wall, arm, rng)
-    with pytest.raises(PlanningError, match="goal 0 is outside the limits: panda_joint4") as goal:
+    with pytest.raises(MotionPlanningError, match="goal 0 is outside the limits: panda_joint4") as goal:
         QUICK.plan(side, [outside], wall, arm, rng)
     assert start.value.code is PlanningErrorCode.START_OUT_OF_LIMITS
     assert goal.value.code is PlanningErrorCode.GOAL_OUT_OF_LIMITS
@@ -165,6 +165,8 @@ def test_what_the_hand_holds_stays_upright(arm, kinematics, rng):
     plan = RRTConnect().plan(start, [goal], free, arm, rng, constraint=upright)
     assert max(tilts(RRTConnect().plan(start, [goal], free, arm, rng).path)) > np.radians(27)
     assert max(tilts(plan.path)) <= np.radians(25.0) + 1e-6
-    with pytest.raises(PlanningError, match="the start violates: the held object upright within 25 degrees") as refused:
+    with pytest.raises(
+        MotionPlanningError, match="the start violates: the held object upright within 25 degrees"
+    ) as refused:
         RRTConnect().plan(start, [goal], free, arm, rng, constraint=Upright(kinematics, Pose()))
     assert refused.value.code is PlanningErrorCode.START_VIOLATES_CONSTRAINT

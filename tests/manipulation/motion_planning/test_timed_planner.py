@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.motion_planning.base import MotionPlan, MotionPlanner, PlanningError, PlanningErrorCode
+from bestman_bt.manipulation.motion_planning.base import (
+    MotionPlan,
+    MotionPlanner,
+    MotionPlanningError,
+    PlanningErrorCode,
+)
 from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
 from bestman_bt.manipulation.motion_planning.upright import Upright
@@ -50,7 +55,7 @@ def test_a_timed_motion_that_touches_is_planned_anew(world, arm):
 def test_a_planner_that_never_keeps_clear_is_a_failure_that_names_time_and_pair(world, arm):
     start, goal = problems()[0]
     planner = TimedMotionPlanner(CarelessAtFirst(99), Toppra(), attempts=2)
-    with pytest.raises(PlanningError, match=r"none of 2 timed motions .* at \d\.\d\d s: .*panda_\w+") as refused:
+    with pytest.raises(MotionPlanningError, match=r"none of 2 timed motions .* at \d\.\d\d s: .*panda_\w+") as refused:
         planner.plan(start, [goal], world, arm, np.random.default_rng(1))
     assert refused.value.code is PlanningErrorCode.TIMED_PATH_INVALID
 
@@ -61,7 +66,7 @@ def test_a_given_path_is_timed_and_checked(world, arm, ready):
     fast = planner.follow_path(np.array([ready, ready + 0.1]), world, arm, SpeedScale(0.5, 0.5))
     assert slow.duration > 1.5 * fast.duration
     start, goal = problems()[0]
-    with pytest.raises(PlanningError, match="the timed motion touches at"):
+    with pytest.raises(MotionPlanningError, match="the timed motion touches at"):
         planner.follow_path(np.array([start, goal]), world, arm)
 
 
@@ -98,7 +103,7 @@ def test_a_timed_motion_is_held_against_what_the_constraint_tolerates(timed, kep
         assert planner.planner.asked == [constraint]
         return
     for asked, told in ((plan, "the last breaks at"), (follow, "the timed motion breaks at")):
-        with pytest.raises(PlanningError, match=rf"{told} \d\.\d\d s: b kept low") as refused:
+        with pytest.raises(MotionPlanningError, match=rf"{told} \d\.\d\d s: b kept low") as refused:
             asked()
         assert refused.value.code is PlanningErrorCode.TIMED_PATH_INVALID
     assert len(planner.planner.asked) == 2
@@ -112,7 +117,7 @@ def test_a_motion_that_breaks_the_constraint_between_its_samples_is_refused():
     highest = max(float(peak.sample(t)[0][1]) for t in np.linspace(0, peak.duration, 2000))
     assert highest > peak.positions[:, 1].max() + 1e-3
     between = (highest + peak.positions[:, 1].max()) / 2
-    with pytest.raises(PlanningError, match="breaks at"):
+    with pytest.raises(MotionPlanningError, match="breaks at"):
         coarse.follow_path(path, FREE, TWO, constraint=Kept(2.0, between))
 
 
@@ -137,7 +142,7 @@ def test_the_speed_that_is_asked_for_is_that_of_planned_followed_and_escaping_mo
         assert slowed.duration > 3.0 * fast.duration
         assert np.array_equal(slowed.positions[[0, -1]], fast.positions[[0, -1]])
         assert limit_usage(slowed, TWO).within(0.103)
-    with pytest.raises(PlanningError, match="nothing to escape from"):
+    with pytest.raises(MotionPlanningError, match="nothing to escape from"):
         planner.escape(np.ones(2), shallow, TWO, rng)
 
 

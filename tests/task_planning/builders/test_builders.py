@@ -23,7 +23,15 @@ from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.simulation import SymbolicWorld, dry_run, load_simulated
 from bestman_bt.task_planning.symbolic.facts import parse_literals
 from bestman_bt.task_planning.symbolic.grounding import instantiate
-from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, Operator, PlanningError, Problem, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import (
+    Action,
+    Fact,
+    Literal,
+    Operator,
+    PlanningError,
+    PlanningProblem,
+    TaskPlan,
+)
 from tests.task_planning.disturbed_world import Upset
 from tests.task_planning.kitchen_domain import DOOR, FETCH, FETCH_GOAL, facts, kitchen, operator, plan_of
 
@@ -214,7 +222,7 @@ def test_back_chaining_stays_small_where_each_object_needs_a_drawer_of_its_own()
     assert dry_run(xml, world, NodeRegistry()).status == SUCCESS
 
 
-def many_drawers(count: int) -> tuple[Problem, tuple[str, ...]]:
+def many_drawers(count: int) -> tuple[PlanningProblem, tuple[str, ...]]:
     """Each thing from the table into a drawer of its own."""
     goal = " and ".join(f"on(thing_{i}, chest/drawer_{i})" for i in range(count))
     problem = kitchen(goal, *(f"on(thing_{i}, table)" for i in range(count)))
@@ -225,7 +233,7 @@ def many_drawers(count: int) -> tuple[Problem, tuple[str, ...]]:
         objects |= {f"thing_{i}": "object", f"chest/drawer_{i}": "place", f"drawer_{i}": "container"}
         behind.append(f"behind(chest/drawer_{i}, drawer_{i})")
         actions += [f"OpenContainer(drawer_{i})", f"PickUp(thing_{i}, table)", f"PutAt(thing_{i}, chest/drawer_{i})"]
-    return Problem(objects, problem.state | facts(*behind), problem.goal, problem.operators), tuple(actions)
+    return PlanningProblem(objects, problem.state | facts(*behind), problem.goal, problem.operators), tuple(actions)
 
 
 FACTS = [Fact(name) for name in "abcd"]
@@ -237,7 +245,7 @@ def action_of(name: str, pre: dict[Fact, bool], effects: dict[Fact, bool], parts
     add, delete = ([fact for fact, holds in effects.items() if holds is value] for value in (True, False))
     literals = tuple(Literal(fact, not holds) for fact, holds in pre.items())
     made = Operator(name, {}, literals, add=tuple(add), delete=tuple(delete), parts=tuple(parts))
-    return instantiate(Problem({}, frozenset(), (), (made,)), made, [])
+    return instantiate(PlanningProblem({}, frozenset(), (), (made,)), made, [])
 
 
 @st.composite

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_fact, parse_literals
-from bestman_bt.task_planning.symbolic.problem import Forall, Operator, Problem
+from bestman_bt.task_planning.symbolic.problem import Forall, Operator, PlanningProblem
 
 INSTRUCTION = "bring the mug from the drawer to the table"
 GOAL = ["on(mug, table)"]
@@ -59,16 +59,16 @@ PREDICATES = {
 FACTS = ("on(mug, drawer/board)", "on(can, counter)", "hand_empty", "behind(drawer/board, drawer)")
 
 
-def kitchen(**things: str) -> Problem:
+def kitchen(**things: str) -> PlanningProblem:
     """The problem; ``things``: more of them, name → type."""
     assert isinstance(OPERATORS[0].pre[-1], Forall)
     objects = {"mug": "object", "can": "object", "table": "place", "counter": "place", "drawer/board": "place"}
     objects = {**objects, "drawer": "container", "fridge": "container", **things}
     state = frozenset(map(parse_fact, FACTS))
-    return Problem(objects, state, (), OPERATORS, predicates=PREDICATES, instruction=INSTRUCTION)
+    return PlanningProblem(objects, state, (), OPERATORS, predicates=PREDICATES, instruction=INSTRUCTION)
 
 
-def renamed(problem: Problem, old: str, new: str) -> Problem:
+def renamed(problem: PlanningProblem, old: str, new: str) -> PlanningProblem:
     """The problem with a thing called otherwise."""
     names = {old: new}
     return replace(

@@ -11,7 +11,7 @@ from bestman_bt.task_planning.language.errors import NoValidAnswerError
 from bestman_bt.task_planning.language.from_text import LanguagePlanner
 from bestman_bt.task_planning.language.prompt import LONGEST_NAME, PlainNames, plan_messages
 from bestman_bt.task_planning.limits import PlanLimits
-from bestman_bt.task_planning.symbolic.problem import Fact, Problem
+from bestman_bt.task_planning.symbolic.problem import Fact, PlanningProblem
 from tests.answering_server import Server
 from tests.task_planning.language.kitchen_problem import FETCH, RIGHT, answer, kitchen, renamed, step
 from tests.task_planning.language.misbehaving_server import says, serving
@@ -25,7 +25,7 @@ def planner(server: Server, **limits: object) -> LanguagePlanner:
     return LanguagePlanner(2, PlanLimits(**limits), endpoint)
 
 
-def attacked() -> Problem:
+def attacked() -> PlanningProblem:
     return renamed(kitchen(), "mug", ATTACK)
 
 

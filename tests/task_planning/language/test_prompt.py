@@ -7,11 +7,11 @@ from typing import Any
 from bestman_bt.task_planning.language.prompt import goal_messages, plan_messages
 from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.symbolic.facts import parse_fact
-from bestman_bt.task_planning.symbolic.problem import Fact, Problem
+from bestman_bt.task_planning.symbolic.problem import Fact, PlanningProblem
 from tests.task_planning.language.kitchen_problem import INSTRUCTION, OPERATORS, kitchen
 
 
-def told(problem: Problem, limits: PlanLimits | None = None) -> dict[str, Any]:
+def told(problem: PlanningProblem, limits: PlanLimits | None = None) -> dict[str, Any]:
     document: dict[str, Any] = json.loads(plan_messages(problem, limits or PlanLimits())[1].content)
     return document
 

@@ -8,7 +8,7 @@ from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_lite
 from bestman_bt.task_planning.symbolic.fast_downward import FastDownwardPlanner, is_valid
 from bestman_bt.task_planning.symbolic.pddl_reading import PddlError, read_pddl
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
-from bestman_bt.task_planning.symbolic.problem import Fact, Forall, Literal, Operator, Problem, Unsolvable
+from bestman_bt.task_planning.symbolic.problem import Fact, Forall, Literal, Operator, PlanningProblem, Unsolvable
 from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 
 needs_fast_downward = pytest.mark.skipif(
@@ -45,7 +45,7 @@ def files(tmp_path):
     return write
 
 
-def drawer_problem(goal: str, state: str = "on(cup, chest/drawer); hand_empty") -> Problem:
+def drawer_problem(goal: str, state: str = "on(cup, chest/drawer); hand_empty") -> PlanningProblem:
     inside = parse_conditions("forall c - container: behind({place}, c) -> open(c)")
     away = parse_conditions("forall p - place: not near(p)")
     assert isinstance(away[0], Forall)
@@ -61,7 +61,7 @@ def drawer_problem(goal: str, state: str = "on(cup, chest/drawer); hand_empty") 
     objects = {"cup": "object", "Table/Top": "place", "chest/drawer": "drawer"}
     facts = frozenset(one.fact for one in parse_literals(state + "; behind(chest/drawer, chest/drawer)"))
     supertypes = {"drawer": ("place", "container")}
-    return Problem(objects, facts, parse_literals(goal), operators, supertypes)
+    return PlanningProblem(objects, facts, parse_literals(goal), operators, supertypes)
 
 
 def test_a_problem_is_read_from_pddl_and_solved(files):
@@ -75,7 +75,7 @@ def test_names_that_differ_in_case_alone_stay_two_things_in_pddl(tmp_path):
     names = ("Mug", "mug", "mug__2", "tea cup", "tea_cup")
     lift = Operator("Lift", {"Thing": "item"}, (Literal(Fact("Low", ("{Thing}",))),), add=(Fact("low", ("{Thing}",)),))
     state = frozenset(Fact("Low", (name,)) for name in names)
-    problem = Problem(dict.fromkeys(names, "item"), state, (Literal(Fact("low", ("mug",))),), (lift,))
+    problem = PlanningProblem(dict.fromkeys(names, "item"), state, (Literal(Fact("low", ("mug",))),), (lift,))
     text = PddlText(problem)
     (tmp_path / "d.pddl").write_text(text.domain())
     (tmp_path / "p.pddl").write_text(text.problem())

@@ -17,7 +17,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     Literal,
     Operator,
     PlanningError,
-    Problem,
+    PlanningProblem,
     Unsolvable,
 )
 from bestman_bt.task_planning.symbolic.search import Found, RelaxedPlan, SymbolicPlanner, best_first
@@ -59,7 +59,7 @@ CLOSE = operator("Close", {"container": "container"}, "open({container}); hand_e
 def kitchen(goal, state="on(mug, drawer); on(cup, table); hand_empty", operators=(PICK, PUT, OPEN, CLOSE)):
     objects = {"mug": "thing", "cup": "thing", "table": "place", "drawer": "place", "front": "container"}
     facts = frozenset(one.fact for one in parse_literals(state + "; behind(drawer, front)"))
-    return Problem(objects, facts, parse_literals(goal), operators)
+    return PlanningProblem(objects, facts, parse_literals(goal), operators)
 
 
 def planned(problem, **parameters):
@@ -122,7 +122,7 @@ def test_what_nothing_needs_is_left_out_of_a_plan(monkeypatch):
 def test_a_cheaper_plan_is_looked_for():
     long_way = [operator(f"Step{i}", {}, f"at{i}", f"at{i + 1}; not at{i}", cost=1) for i in range(3)]
     leap = operator("Leap", {}, "at0", "at3; not at0", cost=5)
-    problem = Problem({}, frozenset({Fact("at0")}), (Literal(Fact("at3")),), (leap, *long_way))
+    problem = PlanningProblem({}, frozenset({Fact("at0")}), (Literal(Fact("at3")),), (leap, *long_way))
     assert planned(problem) == ["Step0()", "Step1()", "Step2()"]
 
 
@@ -224,7 +224,7 @@ def small_problems(draw):
         cost = float(draw(st.integers(1, 4)))
         operators.append(Operator(f"Act{number}", {}, literals(draw(SETTINGS)), add=add, delete=delete, cost=cost))
     state = frozenset(draw(st.sets(st.sampled_from(FACTS))))
-    return Problem({}, state, literals(draw(SETTINGS.filter(bool))), tuple(operators))
+    return PlanningProblem({}, state, literals(draw(SETTINGS.filter(bool))), tuple(operators))
 
 
 def cheapest(problem):
