@@ -7,58 +7,50 @@ from typing import ClassVar
 from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, find_leaf
 from behaviours.skill import ArticulationName, InstantSkill, SkillCondition
 from bestman_bt.engine import In, Out
-from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages.shapes import NonNegative
 from bestman_bt.world_model.openness import openness_of
 
 # Doors and drawers as abilities name them: how far to open one, and that one did not open.
 
 
-_CONTAINER = BoundedPort(ArticulationName, description="a door or drawer of the map, such as drawer_chest/drawer_3")
+class _OfContainer(InstantSkill):
+    container = In[str](ArticulationName, "a door or drawer of the map, such as drawer_chest/drawer_3")
+    FAILS: ClassVar = UNKNOWN_ARTICULATION
 
 
-class TakeContainer(InstantSkill):
+class TakeContainer(_OfContainer):
     """Output the furniture of a door or drawer, and its thresholds for open and shut."""
 
-    INPUT_PORTS: ClassVar = {"container": _CONTAINER}
     furniture = Out(str, "the furniture that it belongs to")
     opening = Out(float, "target opening for working behind it, metres or radians")
     shut = Out(float, "largest opening that counts as shut, metres or radians")
-    FAILS: ClassVar = UNKNOWN_ARTICULATION
 
     def act(self) -> None:
         """Read the map."""
-        leaf = find_leaf(self.skills, self.get_input("container"))
+        leaf = find_leaf(self.skills, self.container)
         openness = openness_of(leaf.leaf)
         self.furniture = leaf.furniture.name
         self.opening = openness.asked
         self.shut = openness.shut
 
 
-class BelieveLocked(InstantSkill):
+class BelieveLocked(_OfContainer):
     """Remember that a door or drawer did not open, so that no plan relies on opening it."""
-
-    INPUT_PORTS: ClassVar = {"container": _CONTAINER}
-    FAILS: ClassVar = UNKNOWN_ARTICULATION
 
     def act(self) -> None:
         """Set the belief; nothing moves."""
-        name: str = find_leaf(self.skills, self.get_input("container")).articulation
-        self.skills.world.locked.add(name)
+        self.skills.world.locked.add(find_leaf(self.skills, self.container).articulation)
 
 
-class BelieveStuck(InstantSkill):
+class BelieveStuck(_OfContainer):
     """Remember that a door or drawer could not be opened for now, so that other ways are tried first.
 
     Any motion of a door or drawer clears it, as does ``ForgetBlocked``.
     """
 
-    INPUT_PORTS: ClassVar = {"container": _CONTAINER}
-    FAILS: ClassVar = UNKNOWN_ARTICULATION
-
     def act(self) -> None:
         """Set the belief; nothing moves."""
-        self.skills.world.blocked.add(find_leaf(self.skills, self.get_input("container")).articulation)
+        self.skills.world.blocked.add(find_leaf(self.skills, self.container).articulation)
 
 
 class IsOpen(SkillCondition):

@@ -10,7 +10,7 @@ from annotated_types import Ge, Le
 from behaviours.computation import Until
 from behaviours.nav2.ports import SERVER, Nav2Errors, are_literals, without_meaning
 from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
-from bestman_bt.engine import BoundedPort, In, NotZero
+from bestman_bt.engine import In, NotZero
 from bestman_bt.messages.shapes import NonNegative
 from bestman_bt.world_model.world_model import BasePose
 
@@ -23,9 +23,6 @@ Turns = Annotated[float, Ge(-100.0), Le(100.0)]
 """Radians: at most sixteen turns; larger values are probably in another unit."""
 Moving = Annotated[float, NotZero()]
 """Metres or m/s, not 0."""
-TIME_ALLOWANCE = BoundedPort(
-    float, required=False, default_value=10.0, description="seconds, then it fails as timeout; 0 or less: no limit"
-)
 COLLISION_CHECKS = without_meaning("disable_collision_checks")
 """The collision monitor is always there."""
 
@@ -33,7 +30,8 @@ COLLISION_CHECKS = without_meaning("disable_collision_checks")
 class _Motion(Nav2Errors, Skill):
     """A motion that may take no longer than ``time_allowance``."""
 
-    INPUT_PORTS: ClassVar = {**SERVER, **COLLISION_CHECKS, "time_allowance": TIME_ALLOWANCE}
+    INPUT_PORTS: ClassVar = {**SERVER, **COLLISION_CHECKS}
+    time_allowance = In(float, "seconds, then it fails as timeout; 0 or less: no limit", default=10.0)
     FAILS: ClassVar = {"timeout": "retry with more time_allowance"}
 
     def in_time(self, motion: Motion[BasePose], end: float) -> StepsTo[None]:
@@ -41,12 +39,12 @@ class _Motion(Nav2Errors, Skill):
         yield Until(lambda: self.skills.clock.now() >= end, motion)
         if not motion.done:
             motion.cancel()
-            raise SkillFailure("timeout", f"not done within {self.get_input('time_allowance'):g} s")
+            raise SkillFailure("timeout", f"not done within {self.time_allowance:g} s")
         yield motion
 
     def end(self) -> float:
         """When the time is up, seconds."""
-        allowed = self.get_input("time_allowance")
+        allowed = self.time_allowance
         return self.skills.clock.now() + allowed if allowed > 0.0 else math.inf
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from behaviours.nav2.ports import SERVICE, without_meaning
 from behaviours.navigation.localise import Relocalise
 from behaviours.skill import InstantSkill, SkillCondition
-from bestman_bt.engine import BoundedPort, In, InOut
+from bestman_bt.engine import In, InOut
 from bestman_bt.messages import Pose2D
 from bestman_bt.messages.shapes import Positive
 
@@ -18,7 +18,7 @@ from bestman_bt.messages.shapes import Positive
 
 
 PORTS = {**SERVICE, **without_meaning("plugins")}
-RESET_DISTANCE = BoundedPort(Positive, required=False, default_value=1.0, description="metres, the side of a square")
+RESET_DISTANCE = In[float](Positive, "metres, the side of a square", default=1.0)
 
 
 class ClearEntireCostmap(InstantSkill):
@@ -40,11 +40,12 @@ class ClearCostmapAroundRobot(InstantSkill):
     """Forget the seen obstacles in a square around the base."""
 
     REQUIRES = ("base", "lidar")
-    INPUT_PORTS: ClassVar = {**PORTS, "reset_distance": RESET_DISTANCE}
+    INPUT_PORTS: ClassVar = PORTS
+    reset_distance = RESET_DISTANCE
 
     def act(self) -> None:
         """Clear the obstacles."""
-        self.skills.base.layer.clear(lambda points: _within(points, self._centre(), self.get_input("reset_distance")))
+        self.skills.base.layer.clear(lambda points: _within(points, self._centre(), self.reset_distance))
 
     def _centre(self) -> Pose2D:
         return self.skills.world.base.pose
@@ -64,11 +65,12 @@ class ClearCostmapExceptRegion(InstantSkill):
     """Forget the seen obstacles outside of a square around the base."""
 
     REQUIRES = ("base", "lidar")
-    INPUT_PORTS: ClassVar = {**PORTS, "reset_distance": RESET_DISTANCE}
+    INPUT_PORTS: ClassVar = PORTS
+    reset_distance = RESET_DISTANCE
 
     def act(self) -> None:
         """Clear the obstacles."""
-        pose, side = self.skills.world.base.pose, self.get_input("reset_distance")
+        pose, side = self.skills.world.base.pose, self.reset_distance
         self.skills.base.layer.clear(lambda points: ~_within(points, pose, side))
 
 

@@ -181,8 +181,8 @@ class DetectObject(Skill):
 def _look(leaf: DetectObject | DetectObjects) -> StepsTo[tuple[RGBDView, DetectedScene]]:
     """A picture by the leaf's camera, and what stands on its surface."""
     skills = leaf.skills
-    view = camera_called(skills, leaf.get_input("camera")).capture()
-    region = surface_region(skills, leaf.get_input("surface"), view)
+    view = camera_called(skills, leaf.camera).capture()
+    region = surface_region(skills, leaf.surface, view)
     models = list(skills.world.models.values())
     detect = skills.detection.detect
     scene: DetectedScene = yield leaf.compute("detection", detect, view.in_base, region, models, skills.rng)

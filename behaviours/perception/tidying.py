@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from py_trees.ports import PortInformation
 
 from behaviours.context import SkillContext
 from behaviours.perception.beliefs import believe_surface
 from behaviours.perception.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, find_surface, surface_region
 from behaviours.skill import Declaration, Explained, ObjectName, Skill, SkillCondition, SkillFailure, Steps, SurfaceName
 from bestman_bt.engine import In, InOut, Out, SyncAction
-from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.messages.shapes import NonNegative
 from bestman_bt.world_model.world_model import ObjectBelief
@@ -31,26 +29,16 @@ MAX_TILT = np.radians(10.0)
 ON_SURFACE = 0.03
 """Height error, metres, within which an object counts as standing on a mapped surface."""
 
-_WHERE: dict[str, PortInformation] = {
-    "surface": BoundedPort(SurfaceName, description="the target surface, such as counter/top"),
-    "region_x": PortInformation(list, description="from, to: metres in the frame of the surface"),
-    "region_y": PortInformation(list, description="from, to: metres in the frame of the surface"),
-}
-_WHICH: dict[str, PortInformation] = {
-    "objects": PortInformation(list, description="names of the objects that belong there"),
-    "seen": PortInformation(list, description="names of the objects seen so far"),
-}
-
 
 class RememberSeen(Explained, SyncAction):
     """Add the named objects with a believed place to the list of seen objects."""
 
-    INPUT_PORTS: ClassVar = {"objects": _WHICH["objects"]}
+    objects = In(list, "names of the objects that belong there")
     seen = InOut(list, "the list; created if missing", required=False)
 
     def on_tick(self) -> int:
         """Read the belief."""
-        wanted: Sequence[str] = self.get_input("objects")
+        wanted: Sequence[str] = self.objects
         before: Sequence[str] = self.seen or ()
         now = [belief.name for belief in self.skills.world.objects.values() if _is_wanted(belief, wanted)]
         seen = list(dict.fromkeys([*before, *now]))
@@ -58,11 +46,17 @@ class RememberSeen(Explained, SyncAction):
         return self.succeed(", ".join(seen) or "nothing")
 
 
-class FindUntidy(Explained, SyncAction):
+class _SeenInRegion(Explained):
+    seen = In(list, "names of the objects seen so far")
+    surface = In[str](SurfaceName, "the target surface, such as counter/top")
+    region_x = In(list, "from, to: metres in the frame of the surface")
+    region_y = In(list, "from, to: metres in the frame of the surface")
+    margin = In[float](NonNegative, "metres inside the region", default=0.035)
+
+
+class FindUntidy(_SeenInRegion, SyncAction):
     """List the seen objects that are not believed to stand upright within a region of a surface."""
 
-    INPUT_PORTS: ClassVar = {"seen": _WHICH["seen"], **_WHERE}
-    margin = In[float](NonNegative, "metres inside the region", default=0.035)
     untidy = Out(list, "their names", required=True)
     FAILS: ClassVar = UNKNOWN_SURFACE
 
@@ -73,10 +67,9 @@ class FindUntidy(Explained, SyncAction):
         return self.succeed(", ".join(untidy) or "nothing")
 
 
-class IsTidy(SkillCondition):
+class IsTidy(_SeenInRegion, SkillCondition):
     """Check whether all seen objects are believed to stand upright within a region; false if none was seen."""
 
-    INPUT_PORTS: ClassVar = FindUntidy.INPUT_PORTS
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         "nothing_seen": "ScanScene",
@@ -85,11 +78,11 @@ class IsTidy(SkillCondition):
 
     def check(self) -> tuple[str, str] | None:
         """Check the belief, without an image."""
-        if not self.get_input("seen"):
+        if not self.seen:
             return "nothing_seen", "none of the objects to tidy was seen"
         untidy = _untidy(self)
         if untidy:
-            where = f"within the region on the {self.get_input('surface')}"
+            where = f"within the region on the {self.surface}"
             return "untidy", f"the {', the '.join(untidy)} {'do' if len(untidy) > 1 else 'does'} not stand {where}"
         return None
 
@@ -171,9 +164,9 @@ def _is_wanted(belief: ObjectBelief, wanted: Sequence[str]) -> bool:
     return belief.name in wanted or belief.model.name in wanted
 
 
-def _untidy(node: FindUntidy | IsTidy) -> list[str]:
+def _untidy(node: _SeenInRegion) -> list[str]:
     skills = node.skills
-    furniture, surface = find_surface(skills, node.get_input("surface"))
+    furniture, surface = find_surface(skills, node.surface)
     surface_from_map = (furniture.pose.to_pose() @ surface.pose).inverse()
 
     def tidy(name: str) -> bool:
@@ -184,15 +177,14 @@ def _untidy(node: FindUntidy | IsTidy) -> list[str]:
         on_it = abs(place[2] + float(belief.model.bounds()[0, 2])) < ON_SURFACE
         return on_it and bool(_within(node, place[None])[0])
 
-    return [name for name in node.get_input("seen") if not tidy(name)]
+    return [name for name in node.seen if not tidy(name)]
 
 
-def _within(node: FindUntidy | IsTidy | FindFreePlace, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _within(node: _SeenInRegion | FindFreePlace, places: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which (N,) of the places (N, 3) in the frame of the surface lie inside the region by the margin."""
-    region = node.get_input("region_x"), node.get_input("region_y")
-    if None in region:
+    if node.region_x is None or node.region_y is None:
         return np.ones(len(places), dtype=bool)
-    lower, upper = np.transpose(region)
-    margin: float = node.get_input("margin")
+    lower, upper = np.transpose((node.region_x, node.region_y))
+    margin = node.margin
     within: NDArray[np.bool_] = ((places[:, :2] >= lower + margin) & (places[:, :2] <= upper - margin)).all(axis=1)
     return within

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from py_trees.ports import PortInformation
 
 from behaviours.context import DRIVEN, SkillContext
 from behaviours.skill import (
@@ -21,8 +20,7 @@ from behaviours.skill import (
     Steps,
     SurfaceName,
 )
-from bestman_bt.engine import RUNNING, SUCCESS, StatefulAction, SubTree, Tree, TreeLoadError
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine import RUNNING, SUCCESS, In, Out, StatefulAction, SubTree, Tree, TreeLoadError
 from bestman_bt.facts.predicate import Beliefs
 from bestman_bt.registry import PREDICATES, UnknownNameError
 from bestman_bt.task_planning.base import TaskPlanner
@@ -61,12 +59,10 @@ class Holds(SkillCondition):
     """
 
     USES = ("arm",)
-    INPUT_PORTS: ClassVar = {
-        "fact": PortInformation(str, description="facts, joined by and"),
-        "object": BoundedPort(ObjectName, required=False, description="for {object} in the fact"),
-        "place": BoundedPort(SurfaceName, required=False, description="for {place} in the fact"),
-        "container": BoundedPort(ArticulationName, required=False, description="for {container} in the fact"),
-    }
+    fact = In(str, "facts, joined by and")
+    object = In[str | None](ObjectName, "for {object} in the fact", required=False)
+    place_ = In[str | None](SurfaceName, "for {place} in the fact", required=False, port="place")
+    container = In[str | None](ArticulationName, "for {container} in the fact", required=False)
     FAILS: ClassVar = {
         "not_believed": "bring it about: Plan, ExecutePlan",
         "unknown_name": "name what there is on the map",
@@ -76,10 +72,10 @@ class Holds(SkillCondition):
 
     def check(self) -> tuple[str, str] | None:
         """Check the belief, without an image."""
-        values = {f"{{{port}}}": self.get_input(port) for port in ("object", "place", "container")}
+        values = {"{object}": self.object, "{place}": self.place_, "{container}": self.container}
         beliefs = beliefs_of(self.skills)
         try:
-            for literal in parse_literals(self.get_input("fact")):
+            for literal in parse_literals(self.fact):
                 asked = literal.bound({port: name for port, name in values.items() if name})
                 if holds(beliefs, asked.fact, self._declared(asked.fact.predicate)) == asked.negated:
                     return "not_believed", f"it is not believed that {asked}"
@@ -152,17 +148,17 @@ def _broken(way: Kernel, state: Collection[Fact]) -> tuple[Literal, ...]:
 ANSWERS = frozenset({"not_believed", "other_code"})
 """What ``Holds`` and ``AreErrorCodesPresent`` tell where the answer is no: they ask, and are no reason of a failure."""
 
-_GOAL = PortInformation(str, description="facts, joined by and: on(mug, table) and closed(drawer_chest/drawer_3)")
-
 
 class _Planning(OnRobot):
     """What both leaves know of the task."""
+
+    goal = In(str, "facts, joined by and: on(mug, table) and closed(drawer_chest/drawer_3)")
 
     def domain_and_problem(self) -> tuple[Domain, PlanningProblem]:
         """Return the domain, and the problem of the current beliefs and goal. Raises SkillFailure (``bad_goal``)."""
         domain = Domain.of(self.owner.registry)
         try:
-            return domain, domain.problem(beliefs_of(self.skills), self.get_input("goal"))
+            return domain, domain.problem(beliefs_of(self.skills), self.goal)
         except GoalError as error:
             raise SkillFailure("bad_goal", str(error)) from error
 
@@ -171,12 +167,9 @@ class Plan(_Planning, Skill):
     """Plan from the current beliefs; on failure (``unsolvable``) the message says what is missing."""
 
     USES = ("arm",)
-    INPUT_PORTS: ClassVar = {
-        "goal": _GOAL,
-        "planner": PortInformation(str, False, "symbolic, fast_downward, or one of your own", "symbolic"),
-        "limits": PortInformation(PlanLimits, False, "for a plan: steps=20; only=PickUp; without=fridge", PlanLimits()),
-    }
-    OUTPUT_PORTS: ClassVar = {"plan": PortInformation(TaskPlan, description="the actions")}
+    planner = In(str, "symbolic, fast_downward, or one of your own", default="symbolic")
+    limits = In(PlanLimits, "for a plan: steps=20; only=PickUp; without=fridge", default=PlanLimits())
+    plan = Out(TaskPlan, "the actions", required=True)
     FAILS: ClassVar = {
         "bad_goal": "correct the goal",
         "unknown_name": "name a planner or builder that there is",
@@ -187,14 +180,14 @@ class Plan(_Planning, Skill):
     def execute(self) -> Steps:
         """Plan, and report the plan."""
         try:
-            planner = made_planner(self.get_input("planner"))
+            planner = made_planner(self.planner)
         except UnknownNameError as error:
             raise SkillFailure("unknown_name", str(error)) from error
         except PlanningError as error:
             raise SkillFailure("no_plan", str(error)) from error
         _, problem = self.domain_and_problem()
-        plan = yield self.compute("task_planning", _plan, planner, problem, self.get_input("limits"))
-        self.set_output("plan", plan)
+        plan: TaskPlan = yield self.compute("task_planning", _plan, planner, problem, self.limits)
+        self.plan = plan
         self.feedback_message = "; ".join(str(action) for action in plan.actions) or "the goal is believed already"
 
 
@@ -205,11 +198,8 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
     """
 
     USES = ("arm",)
-    INPUT_PORTS: ClassVar = {
-        "goal": _GOAL,
-        "plan": PortInformation(TaskPlan, description="the actions, from Plan"),
-        "builder": PortInformation(str, False, "sequence, reactive or backchain", "reactive"),
-    }
+    plan = In(TaskPlan, "the actions, from Plan")
+    builder = In(str, "sequence, reactive or backchain", default="reactive")
 
     _tree: Tree | None = None
     _monitor: PlanMonitor
@@ -227,7 +217,7 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
         self._told = len(self.skills.failures)
         try:
             domain, problem = self.domain_and_problem()
-            plan: TaskPlan = self.get_input("plan")
+            plan = self.plan
             self._monitor = PlanMonitor(plan, problem.goal)
             self._tree = self._checked(self._built(domain, problem, plan), problem)
             self.owner.announce_inner(self._tree, self)
@@ -258,7 +248,7 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
 
     def _built(self, domain: Domain, problem: PlanningProblem, plan: TaskPlan) -> PlanTree:
         try:
-            builder = made_builder(self.get_input("builder"))
+            builder = made_builder(self.builder)
         except UnknownNameError as error:
             raise SkillFailure("unknown_name", str(error)) from error
         return builder.build(plan, problem.goal, [one.name for one in domain.abilities if not one.is_subtree])
