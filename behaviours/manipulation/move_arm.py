@@ -249,7 +249,7 @@ def _postures(skill: Skill, name: str, sight: NDArray[np.float64] | None = None)
     if held is None:
         return [[posture]]
     scene = skills.planning_scene()
-    world, roomy = skills.arm_world(scene), skills.arm_world(_with_room(scene, held))
+    world, roomy = skills.arm_world(scene), skills.arm_world(with_room(scene, held))
     upright = Upright(skills.kinematics, held.tool_from_object, MAX_HELD_TILT)
     past = None if sight is None else out_of_sight(skills, sight)
     tilted = not upright.satisfied(skills.arm_positions())
@@ -276,7 +276,7 @@ def _posture(skill: Skill, name: str) -> NDArray[np.float64]:
         raise SkillFailure("unknown_posture", str(error.args[0])) from error
 
 
-def _with_room(scene: PlanningScene, held: HeldObject) -> PlanningScene:
+def with_room(scene: PlanningScene, held: HeldObject) -> PlanningScene:
     """Return the scene with an enlarged held object: it may sag and sway on the way."""
     assert scene.attached is not None
     reach = float(np.linalg.norm(held.tool_from_object.position)) + max(held.model.size) / 2

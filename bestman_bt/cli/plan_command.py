@@ -173,7 +173,7 @@ def command(
             files.output.write_text(xml, encoding="utf-8")
             own_goal = wanted.text is not None or wanted.goal is not None or bool(wanted.given)
             needed = [*(where.settings or ()), *(_judged_by(question, problem) if own_goal else ())]
-            print(f"run it: {_to_run(files.output, where, question.setup.config, needed)}", file=sys.stderr)
+            print(f"run it: {to_run(files.output, where, question.setup.config, needed)}", file=sys.stderr)
             if assumed(plan):
                 print(f"{files.output} plans again (ReachGoal) if the plan fails", file=sys.stderr)
         if files.svg is not None:
@@ -219,7 +219,7 @@ def _said_where(config: RunConfig, xml: str) -> str:
     return f"<!-- {where.replace('--', '- -')} -->\n{xml}"
 
 
-def _to_run(tree: Path, planned: PlanningOptions, config: RunConfig, settings: Sequence[str]) -> str:
+def to_run(tree: Path, planned: PlanningOptions, config: RunConfig, settings: Sequence[str]) -> str:
     """Return the command that runs the saved tree with the planned scene and robot."""
     where = {"--task": planned.task, "--scene": planned.scene, "--robot": planned.robot}
     if planned.task is None:

@@ -243,7 +243,7 @@ def command(
         if driven.recording is not None:
             config = _replayed(driven.recording, tree, asked.driver)
         else:
-            config = run_of_options(_request(tree, asked), faults)
+            config = run_of_options(run_request(tree, asked), faults)
         if driven.judge is not None:
             _ask_judge(driven.judge, config.driver)
         config = trees.of(config)
@@ -396,7 +396,7 @@ def _replayed(recording: Path, tree: str | None, driver: str) -> RunConfig:
     return dataclasses.replace(config, task=task, driver=driver, record=False, recording=str(recording))
 
 
-def _request(tree: str | None, asked: RunOptions) -> RunRequest:
+def run_request(tree: str | None, asked: RunOptions) -> RunRequest:
     """With the task that names the tree, where none is given. Raises ConfigurationError if nothing can be run."""
     request = RunRequest(tree=tree, **vars(asked))
     if tree is None and asked.task is None and asked.driver == "replay":

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from behaviours.manipulation.move_arm import IN_VIEW, ROOM_TO_TURN, _with_room, postures_beside
+from behaviours.manipulation.move_arm import IN_VIEW, ROOM_TO_TURN, postures_beside, with_room
 from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle
 from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import PlacedShape, Pose, Sphere
@@ -51,7 +51,7 @@ def test_what_reaches_far_from_the_hand_keeps_more_room(bystander: RobotSession,
     held = HeldObject("cup", cup, Pose.from_xyz_rpy((0.0, beside, 0.0), (0.0, 0.0, 0.0)), 0.01)
     skills.held = held
     try:
-        attached = _with_room(skills.planning_scene(), held).attached
+        attached = with_room(skills.planning_scene(), held).attached
     finally:
         skills.held = None
     assert max(cup.size) == pytest.approx(0.1), "it reaches 7 or 20 cm"

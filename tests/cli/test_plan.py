@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 
 from bestman_bt.cli.options import PlanningOptions
-from bestman_bt.cli.plan_command import _to_run
+from bestman_bt.cli.plan_command import to_run
 from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import load_tree
 from bestman_bt.registry import BUILDERS, PLANNERS
@@ -67,7 +67,7 @@ def test_by_default_it_is_planned_in_the_furnished_kitchen_and_a_drawer_needs_no
 def test_the_command_that_runs_a_saved_plan_tells_no_secret_of_a_controller() -> None:
     settings = ["robot.connections.arm.address=HIDDEN", "robot.connections.arm.token=HIDDEN", "robot.name=my robot"]
     config = load_run("fetch_cup", seed=3, plugins=["my leaves.py"])
-    told = _to_run(Path("tree.xml"), PlanningOptions("fetch_cup", "kitchen"), config, settings)
+    told = to_run(Path("tree.xml"), PlanningOptions("fetch_cup", "kitchen"), config, settings)
     words = ["bestman-bt", "run", "tree.xml", "--task", "fetch_cup", "--scene", "kitchen", "--seed", "3"]
     words += ["--set", "robot.connections.arm.address=…", "--set", "robot.connections.arm.token=…"]
     assert shlex.split(told) == [*words, "--set", "robot.name=my robot", "--plugin", "my leaves.py"]

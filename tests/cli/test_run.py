@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from bestman_bt.cli.run_command import RunOptions, _request, no_faster_than_real_time
+from bestman_bt.cli.run_command import RunOptions, no_faster_than_real_time, run_request
 from bestman_bt.cli.run_view import RunView
 from bestman_bt.configuration.run import RunRequest, load_run, run_of_options
 from bestman_bt.engine import RUNNING, ManualClock, NodeRegistry, StatefulAction, Tree, load_tree
@@ -70,7 +70,7 @@ def test_nothing_odd_is_said_of_a_tree_that_includes_shipped_subtrees(bestman_bt
 
 
 def test_a_tree_in_place_of_a_tasks_own_names_the_run() -> None:
-    named = [_request(tree, RunOptions(task=task)).name for tree, task in (("a/mine.xml", "fetch_cup"), (None, "x"))]
+    named = [run_request(tree, RunOptions(task=task)).name for tree, task in (("a/mine.xml", "fetch_cup"), (None, "x"))]
     assert named == ["mine", ""]
     assert run_of_options(RunRequest(task="fetch_cup", tree="bring_two", name="mine")).name == "mine"
 

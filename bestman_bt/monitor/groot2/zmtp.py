@@ -14,7 +14,7 @@ from bestman_bt.monitor.groot2.protocol import Groot2Error
 MOST_BYTES = 64 << 20
 """Of one message: a tree of 65,535 nodes has 15 million."""
 MOST_PARTS = 8
-_GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32)
+GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32)
 _MORE, _LONG, _COMMAND = 1, 2, 4
 _AT_ONCE = 1 << 16
 
@@ -48,7 +48,7 @@ class ZmtpConnection:
     def send(self, *parts: bytes) -> None:
         """Send one message."""
         last = len(parts) - 1
-        self._send(b"".join(_frame(part, _MORE if number < last else 0) for number, part in enumerate(parts)))
+        self._send(b"".join(frame_of(part, _MORE if number < last else 0) for number, part in enumerate(parts)))
 
     def receive(self) -> list[bytes]:
         """Return the parts of the next message."""
@@ -78,14 +78,14 @@ class ZmtpConnection:
         self.close()
 
     def _shake_hands(self, kind: str) -> None:
-        self._send(_GREETING)
-        greeting = self._read(len(_GREETING))
+        self._send(GREETING)
+        greeting = self._read(len(GREETING))
         if greeting[0] != 0xFF or greeting[9] & 1 == 0 or greeting[10] < 3:
             raise Groot2Error(f"{self._address} does not speak ZeroMQ 4 or newer: it begins with {greeting[:12]!r}")
         if greeting[12:32].rstrip(b"\0") != b"NULL":
             raise Groot2Error(f"{self._address} demands the security {greeting[12:32].rstrip(bytes(1))!r}")
         properties = b"\x0bSocket-Type" + len(kind).to_bytes(4, "big") + kind.encode()
-        self._send(_frame(b"\x05READY" + properties, _COMMAND))
+        self._send(frame_of(b"\x05READY" + properties, _COMMAND))
         flags, body = self._read_frame(_AT_ONCE)
         if not flags & _COMMAND or not body.startswith(b"\x05READY"):
             raise Groot2Error(f"{self._address} refuses the connection: {body[:80]!r}")
@@ -127,7 +127,8 @@ class ZmtpConnection:
             raise Groot2Error(f"{self._address} is gone: {error}") from error
 
 
-def _frame(body: bytes, flags: int) -> bytes:
+def frame_of(body: bytes, flags: int) -> bytes:
+    """Return a frame: flags, length and body."""
     if len(body) < 256:
         return bytes([flags, len(body)]) + body
     return bytes([flags | _LONG]) + len(body).to_bytes(8, "big") + body

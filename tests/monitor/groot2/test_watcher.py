@@ -23,7 +23,7 @@ from bestman_bt.monitor.groot2.client import Groot2Client
 from bestman_bt.monitor.groot2.protocol import Groot2Error, RequestError
 from bestman_bt.monitor.groot2.publisher import Groot2Publisher, ObservedStates
 from bestman_bt.monitor.groot2.watcher import Groot2Watcher, read_tree
-from bestman_bt.monitor.groot2.zmtp import _GREETING, _frame
+from bestman_bt.monitor.groot2.zmtp import GREETING, frame_of
 from bestman_bt.records.reader import read
 from tests.monitor.conftest import wait_until
 from tests.monitor.groot2.wire_client import free_ports
@@ -217,11 +217,11 @@ def test_a_tree_that_changes_begins_another_run(tmp_path: Path) -> None:
 
 
 HEAD = struct.pack("<BBI", 2, ord("T"), 1) + bytes(16)
-READY = _frame(b"\x05READY", 4)
+READY = frame_of(b"\x05READY", 4)
 
 
 def answer(*parts: bytes) -> bytes:
-    return b"".join(_frame(part, 1) for part in (b"", *parts[:-1])) + _frame(parts[-1], 0)
+    return b"".join(frame_of(part, 1) for part in (b"", *parts[:-1])) + frame_of(parts[-1], 0)
 
 
 @pytest.mark.parametrize(
@@ -229,21 +229,21 @@ def answer(*parts: bytes) -> bytes:
     [
         (b"", "has closed the connection"),
         (b"HTTP/1.1 400 Bad Request\r\n" * 9, "does not speak ZeroMQ"),
-        (_GREETING.replace(b"NULL", b"CURV"), "demands the security"),
-        (_GREETING + _frame(b"\x05ERROR\x03no!", 4), "refuses the connection"),
-        (_GREETING + READY + answer(HEAD[:9]), "does not speak Groot2's protocol"),
-        (_GREETING + READY + answer(b"\x01" + HEAD[1:], b"<root/>"), "version 1 of Groot2's protocol"),
-        (_GREETING + READY + answer(HEAD[:2] + b"\x09" + HEAD[3:], b"<root/>"), "answers another request"),
-        (_GREETING + READY + answer(HEAD, b"<root"), "cannot be read"),
-        (_GREETING + READY + answer(HEAD, b"\xff\xfe"), "not UTF-8"),
+        (GREETING.replace(b"NULL", b"CURV"), "demands the security"),
+        (GREETING + frame_of(b"\x05ERROR\x03no!", 4), "refuses the connection"),
+        (GREETING + READY + answer(HEAD[:9]), "does not speak Groot2's protocol"),
+        (GREETING + READY + answer(b"\x01" + HEAD[1:], b"<root/>"), "version 1 of Groot2's protocol"),
+        (GREETING + READY + answer(HEAD[:2] + b"\x09" + HEAD[3:], b"<root/>"), "answers another request"),
+        (GREETING + READY + answer(HEAD, b"<root"), "cannot be read"),
+        (GREETING + READY + answer(HEAD, b"\xff\xfe"), "not UTF-8"),
         (
-            _GREETING + READY + answer(HEAD, b"<root><BehaviorTree ID='A'><Sequence _uid='7'/></BehaviorTree></root>"),
+            GREETING + READY + answer(HEAD, b"<root><BehaviorTree ID='A'><Sequence _uid='7'/></BehaviorTree></root>"),
             "out of order",
         ),
-        (_GREETING + READY + answer(b"error", b"go away"), "go away"),
-        (_GREETING + READY + b"\x03" + (1 << 30).to_bytes(8, "big"), "1073741824 bytes"),
-        (_GREETING + READY + _frame(b"", 1) * 100, "more than 8 parts"),
-        (_GREETING + READY + answer(HEAD, b"x" * 300)[:-50], "within a message"),
+        (GREETING + READY + answer(b"error", b"go away"), "go away"),
+        (GREETING + READY + b"\x03" + (1 << 30).to_bytes(8, "big"), "1073741824 bytes"),
+        (GREETING + READY + frame_of(b"", 1) * 100, "more than 8 parts"),
+        (GREETING + READY + answer(HEAD, b"x" * 300)[:-50], "within a message"),
     ],
     ids=range(14),
 )
@@ -255,7 +255,7 @@ def test_a_hostile_server_ends_in_a_clear_message(sent: bytes, complaint: str) -
 
 def test_half_a_message_is_not_waited_for_without_end() -> None:
     with (
-        served(_GREETING + READY + answer(HEAD, b"x" * 300)[:-50], stays=True) as port,
+        served(GREETING + READY + answer(HEAD, b"x" * 300)[:-50], stays=True) as port,
         pytest.raises(Groot2Error, match=r"not sent a whole message within 0\.1 s"),
     ):
         Groot2Client("127.0.0.1", port, timeout=0.1).full_tree()
