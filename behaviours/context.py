@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from bestman_bt.control.robot_stop import RobotStop
     from bestman_bt.control.touch import TactileSensor, WristWrench
     from bestman_bt.control.wheeled.base_controller import BaseController
-    from bestman_bt.manipulation.base_placement import ReachingArm
+    from bestman_bt.manipulation.base_placement import BasePlacements, PathPlacements, ReachingArm
     from bestman_bt.manipulation.collision.base import CollisionModel, CollisionWorld
     from bestman_bt.manipulation.collision.planning_scene import PlanningScene
     from bestman_bt.manipulation.kinematics.base import InverseKinematics
@@ -136,6 +136,8 @@ class SkillContext:
     unknown_grasp_pose: GraspPlanner = field(init=False)
     handle_grasp_pose: GraspPlanner = field(init=False)
     kinematics: InverseKinematics = field(init=False)
+    base_placement: BasePlacements = field(init=False)
+    path_placement: PathPlacements = field(init=False)
     collision: CollisionModel = field(init=False)
     motion_planning: TimedMotionPlanner = field(init=False)
     costmap: LayeredCostmap = field(init=False)

@@ -186,6 +186,8 @@ ALGORITHMS = Registry(
         "grasp_pose/anygrasp": "bestman_bt.perception.grasp_pose.anygrasp:AnyGraspAdapter",
         "grasp_pose/handle_grasp": "bestman_bt.perception.grasp_pose.handle_grasp:HandleGrasp",
         "grasp_pose/model_based": "bestman_bt.perception.grasp_pose.model_based:ModelBased",
+        "base_placement/along_path": "bestman_bt.manipulation.base_placement:PathPlacements",
+        "base_placement/at_furniture": "bestman_bt.manipulation.base_placement:BasePlacements",
         "kinematics/damped_least_squares": "bestman_bt.manipulation.kinematics.damped_least_squares:DampedLeastSquares",
         "local_planning/dwa": "bestman_bt.navigation.local_planning.dwa:DWA",
         "local_planning/mppi": "bestman_bt.navigation.local_planning.mppi:MPPI",

@@ -252,24 +252,21 @@ def find_stands(skills: SkillContext, leaf: FurnitureLeaf, ways: Iterable[LeafWa
 
     The arm's reachability map limits the candidates, so that few searches fail.
     """
-    from bestman_bt.manipulation.base_placement import PathPlacements
-
     kinematics, current = skills.kinematics, skills.world.base.pose
     reachability = _reachability(skills)
     found: list[PathPlacement] = []
     promising: list[LeafWay] = []
     worlds: LeafWorlds = {}
-    few = PathPlacements(enough=2, starts=3)
     for batch in BATCHES:
         for way in promising or ways:
             if batch is BATCHES[0]:
                 stands = way.stands
                 if reachability is not None:
-                    stands = PathPlacements().promising(stands, way.stations, kinematics, reachability, current)
+                    stands = skills.path_placement.promising(stands, way.stations, kinematics, reachability, current)
                 way = replace(way, stands=stands)
                 promising.append(way)
             these = replace(way, stands=way.stands[batch])
-            found += stands_along_leaf(skills, leaf, these, worlds, few, reachability)
+            found += stands_along_leaf(skills, leaf, these, worlds, skills.path_placement, reachability)
             if any(stand.arc.margin >= ROOM for stand in found):
                 return sorted(found, key=lambda stand: -stand.score)
     return sorted(found, key=lambda stand: -stand.score)

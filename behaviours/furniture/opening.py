@@ -242,13 +242,12 @@ class HandlePull:
 
 def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> HandlePull | None:
     """Return the grasp that lets the arm move furthest from the current base, or None if none is within reach."""
-    from bestman_bt.manipulation.base_placement import PathPlacements
     from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 
     base_from_map, here = skills.map_from_base.inverse(), [skills.world.base.pose]
     free = world_at_leaf(skills, opening.leaf, opening.start, "free")
     contact = world_at_leaf(skills, opening.leaf, opening.start, "fingers")
-    from_here = PathPlacements(enough=1, most=1, starts=6, options=7, min_fraction=0.3)
+    from_here = replace(skills.path_placement, enough=1, most=1, starts=6, options=7, min_fraction=0.3)
     plans: list[HandlePull] = []
     worlds: LeafWorlds = {}
     for candidate in pull_grasps(skills, opening, belief):

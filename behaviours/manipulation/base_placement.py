@@ -157,11 +157,9 @@ class FindStandPose(FindBasePlacement):
         return float(self._middle()[2] - held.model.bounds()[0, 2])
 
     def _rank(self, furniture: MapFurniture, target: StandTarget) -> tuple[BasePlacement, ...]:
-        from bestman_bt.manipulation.base_placement import BasePlacements
-
         skills = self.skills
         costmap = skills.seen_costmap(DRIVEN)
-        return BasePlacements().rank(
+        return skills.base_placement.rank(
             self._beside(furniture, target),
             target.tool_poses,
             skills.reaching_arm(),
@@ -172,10 +170,8 @@ class FindStandPose(FindBasePlacement):
 
     def _beside(self, furniture: MapFurniture, target: StandTarget) -> list[Pose2D]:
         """Stands at the furniture that have not been tried, free or not."""
-        from bestman_bt.manipulation.base_placement import BasePlacements
-
         front = float(np.array(self.skills.base.model.footprint)[:, 0].max())
-        beside = BasePlacements().beside(with_open_drawers(self.skills, furniture), target.at, front)
+        beside = self.skills.base_placement.beside(with_open_drawers(self.skills, furniture), target.at, front)
         return [stand for stand in beside if self._is_new(stand)]
 
     def _why_none(self, furniture: MapFurniture, target: StandTarget) -> SkillFailure:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -63,12 +64,12 @@ class BasePlacements:
     ``comfort_weight``: score for joints far from their limits.
     """
 
-    gaps: tuple[float, ...] = (0.06, 0.1, 0.15)
-    offsets: tuple[float, ...] = (0.0, -0.1, 0.1, -0.2, 0.2, -0.3, 0.3)
+    gaps: Annotated[tuple[float, ...], "m"] = (0.06, 0.1, 0.15)
+    offsets: Annotated[tuple[float, ...], "m"] = (0.0, -0.1, 0.1, -0.2, 0.2, -0.3, 0.3)
     preferred_reach: float = 0.62
-    enough: int = 4
-    ik_attempts: int = 8
-    travel_cost: float = 0.05
+    enough: Count = 4
+    ik_attempts: Count = 8
+    travel_cost: Annotated[float, "1/m"] = 0.05
     comfort_weight: float = 0.5
 
     def beside(
@@ -206,14 +207,14 @@ class PathPlacements:
     of driving.
     """
 
-    enough: Count = 4
+    enough: Count = 2
     most: Count = 60
-    starts: Count = 4
+    starts: Count = 3
     options: Count = 5
     ik_attempts: Count = 6
     good_margin: float = 0.15
     min_fraction: float = 1.0
-    travel_cost: float = 0.05
+    travel_cost: Annotated[float, "1/m"] = 0.05
 
     def rank(
         self,

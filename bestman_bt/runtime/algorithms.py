@@ -23,6 +23,7 @@ from bestman_bt.engine.errors import TreeProblem
 from bestman_bt.engine.own_files import described, importable, load_file, module_of, plugin_module, signature_fault
 from bestman_bt.engine.unwritten import problem_at
 from bestman_bt.errors import MissingExtraError
+from bestman_bt.manipulation.base_placement import BasePlacements, PathPlacements
 from bestman_bt.manipulation.collision.base import CollisionModel
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.manipulation.motion_planning.base import MotionPlanner
@@ -85,6 +86,8 @@ SLOTS: dict[str, AlgorithmSlot] = {
     "collision": AlgorithmSlot(CollisionModel, "collision", ("robot",)),
     "motion_planning": AlgorithmSlot(MotionPlanner, "motion_planning"),
     "trajectory": AlgorithmSlot(TimeParametrization, "trajectory"),
+    "base_placement": AlgorithmSlot(BasePlacements, "base_placement"),
+    "path_placement": AlgorithmSlot(PathPlacements, "base_placement"),
     "costmap": AlgorithmSlot(LayeredCostmap, "global_planning"),
     "global_planning": AlgorithmSlot(GlobalPlanner, "global_planning"),
     "local_planning": AlgorithmSlot(PathFollower, "local_planning"),
