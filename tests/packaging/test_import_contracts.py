@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -75,6 +76,11 @@ def test_every_package_below_the_command_line_has_an_allow_list_or_stands_above_
     free = above | {"bestman_bt.evaluation", "bestman_bt.runtime"}
     listed = {source for contract in CONTRACTS.values() for source in contract.get("source_modules", [])}
     assert packages() - listed - free == set()
+
+
+def test_the_page_shows_what_the_contracts_allow() -> None:
+    script = runpy.run_path(str(CHECKOUT / "scripts" / "import_table.py"))
+    assert script["PAGE"].read_text() == script["table"](), "run scripts/import_table.py"
 
 
 @pytest.mark.parametrize(("number", "case"), list(enumerate(FORBIDDEN_IMPORTS)))
