@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any, ClassVar, TypeVar
@@ -84,6 +85,17 @@ class Registry:
                 self._entries = {**_imported(self._found_by)(), **self._entries}
             for point in entry_points(group=self.group):
                 self._entries.setdefault(point.name, point.value)
+
+
+@contextmanager
+def undone(*registries: Registry) -> Iterator[None]:
+    """Undo, at the end of the block, what was added to the registries in it: for tests of plug-ins."""
+    before = [{name: registry._entries[name] for name in registry.names()} for registry in registries]
+    try:
+        yield
+    finally:
+        for registry, entries in zip(registries, before, strict=True):
+            registry._entries = entries
 
 
 def _imported(name: str) -> Any:

@@ -14,7 +14,7 @@ from bestman_bt.cli.options import PlanningOptions
 from bestman_bt.cli.plan_command import to_run
 from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import load_tree
-from bestman_bt.registry import BUILDERS, PLANNERS
+from bestman_bt.registry import BUILDERS, PLANNERS, undone
 from bestman_bt.runtime.plugins import node_registry
 from tests.cli.command_line import Answer
 
@@ -246,13 +246,10 @@ def test_a_plug_in_brings_the_planner_and_the_builder(bestman_bt: Command, folde
         "    def root(self, plan, goal, writer): return writer.node('Sequnce', 'plan', [])\n"
     )
     asked = ("plan", "--goal", "hand_empty", "--planner", "mine", "--builder", "in_a_row")
-    try:
+    with undone(PLANNERS, BUILDERS):
         assert bestman_bt(*asked, "--plugin", "mine.py").code == 0
         refused = bestman_bt("plan", "--goal", GOAL, "--builder", "odd", "--plugin", "mine.py").err
         assert "tree of the builder odd:5: <Sequnce>: unknown node" in refused
-    finally:
-        for registry, name in ((PLANNERS, "mine"), (BUILDERS, "in_a_row"), (BUILDERS, "odd")):
-            registry._entries.pop(name, None)
     answer = bestman_bt(*asked)
     assert answer.code == 2
     unknown = ("--planner: unknown task planner 'mine'", "--builder: unknown tree builder 'in_a_row'")

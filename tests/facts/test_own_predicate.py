@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from bestman_bt.facts.predicate import Beliefs, shipped_predicates
 from bestman_bt.messages import Pose
-from bestman_bt.registry import PREDICATES
+from bestman_bt.registry import PREDICATES, undone
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.state import holds, known_predicates
@@ -37,12 +38,11 @@ LYING = Predicate("lying", {"object": "object"}, "the {object} lies on its side"
 
 
 @pytest.fixture
-def lying(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    PREDICATES.names()
-    monkeypatch.setattr(PREDICATES, "_entries", dict(PREDICATES._entries))
+def lying(tmp_path: Path) -> Iterator[Path]:
     file = tmp_path / "lying.py"
     file.write_text(LYING)
-    return file
+    with undone(PREDICATES):
+        yield file
 
 
 def test_a_file_of_a_user_brings_a_predicate_to_planners_conditions_and_the_judge(lying: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
 from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
-from bestman_bt.registry import CONNECTIONS, PARTS, SIMULATED_SENSORS
+from bestman_bt.registry import CONNECTIONS, PARTS, SIMULATED_SENSORS, undone
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.runtime.robot_session import session
 from bestman_bt.runtime.setup import prepare
@@ -26,15 +26,11 @@ FILES = {name: text for text, name in BLOCKS}
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The page's files in a folder, which is the present one; what they register is forgotten afterwards."""
-    registries = (PARTS, SIMULATED_SENSORS, CONNECTIONS)
-    before = [dict(registry._entries) for registry in registries]
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
     monkeypatch.chdir(tmp_path)
-    yield tmp_path
-    for registry, entries in zip(registries, before, strict=True):
-        registry._entries.clear()
-        registry._entries.update(entries)
+    with undone(PARTS, SIMULATED_SENSORS, CONNECTIONS):
+        yield tmp_path
 
 
 def script(name: str) -> str:

@@ -23,7 +23,7 @@ from bestman_bt.navigation.global_planning.base import PlanningFailure
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.perception.grasp_pose.base import GraspTarget
-from bestman_bt.registry import ALGORITHMS, BUILDERS, PLANNERS, PREDICATES
+from bestman_bt.registry import ALGORITHMS, BUILDERS, PLANNERS, PREDICATES, undone
 from bestman_bt.robot_model.model import GripperModel
 from bestman_bt.runtime.algorithms import Algorithms
 from bestman_bt.runtime.setup import Setup, prepare
@@ -47,15 +47,11 @@ CHOSEN = {
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The examples as files; what they have registered is forgotten afterwards."""
-    registries = (ALGORITHMS, PLANNERS, BUILDERS, PREDICATES)
-    before = [dict(registry._entries) for registry in registries]
     folder = tmp_path_factory.mktemp("examples")
     for name, text in EXAMPLES.items():
         (folder / name).write_text(text)
-    yield folder
-    for registry, entries in zip(registries, before, strict=True):
-        registry._entries.clear()
-        registry._entries.update(entries)
+    with undone(ALGORITHMS, PLANNERS, BUILDERS, PREDICATES):
+        yield folder
 
 
 @pytest.fixture(scope="module")

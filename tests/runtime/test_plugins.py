@@ -12,7 +12,7 @@ import pytest
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunRequest, dump_run, load_run, read_run, run_of_options
-from bestman_bt.registry import ALGORITHMS, BUILDERS, DRIVERS, PLANNERS, PREDICATES
+from bestman_bt.registry import ALGORITHMS, BUILDERS, DRIVERS, PLANNERS, PREDICATES, undone
 from bestman_bt.runtime.algorithms import Algorithms, make_algorithm
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.robot_session import session
@@ -69,10 +69,8 @@ def register(registry):
 def plugin(tmp_path: Path) -> Iterator[str]:
     path = tmp_path / "straight.py"
     path.write_text(PLUGIN)
-    before = dict(ALGORITHMS._entries)
-    yield str(path)
-    ALGORITHMS._entries.clear()
-    ALGORITHMS._entries.update(before)
+    with undone(ALGORITHMS):
+        yield str(path)
 
 
 def test_node_classes_of_a_plug_in_and_what_it_registers_can_be_used(plugin: str) -> None:
@@ -168,12 +166,10 @@ def test_a_plug_in_that_brings_nothing_is_refused_and_told_what_it_could_bring(
         "from bestman_bt.registry import algorithm\n\n\n@algorithm('slam/mine')\nclass Mine: ...\n"
     )
     (tmp_path / "p.py").write_text(text)
-    try:
+    with undone(ALGORITHMS):
         for _ in range(2):
             with nullcontext() if brings else pytest.raises(ConfigurationError, match=r"p\.py: brings nothing; it"):
                 node_registry([str(tmp_path / "p.py")])
-    finally:
-        ALGORITHMS._entries.pop("slam/mine", None)
 
 
 def test_a_plug_in_of_native_behaviours_is_told_where_these_are_used(tmp_path: Path) -> None:
@@ -185,22 +181,22 @@ def test_a_plug_in_of_native_behaviours_is_told_where_these_are_used(tmp_path: P
 
 
 def test_a_misspelt_slot_is_a_fault_of_the_plug_in_and_one_that_came_otherwise_is_warned_of(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(ALGORITHMS, "_entries", dict(ALGORITHMS._entries))
-    plug_in = tmp_path / "p.py"
-    for name, words in (
-        ("global_planing/x", "unknown slot 'global_planing'; did you mean 'global_planning'?"),
-        ("nothing", "should be a slot and a name, such as 'global_planning/mine'"),
-    ):
-        plug_in.write_text(f"from bestman_bt.registry import algorithm\n\n\n@algorithm({name!r})\nclass X: ...\n")
-        with pytest.raises(ConfigurationError) as raised:
-            node_registry([str(plug_in)])
-        assert f"p.py:4: the plug-in raised UnknownNameError: @algorithm({name!r}): {words}" in str(raised.value)
-    assert not caplog.messages
-    ALGORITHMS.add("global_planing/x", "nowhere:X")
-    node_registry()
-    assert "'global_planing/x' cannot be chosen: unknown slot" in caplog.messages[-1]
+    with undone(ALGORITHMS):
+        plug_in = tmp_path / "p.py"
+        for name, words in (
+            ("global_planing/x", "unknown slot 'global_planing'; did you mean 'global_planning'?"),
+            ("nothing", "should be a slot and a name, such as 'global_planning/mine'"),
+        ):
+            plug_in.write_text(f"from bestman_bt.registry import algorithm\n\n\n@algorithm({name!r})\nclass X: ...\n")
+            with pytest.raises(ConfigurationError) as raised:
+                node_registry([str(plug_in)])
+            assert f"p.py:4: the plug-in raised UnknownNameError: @algorithm({name!r}): {words}" in str(raised.value)
+        assert not caplog.messages
+        ALGORITHMS.add("global_planing/x", "nowhere:X")
+        node_registry()
+        assert "'global_planing/x' cannot be chosen: unknown slot" in caplog.messages[-1]
 
 
 def test_a_plug_in_that_is_not_there_is_named() -> None:
@@ -213,10 +209,8 @@ def test_a_plug_in_may_bring_the_driver(tmp_path: Path) -> None:
     path.write_text(
         'from bestman_bt.registry import DRIVERS\nDRIVERS.add("mine", "hal.pybullet.robot:PyBulletRobot")\n'
     )
-    try:
+    with undone(DRIVERS):
         assert prepare(load_run("fetch_cup", driver="mine", plugins=[str(path)])).config.driver == "mine"
-    finally:
-        DRIVERS._entries.pop("mine", None)
     with pytest.raises(ConfigurationError, match="unknown robot driver 'mine'"):
         prepare(load_run("fetch_cup", driver="mine"))
 
@@ -272,14 +266,10 @@ class Stepping:
 
 @pytest.fixture
 def decorated(tmp_path: Path) -> Iterator[Path]:
-    registries = (ALGORITHMS, PLANNERS, BUILDERS, PREDICATES)
-    before = [(registry, {name: registry._entries[name] for name in registry.names()}) for registry in registries]
     (tmp_path / "mine.py").write_text(DECORATED)
     (tmp_path / "stepping.py").write_text(BESIDE)
-    yield tmp_path / "mine.py"
-    for registry, entries in before:
-        registry._entries.clear()
-        registry._entries.update(entries)
+    with undone(ALGORITHMS, PLANNERS, BUILDERS, PREDICATES):
+        yield tmp_path / "mine.py"
 
 
 def test_decorators_of_a_plug_in_name_its_algorithms_planners_and_builders(decorated: Path) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.registry import PLANNERS
+from bestman_bt.registry import PLANNERS, undone
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits, plan_within
 from bestman_bt.task_planning.planners import made_planner
@@ -95,16 +95,19 @@ def test_a_planner_that_fails_or_returns_no_plan_is_named(outcome: object, words
         plan_within(Odd(outcome), fetching(), PlanLimits())
 
 
-def test_a_planner_that_cannot_be_made_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(PLANNERS._entries, "odd", f"{__name__}:Odd")
-    with pytest.raises(PlanningError, match="the planner 'odd' cannot be made: TypeError"):
-        made_planner("odd")
-    monkeypatch.setitem(PLANNERS._entries, "odd", "builtins:dict")
-    with pytest.raises(PlanningError, match="the planner 'odd' should be a subclass of TaskPlanner, got"):
-        made_planner("odd")
-    monkeypatch.setitem(PLANNERS._entries, "odd", "no_such_module:Odd")
-    with pytest.raises(PlanningError, match="the planner 'odd' cannot be imported: ModuleNotFoundError"):
-        made_planner("odd")
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [
+        (f"{__name__}:Odd", "cannot be made: TypeError"),
+        ("builtins:dict", "should be a subclass of TaskPlanner, got"),
+        ("no_such_module:Odd", "cannot be imported: ModuleNotFoundError"),
+    ],
+)
+def test_a_planner_that_cannot_be_made_is_named(target: str, words: str) -> None:
+    with undone(PLANNERS):
+        PLANNERS.add("odd", target)
+        with pytest.raises(PlanningError, match=f"the planner 'odd' {words}"):
+            made_planner("odd")
 
 
 def test_of_a_thing_that_may_not_be_used_it_is_told_that_the_limits_forbid_it() -> None:

@@ -26,7 +26,7 @@ from bestman_bt.engine import (
 )
 from bestman_bt.facts.predicate import Beliefs, Predicate
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
-from bestman_bt.registry import BUILDERS, PLANNERS, PREDICATES
+from bestman_bt.registry import BUILDERS, PLANNERS, PREDICATES, undone
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.base import TaskPlanner
@@ -272,10 +272,11 @@ class Listing(TaskPlanner):
     [(f"{__name__}:Listing", "Listing should return a TaskPlan, got list"), ("no_module:X", "cannot be imported")],
 )
 def test_a_planner_that_gives_no_plan_fails_the_leaf_and_not_the_run(
-    skills: Any, library: NodeRegistry, monkeypatch: pytest.MonkeyPatch, target: str, words: str
+    skills: Any, library: NodeRegistry, target: str, words: str
 ) -> None:
-    monkeypatch.setitem(PLANNERS._entries, "odd", target)
-    assert run(planned(skills, library, "on(cup, desk)", planner="odd")) == FAILURE
+    with undone(PLANNERS):
+        PLANNERS.add("odd", target)
+        assert run(planned(skills, library, "on(cup, desk)", planner="odd")) == FAILURE
     code, why = unplanned(skills)[0]
     assert code == "no_plan"
     assert words in why
@@ -482,18 +483,19 @@ def test_of_the_effects_of_abilities_only_facts_without_a_function_are_kept(skil
 
 
 def test_a_predicate_may_be_declared_without_a_function_and_an_unknown_one_is_told(
-    skills: Any, library: NodeRegistry, monkeypatch: pytest.MonkeyPatch
+    skills: Any, library: NodeRegistry
 ) -> None:
-    monkeypatch.setitem(PREDICATES._entries, "clean", Predicate("clean", {"place": "place"}, "the {place} is clean"))
-    assert run(planned(skills, library, "clean(table)")) == SUCCESS
-    asked = load_tree(
-        '<root BTCPP_format="4"><BehaviorTree ID="Main"><Holds fact="claen(table/top)"/></BehaviorTree></root>',
-        library,
-        context=skills,
-        clock=skills.clock,
-    )
-    assert run(asked) == FAILURE
-    assert "did you mean 'clean'?" in skills.failures[-1].why
+    with undone(PREDICATES):
+        PREDICATES.add("clean", Predicate("clean", {"place": "place"}, "the {place} is clean"))
+        assert run(planned(skills, library, "clean(table)")) == SUCCESS
+        asked = load_tree(
+            '<root BTCPP_format="4"><BehaviorTree ID="Main"><Holds fact="claen(table/top)"/></BehaviorTree></root>',
+            library,
+            context=skills,
+            clock=skills.clock,
+        )
+        assert run(asked) == FAILURE
+        assert "did you mean 'clean'?" in skills.failures[-1].why
 
 
 OWN = """
@@ -516,21 +518,20 @@ BAD = Predicate("bad", {"object": "object"}, "the {object} is bad", lambda belie
 
 
 def test_mistakes_in_own_builders_and_predicates_are_one_line_with_their_file(
-    skills: Any, library: NodeRegistry, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+    skills: Any, library: NodeRegistry, tmp_path: Any
 ) -> None:
-    for registry in (BUILDERS, PREDICATES):
-        monkeypatch.setattr(registry, "_entries", dict(registry._entries))
-    file = tmp_path / "own.py"
-    file.write_text(OWN)
-    node_registry([str(file)])
-    place = f"(at {file}:"
-    with pytest.raises(PredicateError, match="the predicate of bad.cup. raised ZeroDivisionError") as raised:
-        Domain.of(library).problem(Beliefs(skills.world), "clean(table)")
-    assert f"{place}16)" in str(raised.value)
-    PREDICATES._entries.pop("bad")
-    for builder, words in (
-        ("raises", f"Raises.root raised ZeroDivisionError: division by zero {place}9)"),
-        ("nothing", f"Nothing.root should return an XmlElement, got NoneType {place}13)"),
-    ):
-        assert run(planned(skills, library, "clean(desk)", builder)) == FAILURE
-        assert words in str([failure.why for failure in skills.failures])
+    with undone(BUILDERS):
+        with undone(PREDICATES):
+            file = tmp_path / "own.py"
+            file.write_text(OWN)
+            node_registry([str(file)])
+            place = f"(at {file}:"
+            with pytest.raises(PredicateError, match="the predicate of bad.cup. raised ZeroDivisionError") as raised:
+                Domain.of(library).problem(Beliefs(skills.world), "clean(table)")
+            assert f"{place}16)" in str(raised.value)
+        for builder, words in (
+            ("raises", f"Raises.root raised ZeroDivisionError: division by zero {place}9)"),
+            ("nothing", f"Nothing.root should return an XmlElement, got NoneType {place}13)"),
+        ):
+            assert run(planned(skills, library, "clean(desk)", builder)) == FAILURE
+            assert words in str([failure.why for failure in skills.failures])
