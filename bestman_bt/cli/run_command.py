@@ -53,7 +53,6 @@ from bestman_bt.monitor.groot2.publisher import Groot2Publisher, check_servable
 from bestman_bt.records.writer import CONFIG_FILE, RESULT_FILE
 from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.runtime.setup import Setup
-from bestman_bt.runtime.tree_checks import ALWAYS_FILLED
 from bestman_bt.visualization.errors import ViewerError
 from bestman_bt.visualization.rerun.recorder import RECORDING_NAME
 from bestman_bt.visualization.rerun.viewer import Display, LiveFeed, RerunViewer, ViewerOptions, has_window_system
@@ -250,10 +249,9 @@ def command(
         if view.confirm:
             config = config.changed(confirm=True)
         setup = prepare_episode(config, faults)
-        filled = (*setup.entries, *ALWAYS_FILLED)
         file = find_data("tree", setup.config.task.tree)
         package = Package.open(config.search, shipped_trees()) if config.search else None
-        for problem in validate_file(file, setup.registry, search_path=shipped_trees(), given=filled, package=package):
+        for problem in validate_file(file, setup.registry, search_path=shipped_trees(), given=None, package=package):
             if not (config.pretend and problem.missing):
                 print(problem, file=sys.stderr)
         if setup.slow_arms:

@@ -28,7 +28,7 @@ from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.placeholders import is_placeholder
 from bestman_bt.engine.reachability import unreachable_children
 from bestman_bt.engine.spelling import closest
-from bestman_bt.engine.unwritten import SubTrees, problem_at, unwritten_reads
+from bestman_bt.engine.unwritten import SubTrees, UnwrittenRead, problem_at, unwritten_reads
 from bestman_bt.engine.xml.documents import Documents, read_documents
 
 _REACTIVE = (controls.ReactiveSequence, controls.ReactiveFallback)
@@ -40,7 +40,7 @@ def validate_file(
     registry: NodeRegistry | None = None,
     *,
     search_path: Iterable[Path] = (),
-    given: Iterable[str] = (),
+    given: Iterable[str] | None = (),
     package: Package | None = None,
 ) -> list[TreeProblem]:
     """Return all errors and warnings of a tree file.
@@ -51,7 +51,7 @@ def validate_file(
         path: an XML file or a Python file with ``build()``.
         registry: the nodes that it may name.
         search_path: folders that it may include from.
-        given: root entries set before the tree runs.
+        given: root entries set before the tree runs; None leaves out entries that are read before they are written.
         package: other files with its SubTrees and models of nodes.
     """
     registry = registry or NodeRegistry()
@@ -81,7 +81,7 @@ def validate_file(
     found += [*gaps.problems, *(documents.problems if documents is not None else ())]
     if any(problem.severity != "warning" for problem in found):
         told = {(problem.file, problem.line, problem.field) for problem in found}
-        reads = [read.problem("warning") for read in unwritten_reads(tree, given) if read.key not in tree.left_out]
+        reads = [read.problem("warning") for read in _reads(tree, given) if read.key not in tree.left_out]
         found += [problem for problem in reads if (problem.file, problem.line, problem.field) not in told]
     else:
         found.extend(tree_warnings(tree, given))
@@ -93,9 +93,13 @@ def validate_file(
     return _sorted(found)
 
 
-def tree_warnings(tree: Tree, given: Iterable[str] = ()) -> list[TreeProblem]:
-    """Return the warnings of a tree that loads; ``given``: root entries set before the run."""
-    return [*(read.problem("warning") for read in unwritten_reads(tree, given)), *ineffective_parts(tree)]
+def tree_warnings(tree: Tree, given: Iterable[str] | None = ()) -> list[TreeProblem]:
+    """Return the warnings of a tree that loads; ``given`` as in ``validate_file``."""
+    return [*(read.problem("warning") for read in _reads(tree, given)), *ineffective_parts(tree)]
+
+
+def _reads(tree: Tree, given: Iterable[str] | None) -> Iterable[UnwrittenRead]:
+    return () if given is None else unwritten_reads(tree, given)
 
 
 def ineffective_parts(tree: Tree) -> list[TreeProblem]:

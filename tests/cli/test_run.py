@@ -76,15 +76,18 @@ def test_a_tree_in_place_of_a_tasks_own_names_the_run() -> None:
 
 
 def test_what_is_odd_about_a_tree_is_printed_before_it_runs_and_does_not_stop_it(
-    bestman_bt: Command, folder: Path
+    bestman_bt: Command, folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    odd = '<Repeat num_cycles="1x"><AlwaysSuccess/></Repeat>'
+    odd = '<Sequence><Repeat num_cycles="1x"><AlwaysSuccess/></Repeat>\n'
+    odd += '<ForceSuccess><LookAt surface="{surfce}"/></ForceSuccess></Sequence>'
     (folder / "odd.xml").write_text(f'<root BTCPP_format="4">\n<BehaviorTree ID="Odd">{odd}</BehaviorTree></root>')
     answer = bestman_bt("run", "odd.xml", "--seed", "3", "--json")
     assert answer.code == 0
     (warning,) = (line for line in answer.err.splitlines() if "odd.xml:2:" in line)
     assert "only the beginning of '1x' is read as a number" in warning
     assert answer.err.index(warning) < answer.err.index("odd, seed 3")
+    (unwritten,) = (line for line in (*answer.err.splitlines(), *caplog.messages) if "odd.xml:3: warning" in line)
+    assert "reads '{surfce}', which nothing in the tree writes" in unwritten
     assert json.loads(answer.out)["success"] is True
 
 
