@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +68,7 @@ class WatchedTree(StatefulAction):
                 _LOG.error("the changed tree is not taken, the old one continues: %s", error)
         if self._waiting is None:
             return
-        why = obstacle(self.current, self._waiting)
+        why = "; ".join(obstacles(self.current, self._waiting))
         if why:
             if why != self._told:
                 _LOG.warning("the changed tree waits: %s", why)
@@ -113,24 +113,23 @@ def _stamps(tree: Tree) -> set[tuple[str, int]]:
     return {(file, Path(file).stat().st_mtime_ns if Path(file).is_file() else 0) for file in files}
 
 
-def obstacle(old: Tree, new: Tree) -> str:
-    """Return why ``new`` cannot take the place of ``old`` now; empty if it can."""
+def obstacles(old: Tree, new: Tree) -> Iterator[str]:
+    """Yield each reason why ``new`` cannot take the place of ``old`` now."""
     for leaf in old.stopping.until:
-        return f"{leaf.where or leaf.path} is still stopping"
+        yield f"{leaf.where or leaf.path} is still stopping"
     there = {node.path: node for node in new.nodes}
     for node in old.nodes:
         if node.state != RUNNING:
             continue
         found, named = there.get(node.path), node.where or node.path
         if found is None:
-            return f"{named} is running, and the new tree has no node '{node.path}'"
-        if found.type_id != node.type_id:
-            return f"{named} is running, and is now of the type {found.type_id}"
-        if found.attributes != node.attributes:
-            return f"{named} is running, and its ports have changed"
-        if _place_of(found) != _place_of(node):
-            return f"{named} is running, and has another place"
-    return ""
+            yield f"{named} is running, and the new tree has no node '{node.path}'"
+        elif found.type_id != node.type_id:
+            yield f"{named} is running, and is now of the type {found.type_id}"
+        elif found.attributes != node.attributes:
+            yield f"{named} is running, and its ports have changed"
+        elif _place_of(found) != _place_of(node):
+            yield f"{named} is running, and has another place"
 
 
 def _place_of(node: Node) -> tuple[str, int] | None:
@@ -144,7 +143,7 @@ def _place_of(node: Node) -> tuple[str, int] | None:
 def take_over(old: Tree, new: Tree) -> int:
     """Move the running nodes of ``old`` into ``new``, and the states of the others; returns how many nodes continue.
 
-    ``new`` was loaded with ``replaces=old``, and nothing is in its way (``obstacle``). Its nodes take the places of
+    ``new`` was loaded with ``replaces=old``, and nothing is in its way (``obstacles``). Its nodes take the places of
     those in ``old``.
     """
     before = {node.path: node for node in old.nodes}

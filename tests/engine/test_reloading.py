@@ -137,6 +137,17 @@ def test_a_change_of_what_runs_waits_for_its_end_and_is_told_once(running, caplo
     assert began[0] == "a"
 
 
+def test_all_that_a_change_waits_for_is_told_at_once(running, caplog) -> None:
+    both = '<Parallel failure_count="2" name="both">{}</Parallel>'
+    path, tree, said = running(both.format('<Work name="a"/><Work name="b"/>'))
+    tree.tick_exactly_once()
+    written(path, both.format('<Work name="c"/><AlwaysSuccess name="b"/>'))
+    tree.tick_exactly_once()
+    assert not said
+    (record,) = caplog.records
+    assert "the new tree has no node 'a'; b (t.xml:1) is running, and is now of the type" in record.message
+
+
 def test_what_waits_is_taken_as_soon_as_the_node_has_ended(running) -> None:
     path, tree, said = running('<Work name="a"/><Work name="b"/><Work name="c"/>')
     tree.tick_exactly_once()
