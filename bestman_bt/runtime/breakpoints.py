@@ -154,9 +154,12 @@ class Breakpoints:
                 return tree.node(node)
             except KeyError as error:
                 name = node.rpartition("/")[2]
-                alike = [known.path for known in tree.nodes if name in (known.name, known.type_id)]
-                close = alike or [closest(node, [known.path for known in tree.nodes])]
-                hint = f"; did you mean {' or '.join(repr(path) for path in close[:5])}?" if close[0] else ""
+                paths = {known.path: (known.name, known.type_id) for known in tree.nodes}
+                like = closest(node, paths) or closest(name, [known.name for known in tree.nodes])
+                close = [path for path in paths if name in paths[path]] or [
+                    path for path in paths if like and like in (path, paths[path][0])
+                ]
+                hint = f"; did you mean {' or '.join(repr(path) for path in close[:5])}?" if close else ""
                 raise BreakpointError(f"{error.args[0]}{hint}") from error
         if isinstance(node, bool) or not isinstance(node, int) or not 1 <= node <= len(tree.nodes):
             raise BreakpointError(f"a node should be a path or a number from 1 to {len(tree.nodes)}, got {node!r}")

@@ -178,6 +178,7 @@ def test_status_and_step_tell_the_node_at_which_a_run_waits(
         (("break", "9"), 1, "a node should be a path or a number from 1 to 2, got 9"),
         (("break", "wait", "--if", "speed >"), 1, "speed >"),
         (("unbreak", "wiat"), 1, "did you mean 'wait'?"),
+        (("break", "fetch_and_bring/in_time/wiat"), 1, "did you mean 'wait'?"),
         (("unbreak",), 2, "give a node, or --all"),
         (("unbreak", "wait", "--all"), 2, "give a node, or --all"),
         (("break", "wait", "--run", "tidy"), 2, "no running execution is named 'tidy'"),
