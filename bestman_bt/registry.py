@@ -106,7 +106,8 @@ def _imported(name: str) -> Any:
 def suggestion(name: str, known: Iterator[str] | list[str] | dict[str, Any]) -> str:
     """Return the end of an error message: the closest of the ``known`` names, else all of them."""
     names = sorted(known)
-    close = difflib.get_close_matches(name, names, n=1)
+    close = difflib.get_close_matches(name, names)
+    close.sort(key=lambda other: name not in other)  # astar: grid_astar before theta_star
     return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(names) or 'none'}"
 
 

@@ -27,11 +27,17 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Compare two evaluations seed by seed."""
+    from bestman_bt.configuration.errors import ProblemCollector
     from bestman_bt.evaluation.comparison import matched
     from bestman_bt.evaluation.finished_evaluation import read_entries
 
     with json_output(as_json) as tell:
-        compared = matched(read_entries(first), read_entries(second), (first, second))
+        faults, sides = ProblemCollector(), []
+        for side in (first, second):
+            with faults.step():
+                sides.append(read_entries(side))
+        faults.raise_if_any()
+        compared = matched(sides[0], sides[1], (first, second))
         if out is not None:
             for number, one in enumerate(compared, 1):
                 one.draw(out if len(compared) == 1 else out.with_stem(f"{out.stem}_{number}"))

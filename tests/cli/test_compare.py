@@ -48,6 +48,7 @@ def evaluations(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("arguments", "words"),
     [
         (["nowhere", "mine"], "nowhere: is not the folder of an evaluation"),
+        (["nowhere", "mine:bot"], "nowhere: is not the folder of an evaluation: it has no summary.json mine:bot: the"),
         (["mine:bot", "mine"], "no entry 'bot'; did you mean 'bit'?"),
         (["mine", "mine", "-o", "pairs.pdf"], "PNG or SVG"),
         (["mine:bit", "later:bit"], "no seed is in both"),

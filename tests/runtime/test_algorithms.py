@@ -76,7 +76,7 @@ def faults(*settings: str) -> list[str]:
         (["local_planning.algorithm=3"], "local_planning.algorithm: should be the name of an algorithm, got 3"),
         (
             ["global_planning.algorithm=astar"],
-            "global_planning.algorithm: unknown algorithm 'astar'; did you mean 'theta_star'? "
+            "global_planning.algorithm: unknown algorithm 'astar'; did you mean 'grid_astar'? "
             "(known: grid_astar, hybrid_astar, theta_star)",
         ),
     ],
