@@ -158,7 +158,7 @@ TASK = "tree: fetch_cup\nscene: kitchen\nrobot: diff_panda\n"
     ("algorithms", "message"),
     [
         ("{segmentatoin: {algorithm: plane_dbscan}}", "segmentatoin: unknown slot; did you mean 'segmentation'?"),
-        ("{zebra: {heat: 3}}", "zebra: unknown slot; known: affordance, collision, "),
+        ("{zebra: {heat: 3}}", "zebra: unknown slot; known: affordance, base_placement, collision, "),
         ("{detections: {algorithm: nope}}", "detections: unknown slot; did you mean 'detection'"),
         ("{trajectory: {algorithm: 3}}", "trajectory.algorithm: should be the name of an algorithm, got 3"),
     ],
