@@ -276,7 +276,7 @@ def test_names_and_options_that_are_wrong_are_refused(refused, arguments: list[s
         ("goals=[]", "goals: the predicate 'placed' needs an entry {placed: …}"),
         ("goals.1.placed.object=cup", "unknown key 'goals.1': 'goals' has 1 entry, goals.0 is the first"),
         ("goals.0.plaecd={}", "unknown key 'goals.0.plaecd'; did you mean 'placed'?"),
-        ("algorithms.zebra.algorithm=x", "unknown key 'algorithms.zebra'; known: affordance, base_placement, collision"),
+        ("algorithms.zebra.algorithm=x", "unknown key 'algorithms.zebra'; known: affordance, base_placement"),
         (
             "algorithms.motion_planning.algorithm=rrt_conect",
             "unknown algorithm 'rrt_conect'; did you mean 'rrt_connect'?",
