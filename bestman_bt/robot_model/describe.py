@@ -42,7 +42,7 @@ from bestman_bt.robot_model.sensor_parts import (
     MountedBumper,
     MountedForceTorque,
 )
-from bestman_bt.robot_model.urdf_elements import child_of, parent_of
+from bestman_bt.robot_model.urdf_elements import joints_to, parent_of
 
 _ORDER = (
     *("base", "legged_base", "structure", "arm", "gripper", "suction", "joint_group"),
@@ -122,19 +122,9 @@ def _resolve(
             return sensor
 
 
-def _joint_parents(urdf: ET.Element) -> dict[str, tuple[str, ET.Element]]:
-    """Child link → its parent link and the joint between them."""
-    parents = {}
-    for joint in urdf.findall("joint"):
-        parent, child = joint.find("parent"), joint.find("child")
-        if parent is not None and child is not None:
-            parents[child.get("link", "")] = (parent.get("link", ""), joint)
-    return parents
-
-
 def _joints_below(link: str, urdf: ET.Element) -> tuple[str, ...]:
     """Names of the joints by which other links hang on a link."""
-    return tuple(joint.get("name", "") for parent, joint in _joint_parents(urdf).values() if parent == link)
+    return tuple(joint.get("name", "") for joint in joints_to(urdf).values() if parent_of(joint) == link)
 
 
 def _tool(config: object) -> str | None:
@@ -144,51 +134,50 @@ def _tool(config: object) -> str | None:
 
 def _hands(urdf: ET.Element, placed: Mapping[str, PlacedPart]) -> dict[str, str]:
     """Hand → the arm whose link carries it, directly or through other parts."""
-    parents = _joint_parents(urdf)
+    above = joints_to(urdf)
     arm_of_link = {link: p.name for p in placed.values() if isinstance(p.config, ArmPart) for link in p.links}
     hands = {}
     for part in placed.values():
         if _tool(part.config) is not None:
             link = part.root
-            while link in parents and link not in arm_of_link:
-                link = parents[link][0]
+            while link in above and link not in arm_of_link:
+                link = parent_of(above[link])
             if link in arm_of_link:
                 hands[part.name] = arm_of_link[link]
     return hands
 
 
-def _pose(link: str, base_frame: str, parents: Mapping[str, tuple[str, ET.Element]]) -> Pose:
+def _pose(link: str, base_frame: str, above: Mapping[str, ET.Element]) -> Pose:
     """Of a link in the base frame, all joints at zero; on the floor below it for links that carry the base frame."""
-    if link == base_frame or link not in parents:
+    if link == base_frame or link not in above:
         return Pose()
-    parent, joint = parents[link]
-    return _pose(parent, base_frame, parents) @ origin_pose(joint)
+    return _pose(parent_of(above[link]), base_frame, above) @ origin_pose(above[link])
 
 
 def _footprint(
     urdf: ET.Element, base_frame: str, base: PlacedPart, placed: Mapping[str, PlacedPart]
 ) -> tuple[tuple[float, float], ...]:
-    parents = _joint_parents(urdf)
+    above = joints_to(urdf)
     rigid = set(base.links)
     for part in placed.values():
-        if isinstance(part.config, StructurePart) and _rides_on(part.root, rigid, parents):
+        if isinstance(part.config, StructurePart) and _rides_on(part.root, rigid, above):
             rigid |= set(part.links)
     links = [link for link in urdf.findall("link") if link.get("name", "") in rigid]
-    return footprint(links, {link.get("name", ""): _pose(link.get("name", ""), base_frame, parents) for link in links})
+    return footprint(links, {link.get("name", ""): _pose(link.get("name", ""), base_frame, above) for link in links})
 
 
-def _rides_on(link: str, rigid: set[str], parents: Mapping[str, tuple[str, ET.Element]]) -> bool:
-    while link in parents and parents[link][1].get("type") == "fixed":
-        link = parents[link][0]
+def _rides_on(link: str, rigid: set[str], above: Mapping[str, ET.Element]) -> bool:
+    while link in above and above[link].get("type") == "fixed":
+        link = parent_of(above[link])
         if link in rigid:
             return True
     return False
 
 
 def _wheel_places(base: BasePart, urdf: ET.Element, base_frame: str) -> tuple[tuple[float, float], ...]:
-    parents = _joint_parents(urdf)
-    wheel_of = {joint.get("name", ""): child for child, (_, joint) in parents.items()}
-    wheels = [_pose(wheel_of[joint], base_frame, parents).position for joint in base.wheel_joints]
+    above = joints_to(urdf)
+    wheel_of = {joint.get("name", ""): child for child, joint in above.items()}
+    wheels = [_pose(wheel_of[joint], base_frame, above).position for joint in base.wheel_joints]
     return tuple((round(float(x), 6), round(float(y), 6)) for x, y, _ in wheels)
 
 
@@ -224,7 +213,7 @@ Places = dict[str, NDArray[np.float64]]
 
 def legs(base: LeggedBasePart, urdf: ET.Element) -> tuple[LegModel, ...]:
     """Return the legs: front right, front left, rear right, rear left."""
-    child = {joint.get("name", ""): child_of(joint) for joint in urdf.findall("joint")}
+    child = {joint.get("name", ""): link for link, joint in joints_to(urdf).items()}
     links = [child[joint] for joint in base.joints]
     poses = link_poses(list(urdf), {}, [base.root or "", *links, *base.feet])
     from_trunk = poses[base.root or ""].inverse()
@@ -253,15 +242,15 @@ def allowed_self_pairs(
     and the ``declared`` pairs.
     """
     solid = {link.get("name", "") for link in robot.findall("link") if link.find("collision") is not None}
-    parents: dict[str, tuple[str, bool]] = {}
-    for joint in robot.findall("joint"):
-        rigid = joint.get("type") == "fixed" or joint.get("name", "") in locked_joints
-        parents[child_of(joint)] = (parent_of(joint), rigid)
+    above = joints_to(robot)
+    locked = {
+        link for link, joint in above.items() if joint.get("type") == "fixed" or joint.get("name") in locked_joints
+    }
     pairs = {frozenset(pair) for pair in declared}
     groups: dict[str, list[str]] = {}
     for link in sorted(solid):
-        groups.setdefault(_group(link, parents), []).append(link)
-        neighbour = _solid_ancestor(link, parents, solid)
+        groups.setdefault(_group(link, above, locked), []).append(link)
+        neighbour = _solid_ancestor(link, above, solid)
         if neighbour is not None:
             pairs.add(frozenset((link, neighbour)))
     for members in groups.values():
@@ -269,15 +258,15 @@ def allowed_self_pairs(
     return frozenset(pair for pair in pairs if len(pair) == 2 and pair <= solid)
 
 
-def _group(link: str, parents: Mapping[str, tuple[str, bool]]) -> str:
-    while link in parents and parents[link][1]:
-        link = parents[link][0]
+def _group(link: str, above: Mapping[str, ET.Element], locked: set[str]) -> str:
+    while link in locked:
+        link = parent_of(above[link])
     return link
 
 
-def _solid_ancestor(link: str, parents: Mapping[str, tuple[str, bool]], solid: set[str]) -> str | None:
-    while link in parents:
-        link = parents[link][0]
+def _solid_ancestor(link: str, above: Mapping[str, ET.Element], solid: set[str]) -> str | None:
+    while link in above:
+        link = parent_of(above[link])
         if link in solid:
             return link
     return None

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.footprint import origin_pose, outline
-from bestman_bt.robot_model.urdf_elements import child_of, parent_of
+from bestman_bt.robot_model.urdf_elements import joints_to, parent_of
 
 SAMPLES = 17
 
@@ -75,7 +75,7 @@ def opening_table(
 
 def link_poses(elements: list[ET.Element], positions: Mapping[str, float], links: Iterable[str]) -> dict[str, Pose]:
     """Poses of at least ``links`` of a part in its root link's frame; joints without a position are at zero."""
-    joints = {child_of(element): element for element in elements if element.tag == "joint"}
+    joints = joints_to(elements)
     poses: dict[str, Pose] = {}
 
     def pose(link: str) -> Pose:

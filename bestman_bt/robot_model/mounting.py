@@ -14,7 +14,7 @@ from bestman_bt.robot_model.footprint import origin_pose
 from bestman_bt.robot_model.part_config import ArmPart, BasePart, LeggedBasePart, StructurePart
 from bestman_bt.robot_model.placed_part import PlacedPart
 from bestman_bt.robot_model.robot_config import MountedPart
-from bestman_bt.robot_model.urdf_elements import child_of, parent_of
+from bestman_bt.robot_model.urdf_elements import child_of, joints_to, parent_of
 
 # URDF without links that are mere frames: a simulator pays for each of them in every step.
 
@@ -29,7 +29,7 @@ def without_bare_frames(urdf: str) -> tuple[str, Places]:
     Their children are attached to the previous link. Their masses are dropped: RobotModel gives frames tiny ones.
     """
     robot = ET.fromstring(urdf)
-    joint_above = {child_of(joint): joint for joint in robot.findall("joint")}
+    joint_above = joints_to(robot)
     above: Places = {}
     for link in robot.findall("link"):
         name = link.get("name", "")

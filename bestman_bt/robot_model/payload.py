@@ -13,6 +13,7 @@ from bestman_bt.messages import Pose
 from bestman_bt.robot_model.finger_linkage import joint_pose
 from bestman_bt.robot_model.footprint import origin_pose
 from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.robot_model.urdf_elements import joints_to, parent_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +78,6 @@ def flange_of(model: RobotModel, arm: str) -> str:
 def _children(robot: ET.Element, positions: Mapping[str, float]) -> dict[str, list[tuple[str, Pose]]]:
     """Link → its children and where they are in it."""
     children: dict[str, list[tuple[str, Pose]]] = {}
-    for joint in robot.findall("joint"):
-        parent, child = joint.find("parent"), joint.find("child")
-        if parent is not None and child is not None:
-            children.setdefault(parent.get("link", ""), []).append(
-                (child.get("link", ""), joint_pose(joint, positions))
-            )
+    for child, joint in joints_to(robot).items():
+        children.setdefault(parent_of(joint), []).append((child, joint_pose(joint, positions)))
     return children

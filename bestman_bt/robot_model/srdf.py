@@ -26,14 +26,10 @@ class SrdfGroup:
 
 @dataclass(frozen=True)
 class Srdf:
-    """``states``: group → state → joint → position. ``end_effectors``: group → the link that carries it.
-
-    ``faults``: positions that are not numbers, in words; their states lack them.
-    """
+    """``states``: group → state → joint → position. ``faults``: positions that are not numbers, left out."""
 
     groups: Mapping[str, SrdfGroup]
     states: Mapping[str, Mapping[str, Mapping[str, float]]]
-    end_effectors: Mapping[str, str]
     disabled_pairs: tuple[tuple[str, str], ...]
     faults: tuple[str, ...] = ()
 
@@ -66,7 +62,6 @@ def read_srdf(path: Path) -> Srdf:
     return Srdf(
         groups={group.get("name", ""): _group(group) for group in robot.findall("group")},
         states=states,
-        end_effectors={end.get("group", ""): end.get("parent_link", "") for end in robot.findall("end_effector")},
         disabled_pairs=tuple(
             (pair.get("link1", ""), pair.get("link2", "")) for pair in robot.findall("disable_collisions")
         ),

@@ -136,6 +136,11 @@ def parent_of(joint: ET.Element) -> str:
     return _end(joint, "parent")
 
 
+def joints_to(elements: Iterable[ET.Element]) -> dict[str, ET.Element]:
+    """Return link → the joint that carries it, among the elements of a robot or of a part."""
+    return {child_of(element): element for element in elements if element.tag == "joint"}
+
+
 def child_of(joint: ET.Element) -> str:
     """Return the link behind a joint."""
     return _end(joint, "child")

@@ -6,13 +6,12 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from xml.etree import ElementTree
 
 from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.sensor_parts import CameraPart, ImuPart, LidarPart, MountedForceTorque, TactilePart
 from bestman_bt.robot_model.srdf import Srdf, SrdfGroup
-from bestman_bt.robot_model.urdf_elements import child_of, parent_of
+from bestman_bt.robot_model.urdf_elements import child_of, joints_to, parent_of
 from bestman_bt.robot_model.urdf_faults import structure_faults, value_faults
 from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, distinguish_joints, read_subtree
 
@@ -21,15 +20,11 @@ from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, distinguish_j
 
 def joints_above(model: RobotModel, frame: str) -> frozenset[str]:
     """Return the names of all joints between the robot's root and ``frame``; empty for the root or an unknown frame."""
-    above = {}
-    for joint in ElementTree.fromstring(model.urdf).iter("joint"):
-        child, parent = joint.find("child"), joint.find("parent")
-        if child is not None and parent is not None:
-            above[child.get("link", "")] = (joint.get("name", ""), parent.get("link", ""))
+    above = joints_to(ET.fromstring(model.urdf))
     joints = set()
     while frame in above:
-        name, frame = above[frame]
-        joints.add(name)
+        joints.add(above[frame].get("name", ""))
+        frame = parent_of(above[frame])
     return frozenset(joints)
 
 
@@ -68,7 +63,7 @@ class UrdfTree:
         distinguish_joints(robot)
         self.links = {link.get("name", ""): link for link in robot.findall("link")}
         self.joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
-        self.above = {child_of(joint): joint for joint in self.joints.values()}
+        self.above = joints_to(robot)
         faults = structure_faults(robot)
         if not faults:
             self._cut_off(cut)

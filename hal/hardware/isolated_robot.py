@@ -27,7 +27,7 @@ from hal.hardware.controller_facts import ArmFacts, Identity
 from hal.hardware.heartbeat import Heartbeat
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.robot_process import ROBOT, STOPS, Call, MotionNumber, MotionReport, ServerSetup, plug_ins
-from hal.parts.channels import interface_of
+from hal.parts.channels import interface_of, stand_in
 from hal.parts.part_connection import ConnectionFailedError
 
 END_TIME = 5.0
@@ -153,7 +153,7 @@ class IsolatedRobot(Robot):
     def faults(self) -> Mapping[str, Failure]:
         """Controller → the fault that stopped the robot; ``robot process``, where that was lost."""
         lost = self._client.lost
-        return dict(self._asked("noted_faults", lambda: {PROCESS: lost} if lost is not None else {}))
+        return dict(self._asked("faults", lambda: {PROCESS: lost} if lost is not None else {}))
 
     def diagnostics(self) -> dict[str, str]:
         """Return diagnostic texts by subject, without addresses."""
@@ -391,12 +391,7 @@ def _remote(part: Part, client: RpcClient) -> Part:
     """
     interface = interface_of(type(part))
     methods = ("stop", *interface.readings, *interface.commands, *interface.asides)
-    members = {name: _asking(part, name, client) for name in methods}
-    remote: Part = type(f"Remote{interface.kind.__name__}", (interface.kind,), members)(part.name)
-    for name in ("model", *interface.attributes):
-        if hasattr(part, name):  # sensors have no model of their own
-            setattr(remote, name, getattr(part, name))
-    return remote
+    return stand_in("Remote", interface, part.name, {name: _asking(part, name, client) for name in methods}, part)
 
 
 def _asking(part: Part, method: str, client: RpcClient) -> Any:

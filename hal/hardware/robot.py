@@ -174,10 +174,6 @@ class HardwareRobot(Robot):
     @property
     def faults(self) -> Mapping[str, Failure]:
         """Controller → the fault that stopped the robot; empty after ``clear_stop()``."""
-        return MappingProxyType(dict(self._faults))
-
-    def noted_faults(self) -> dict[str, Failure]:
-        """Return a copy of ``faults``."""
         return dict(self._faults)
 
     def diagnostics(self) -> dict[str, str]:

@@ -10,6 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,6 +122,15 @@ def interface_of(part: type[Part]) -> Interface:
             (commands if len(inspect.signature(found).parameters) > 1 else readings).append(name)
     asides = tuple(sorted(ASIDES & set(dir(kind))))
     return Interface(kind, attributes, tuple(readings), tuple(commands), asides)
+
+
+def stand_in(prefix: str, interface: Interface, name: str, members: Mapping[str, Any], described: Any) -> Part:
+    """Return a part whose methods are ``members``; its model and attributes are those that ``described`` has."""
+    part: Part = type(f"{prefix}{interface.kind.__name__}", (interface.kind,), dict(members))(name)
+    for attribute in ("model", *interface.attributes):
+        if hasattr(described, attribute):  # sensors have no model of their own
+            setattr(part, attribute, getattr(described, attribute))
+    return part
 
 
 Array = NDArray[np.float64]

@@ -16,7 +16,6 @@ from hal.api import (
     Motion,
     MotionErrorCode,
     MotionStatus,
-    NoDataError,
 )
 from hal.parts.channels import GripperChannel, GripperReading, StoppablePart
 from hal.parts.stop_latch import StopLatch
@@ -70,10 +69,9 @@ class CommandedGripper(StoppablePart, Gripper):
         self._time = self._still_for = self._limit = self._anchor = 0.0
 
     def width(self) -> float:
-        """Return the measured opening, metres. Raises NoDataError before the first reading."""
+        """Return the measured opening, metres."""
         self._connection.check_reading()
-        if self._reading is None:
-            raise NoDataError(f"{self.name} has not reported its width yet")
+        assert self._reading is not None  # ``attach`` has read it
         return self._reading.width
 
     def state(self) -> GripperState:

@@ -25,7 +25,7 @@ from hal.api import (
     Sensor,
     Timer,
 )
-from hal.parts.channels import interface_of
+from hal.parts.channels import interface_of, stand_in
 from hal.parts.simulated_clock import SimulatedClock
 from hal.replay.tape import error_to_json, to_json
 
@@ -144,11 +144,7 @@ class RecordedRobot(Robot):
         members |= {name: command(name) for name in interface.commands}
         members["stop"] = lambda seen: part.stop()
         members |= {name: _told_on(part, name) for name in interface.asides}
-        seen: Part = type(f"Recorded{interface.kind.__name__}", (interface.kind,), members)(part.name)
-        for name in ("model", *interface.attributes):
-            if hasattr(part, name):  # sensors have no model of their own
-                setattr(seen, name, getattr(part, name))
-        return seen
+        return stand_in("Recorded", interface, part.name, members, part)
 
     def _read(self, part: Part, name: str) -> Any:
         note = functools.partial(self._note, read=name, part=part.name)

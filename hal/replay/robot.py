@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from hal.api import (
     Part,
     Robot,
 )
-from hal.parts.channels import interface_of
+from hal.parts.channels import interface_of, stand_in
 from hal.parts.part_connection import ConnectionFailedError
 from hal.parts.simulated_clock import SimulatedClock
 from hal.replay.tape import Readings, RecordedCommand, Tape, error_from_json, from_json, read_tape
@@ -153,12 +153,8 @@ class ReplayRobot(Robot):
         members: dict[str, Any] = {what: reading(what) for what in interface.readings}
         members |= {what: command(what) for what in interface.commands}
         members["stop"] = lambda part: self._end_motion(name, MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
-        part: Any = type(f"Replayed{interface.kind.__name__}", (interface.kind,), members)(name)
-        part.model = self.model.parts[name]
-        for attribute in interface.attributes:
-            setattr(part, attribute, description[attribute])
-        made: Part = part
-        return made
+        described = SimpleNamespace(model=self.model.parts[name], **description)
+        return stand_in("Replayed", interface, name, members, described)
 
     def _read(self, part: str, what: str) -> Any:
         self._check_connected(part)
