@@ -46,7 +46,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, help="where to write the hashes, JSON")
     parser.add_argument("--compare", type=Path, help="hashes of before; exit code 1 where a run is another")
     asked = parser.parse_args()
-    tasks = asked.tasks or data_names("tasks")
+    tasks = asked.tasks or data_names("task")
     before = json.loads(asked.compare.read_text()) if asked.compare else {}
     found: dict[str, dict[str, str]] = {}
     with ProcessPoolExecutor(asked.jobs) as pool:
