@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,9 @@ from bestman_bt.messages import Failure, JointTrajectory, MotionErrorCode, Motio
 if TYPE_CHECKING:
     from bestman_bt.control import Motion
     from bestman_bt.manipulation.collision.base import CollisionWorld
+    from bestman_bt.manipulation.collision.planning_scene import PlanningScene
     from bestman_bt.manipulation.motion_planning.timed_planner import TimedPlan
+    from bestman_bt.world_model.world_model import HeldObject
 
 
 MAX_HELD_TILT = math.radians(25.0)
@@ -28,6 +31,10 @@ PLANS = 3
 """Largest number of plans while other arms move into the path."""
 POSES_EXPLAINED = 12
 """Number of tool poses checked to explain why the hand reaches none."""
+ROOM, SAG = 0.012, 0.1
+"""Clearance of a held object from the robot and all else, where possible: the larger of metres and a fraction of the
+object's extent from the hand.
+"""
 ESCAPE_SPEED = SpeedScale(0.05, 0.05)
 
 ARM_PLANNING_FAILS = {
@@ -54,21 +61,13 @@ def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisi
     """Plan around all believed obstacles, or those in ``world``, to one of ``goals``, each (n,) radians, and move
     there.
 
-    A held object stays upright within 25°, if it is now. If the arm is believed to be in contact already, a small
-    motion of increasing clearance comes first. If another arm has moved into the path since, it is planned again.
+    A held object stays upright within 25°, if it is now, and has ``ROOM`` around it where there is such a way. If the
+    arm is believed to be in contact already, a small motion of increasing clearance comes first. If another arm has
+    moved into the path since, it is planned again.
     """
-    from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
-
     skills = skill.skills
     for left in reversed(range(1 if world is not None else PLANS)):
-        around = world if world is not None else skills.arm_world(skills.planning_scene())
-        try:
-            timed = yield _planned(skill, goals, around)
-        except MotionPlanningError as refusal:
-            if refusal.code is not PlanningErrorCode.START_IN_COLLISION:
-                raise
-            yield from _escape(skill, around)
-            timed = yield _planned(skill, goals, around)
+        timed = yield from _way(skill, goals, world)
         try:
             yield skills.arm.follow(timed.trajectory, free=True)
         except SkillFailure as failure:
@@ -76,6 +75,41 @@ def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisi
                 raise
         else:
             return
+
+
+def with_room(scene: PlanningScene, held: HeldObject) -> PlanningScene:
+    """Return the scene with an enlarged held object: it may sag and sway on the way."""
+    assert scene.attached is not None
+    reach = float(np.linalg.norm(held.tool_from_object.position)) + max(held.model.size) / 2
+    return scene.holding(replace(scene.attached, padding=max(ROOM, SAG * reach)))
+
+
+def _way(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld | None) -> StepsTo[TimedPlan]:
+    """Return a motion in ``world``, or from the believed obstacles: with room for what is held, if there is such a
+    way.
+    """
+    from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
+
+    skills = skill.skills
+    timed: TimedPlan
+    if world is None:
+        scene = skills.planning_scene()
+        if skills.held is not None:
+            try:
+                timed = yield _planned(skill, goals, skills.arm_world(with_room(scene, skills.held)))
+            except MotionPlanningError:
+                pass  # there is no room, at the start, at the goals or between them
+            else:
+                return timed
+        world = skills.arm_world(scene)
+    try:
+        timed = yield _planned(skill, goals, world)
+    except MotionPlanningError as refusal:
+        if refusal.code is not PlanningErrorCode.START_IN_COLLISION:
+            raise
+        yield from _escape(skill, world)
+        timed = yield _planned(skill, goals, world)
+    return timed
 
 
 def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld) -> Motion[TimedPlan]:

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from behaviours.arm_motion import ARM_PLANNING_FAILS, MAX_HELD_TILT, follow_path, hand_contacts, move_free
+from behaviours.arm_motion import (
+    ARM_PLANNING_FAILS,
+    MAX_HELD_TILT,
+    follow_path,
+    hand_contacts,
+    move_free,
+    with_room,
+)
 from behaviours.contacts import grasp
 from behaviours.context import SkillContext
 from behaviours.skill import Declaration, OnArm, PostureName, Skill, SkillFailure, Steps
@@ -21,7 +28,7 @@ from bestman_bt.world_model.world_model import HeldObject
 
 if TYPE_CHECKING:
     from bestman_bt.manipulation.collision.base import CollisionWorld
-    from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle
+    from bestman_bt.manipulation.collision.planning_scene import SceneObstacle
 
 
 # Carrying what no posture of the robot holds upright: beside the mast, over the base, out of the camera's view.
@@ -147,10 +154,6 @@ LEVEL = 0.5
 """Cosine between the hand's axis and the vertical below which the hand counts as level."""
 ARRIVED = 0.02
 """Radians within which a posture counts as reached."""
-ROOM, SAG = 0.012, 0.1
-"""Clearance of a held object from the robot and all else, where possible: the larger of metres and a fraction of the
-object's extent from the hand.
-"""
 TURN = np.radians(15.0)
 """Step between the hand rotations tried to give the held object clearance, radians."""
 
@@ -274,13 +277,6 @@ def _posture(skill: Skill, name: str) -> NDArray[np.float64]:
         return skill.skills.robot.posture(name, skill.skills.arm_model.joint_names)
     except KeyError as error:
         raise SkillFailure("unknown_posture", str(error.args[0])) from error
-
-
-def with_room(scene: PlanningScene, held: HeldObject) -> PlanningScene:
-    """Return the scene with an enlarged held object: it may sag and sway on the way."""
-    assert scene.attached is not None
-    reach = float(np.linalg.norm(held.tool_from_object.position)) + max(held.model.size) / 2
-    return scene.holding(replace(scene.attached, padding=max(ROOM, SAG * reach)))
 
 
 def _turned(skill: Skill, posture: NDArray[np.float64]) -> list[NDArray[np.float64]]:

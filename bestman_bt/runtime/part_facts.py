@@ -176,7 +176,9 @@ def overlapping_pairs(robot: RobotModel) -> list[tuple[str, str]]:
     """Return the pairs of links that overlap in nearly all of several random arm configurations: by construction."""
     found: dict[tuple[str, str], int] = {}
     for name, arm in robot.of(ArmModel).items():
-        world = CoalCollisionModel(robot).world(PlanningScene(positions={}, self_padding=0.0), name)
+        world = CoalCollisionModel(robot).world(
+            PlanningScene(positions={}, self_padding=0.0, other_arm_padding=0.0), name
+        )
         rng = np.random.default_rng(0)
         for _ in range(SAMPLES):
             for pair in world.colliding_pairs(rng.uniform(arm.lower, arm.upper)):

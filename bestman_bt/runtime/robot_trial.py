@@ -69,7 +69,9 @@ class TrialProcedure:
             touching: set[tuple[str, str]] = set()
             for name, arm in model.of(ArmModel).items():
                 hands = _hands(model)
-                world = CoalCollisionModel(model).world(PlanningScene(positions=hands, self_padding=0.0), name)
+                world = CoalCollisionModel(model).world(
+                    PlanningScene(positions=hands, self_padding=0.0, other_arm_padding=0.0), name
+                )
                 part, rng = cast(Arm, robot.parts[name]), np.random.default_rng(seed)
                 for target in _postures(arm, world, part.positions(), self, rng):
                     motion = part.move_to(target, self.speed)

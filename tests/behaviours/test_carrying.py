@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from behaviours.manipulation.move_arm import IN_VIEW, ROOM_TO_TURN, postures_beside, with_room
+from behaviours.arm_motion import with_room
+from behaviours.manipulation.move_arm import IN_VIEW, ROOM_TO_TURN, postures_beside
 from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle
 from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import PlacedShape, Pose, Sphere

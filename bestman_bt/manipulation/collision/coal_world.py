@@ -132,7 +132,15 @@ class CoalCollisionModel(CollisionModel):
         reduced, geometry = pinocchio.buildReducedModel(
             self._model, self._geometry, lock, configuration(self._model, scene.positions)
         )
-        return CoalCollisionWorld(reduced, geometry, arm_model, self.robot, scene)
+        others = [self._links_of(other) for name, other in self.robot.of(ArmModel).items() if name != arm]
+        return CoalCollisionWorld(reduced, geometry, arm_model, self.robot, scene, frozenset().union(*others))
+
+    def _links_of(self, arm: ArmModel) -> set[str]:
+        """Return the links with geometry that an arm moves, those of its hand among them."""
+        model = self._model
+        joints = set(model.subtrees[model.getJointId(arm.joint_names[0])])
+        bodies = (body for body in self._geometry.geometryObjects if body.parentJoint in joints)
+        return {model.frames[body.parentFrame].name for body in bodies}
 
     def _disproved(self, scene: PlanningScene) -> PlanningScene:
         """Return the scene without the voxels where the robot, or what it holds, is now."""
@@ -161,8 +169,10 @@ class CoalCollisionWorld(CollisionWorld):
         arm: ArmModel,
         robot: RobotModel,
         scene: PlanningScene,
+        other_arms: frozenset[str] = frozenset(),
     ) -> None:
         self._arm = arm
+        self._other_arms = other_arms  # their links
         self._robot = robot
         self._scene = scene
         self._model = model
@@ -262,8 +272,10 @@ class CoalCollisionWorld(CollisionWorld):
         for i, first in enumerate(bodies):
             for j in range(i + 1, len(bodies)):
                 moves = first.parentJoint != bodies[j].parentJoint
-                if moves and frozenset((self._owners[i], self._owners[j])) not in allowed:
-                    self._pair(i, j, scene.self_padding)
+                pair = frozenset((self._owners[i], self._owners[j]))
+                if moves and pair not in allowed:
+                    apart = scene.other_arm_padding if pair & self._other_arms else 0.0
+                    self._pair(i, j, max(scene.self_padding, apart))
 
     def _add_obstacles(self, robot: RobotModel, scene: PlanningScene, links: Sequence[int]) -> None:
         model, allowed = self._model, scene.allowed_pairs
@@ -271,7 +283,7 @@ class CoalCollisionWorld(CollisionWorld):
         moving = [i for i in links if self._geometry.geometryObjects[i].parentJoint != base.parentJoint]
         held: list[int] = []
         taken = set(self._owners)
-        apart = scene.held_padding if len(robot.arm_names) > 1 else 0.0
+        apart = scene.other_arm_padding if len(robot.arm_names) > 1 else 0.0
         if scene.attached is not None:
             attached = scene.attached
             tool = model.frames[frame_index(model, attached.tool_frame)]

@@ -53,9 +53,9 @@ class PlanningScene:
     ``attached``: the object held by the moving arm; ``carried``: objects held by other arms, fixed. ``positions``:
     joint name → radians or metres; missing joints are at zero; those of the moving arm are ignored. ``allowed_pairs``:
     names of links, obstacles or the attached object that may touch. ``padding``: metres between the arm (or its object)
-    and obstacles; ``self_padding``: between links. ``held_padding``: metres between a held object and other arms,
-    because its pose in the hand is less certain. ``voxels``: seen space that no known body explains; the current volume
-    of the robot and its object is excluded.
+    and obstacles; ``self_padding``: between links. ``other_arm_padding``: metres between an arm, with what it holds,
+    and other arms: both differ from their set-points, and an object from its pose in the hand. ``voxels``: seen space
+    that no known body explains; the current volume of the robot and its object is excluded.
     """
 
     positions: Mapping[str, float]
@@ -65,7 +65,7 @@ class PlanningScene:
     allowed_pairs: frozenset[frozenset[str]] = frozenset()
     padding: float = 0.002
     self_padding: float = 0.002
-    held_padding: float = 0.01
+    other_arm_padding: float = 0.01
     voxels: tuple[VoxelObstacle, ...] = ()
 
     def allowing(self, *pairs: tuple[str, str]) -> PlanningScene:

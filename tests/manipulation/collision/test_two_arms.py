@@ -140,12 +140,23 @@ def test_more_is_kept_between_what_a_hand_holds_and_the_other_arm(model, robot, 
     holding = scene(robot, carried=(bar(robot, other),), padding=0.0, self_padding=0.0)
     apart = model.world(holding, side).distance(q)
     for padding, free in ((apart - 0.001, True), (apart + 0.001, False)):
-        assert model.world(replace(holding, held_padding=padding), side).is_free(q) is free
-    held = scene(robot, padding=0.0, self_padding=0.0, held_padding=0.0).holding(bar(robot, side))
+        assert model.world(replace(holding, other_arm_padding=padding), side).is_free(q) is free
+    held = scene(robot, padding=0.0, self_padding=0.0, other_arm_padding=0.0).holding(bar(robot, side))
     assert model.world(held, side).is_free(q)
-    touched = model.world(replace(held, held_padding=0.5), side).colliding_pairs(q)
+    touched = model.world(replace(held, other_arm_padding=0.5), side).colliding_pairs(q)
     assert touched
-    assert all("bar" in pair and not any(one.startswith(f"{side}_") for one in pair) for pair in touched), touched
+    assert all(any(one.startswith(f"{other}_") for one in pair) for pair in touched if "bar" not in pair), touched
+    assert not any({"bar", one} == set(pair) for pair in touched for one in pair if one.startswith(f"{side}_")), touched
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_arms_keep_more_from_each_other_than_links_of_one(model, robot, side):
+    q = home(robot, side)
+    apart = model.world(scene(robot), side).distance(q)
+    for padding, free in ((apart - 0.001, True), (apart + 0.001, False)):
+        world = model.world(scene(robot, self_padding=0.0, other_arm_padding=padding), side)
+        assert world.is_free(q) is free
+        assert world.colliding_pairs(q) == (() if free else (("left_palm", "right_palm"),))
 
 
 @pytest.mark.parametrize("side", SIDES)
