@@ -16,13 +16,13 @@ from bestman_bt.manipulation.collision.planning_scene import PlanningScene, Scen
 from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
 from bestman_bt.messages import PlacedShape, Pose, Sphere
-from bestman_bt.runtime.robot_session import Session
+from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.world_model.world_model import HeldObject
 
 
 @pytest.mark.parametrize("roll", [0.0, math.pi], ids=["camera on one side", "camera on the other side"])
 def test_a_cup_in_a_level_hand_is_carried_upright_out_of_view_and_over_the_base(
-    bystander: Session, roll: float
+    bystander: RobotSession, roll: float
 ) -> None:
     skills = bystander.skills
     level = Pose.from_xyz_rpy((0.0, 0.0, 0.035), (0.0, np.pi / 2, 0.0)) @ Pose.from_xyz_rpy((0, 0, 0), (0, 0, roll))
@@ -50,7 +50,7 @@ def test_a_cup_in_a_level_hand_is_carried_upright_out_of_view_and_over_the_base(
 
 
 @pytest.mark.parametrize(("beside", "room"), [(0.02, 0.012), (0.15, 0.02)])
-def test_what_reaches_far_from_the_hand_keeps_more_room(bystander: Session, beside: float, room: float) -> None:
+def test_what_reaches_far_from_the_hand_keeps_more_room(bystander: RobotSession, beside: float, room: float) -> None:
     skills = bystander.skills
     cup = skills.world.models["cup"]
     held = HeldObject("cup", cup, Pose.from_xyz_rpy((0.0, beside, 0.0), (0.0, 0.0, 0.0)), 0.01)
@@ -66,7 +66,7 @@ def test_what_reaches_far_from_the_hand_keeps_more_room(bystander: Session, besi
 
 @pytest.mark.parametrize("code", [PlanningErrorCode.NO_PATH, PlanningErrorCode.START_IN_COLLISION])
 def test_a_held_object_has_room_on_its_way_where_there_is_such_a_way(
-    bystander: Session, code: PlanningErrorCode
+    bystander: RobotSession, code: PlanningErrorCode
 ) -> None:
     skills, worlds = bystander.skills, list[CollisionWorld]()
     # Which worlds are planned in; the plans themselves are scripted.
@@ -89,7 +89,7 @@ def test_a_held_object_has_room_on_its_way_where_there_is_such_a_way(
     assert worlds[0].fingerprint != worlds[1].fingerprint
 
 
-def beads(session: Session) -> tuple[SceneObstacle, ...]:
+def beads(session: RobotSession) -> tuple[SceneObstacle, ...]:
     """Small balls on the way from the head camera to what it should see."""
     eye = session.skills.camera.base_from_camera().position
     middles = [eye + share * (np.array(point) - eye) for point in IN_VIEW for share in np.linspace(0.15, 0.85, 12)]
