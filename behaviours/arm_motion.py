@@ -85,7 +85,7 @@ def with_room(scene: PlanningScene, held: HeldObject) -> PlanningScene:
 
 
 def _way(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld | None) -> StepsTo[TimedPlan]:
-    """Return a motion in ``world``, or from the believed obstacles: with room for what is held, if there is such a
+    """Return a motion in ``world``, or from the believed obstacles: with room for a held object, if there is such a
     way.
     """
     from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
