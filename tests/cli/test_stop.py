@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.cli import stop_command
+from bestman_bt.cli import chosen_run, stop_command
 from bestman_bt.monitor.control_client import ControlError
 from tests.cli.command_line import Answer
 
@@ -44,3 +44,21 @@ def test_where_all_obey_the_exit_code_is_0_and_where_nothing_runs_too(
     monkeypatch.setattr(stop_command, "running_executors", list)
     answer = bestman_bt("stop")
     assert (answer.code, answer.out) == (0, "nothing is running\n")
+
+
+def test_a_named_run_is_stopped_and_no_other(
+    bestman_bt: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    executors, stopped = [Path(f"{name}.sock") for name in "abc"], list[Path]()
+
+    def request(path: Path, what: dict[str, str]) -> dict[str, object]:
+        stopped.extend([path] * (what["do"] == "stop"))
+        return {"task": path.stem, "pid": 7, "ticks": 40, "folder": ""}
+
+    for module in (stop_command, chosen_run):
+        monkeypatch.setattr(module, "running_executors", lambda: executors)
+        monkeypatch.setattr(module, "request", request)
+    assert bestman_bt("stop", "b").out == "stopped b (process 7, tick 40)\n"
+    assert stopped == executors[1:2]
+    assert bestman_bt("stop", "d").code == 2
+    assert stopped == executors[1:2]

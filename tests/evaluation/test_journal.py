@@ -106,7 +106,7 @@ def test_a_lock_file_takes_the_place_of_locks_where_the_file_system_has_none(
     lock.write_text(f"process 0 on {socket.gethostname()}")  # there is no process 0: its evaluation was killed
     with Journal(path):
         assert f"process {os.getpid()} on" in lock.read_text()
-    lock.write_text("process 1 on another-machine")
-    with pytest.raises(ConfigurationError, match="process 1 on another-machine"):
+    lock.write_text("process 0 on another-machine")
+    with pytest.raises(ConfigurationError, match="process 0 on another-machine"):
         Journal(path).__enter__()
     assert lock.exists()
