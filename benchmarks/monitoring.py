@@ -37,7 +37,7 @@ from bestman_bt.engine import (
     WallClock,
     load_tree,
 )
-from bestman_bt.monitor.event_stream import Tell
+from bestman_bt.monitor.event_stream import Publish
 from bestman_bt.records.events import RobotEvent, RunEvent, Topic
 from bestman_bt.runtime.control_channel import ControlChannel
 from bestman_bt.runtime.executor import Executor
@@ -106,10 +106,10 @@ class Joints:
     """A robot state ten times a second, as a mobile manipulator tells it."""
 
     def __init__(self) -> None:
-        self._tell: Tell | None = None
+        self._tell: Publish | None = None
         self._rng = random.Random(0)
 
-    def begin(self, tell: Tell) -> None:
+    def begin(self, tell: Publish) -> None:
         self._tell = tell
 
     def after_tick(self, time: float, tick: int, wanted: frozenset[Topic]) -> None:

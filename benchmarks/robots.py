@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.robot_model.compose import combine, load_robot_model
 from bestman_bt.robot_model.model import RobotModel
-from bestman_bt.runtime.robot_trial import RobotTrial, TrialProcedure
+from bestman_bt.runtime.self_test import SelfTest, TrialProcedure
 
 BASES = ("differential_base", "omni_base", "husky_base")
 ARMS = ("panda_arm", "iiwa_arm", "xarm6_arm", "ur5_arm")
@@ -43,7 +43,7 @@ the arm has been through its postures.
 """
 
 
-def row(names: tuple[str, ...], trial: RobotTrial | str) -> str:
+def row(names: tuple[str, ...], trial: SelfTest | str) -> str:
     head = f"| {' | '.join(names)} | "
     if isinstance(trial, str):
         return f"{head}{trial} | | | | | |"
@@ -68,10 +68,10 @@ def main() -> int:
     for names in [*itertools.product(options.bases, options.arms, options.hands), ALONE]:
         compose: partial[RobotModel] = partial(load_robot_model, "a1") if names == ALONE else partial(combine, *names)
         try:
-            trial: RobotTrial | str = procedure.run(compose, options.seed)
+            trial: SelfTest | str = procedure.run(compose, options.seed)
         except ConfigurationError as error:
             trial = str(error)
-        passed += isinstance(trial, RobotTrial) and trial.passed
+        passed += isinstance(trial, SelfTest) and trial.passed
         rows.append(row(names, trial))
         print(rows[-1], flush=True)
     head = HEAD.format(

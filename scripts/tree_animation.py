@@ -16,8 +16,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from bestman_bt.engine.core.status import RUNNING
 from bestman_bt.evaluation.film.filmed_run import read_filmed_run
+from bestman_bt.evaluation.film.replay_scene import ReplayScene
 from bestman_bt.evaluation.film.shot import plan_shot
-from bestman_bt.evaluation.film.stage import Stage
 from bestman_bt.records.history import RunHistory
 from bestman_bt.records.palette import LOOKS
 from bestman_bt.records.reader import read
@@ -44,7 +44,7 @@ def main() -> None:
     history = read(options.run)
     times = np.linspace(0.0, run.motion.duration, round(options.seconds * RATE))
     frames = []
-    with Stage(run) as stage:
+    with ReplayScene(run) as stage:
         shot = plan_shot(run, stage)
         for time in times:
             stage.set(run.motion.at(float(time)))

@@ -77,7 +77,7 @@ SUDDEN = 1.2
 """Metres: an obstacle on the path nearer than this must have moved there, perhaps too near for the lidar."""
 WAIT_FOR_SHORT, WAIT_FOR_ANY = 5.0, 8.0
 """Seconds to wait for a short detour, and for any path."""
-PASSING = ("blocked", "tolerance", "path_blocked", "disconnected")
+RECOVERABLE_CODES = ("blocked", "tolerance", "path_blocked", "disconnected")
 """Temporary failures: an obstacle or person on the path, or a sensor that is silent for a moment."""
 BACK_UP = 0.8
 """Largest distance of backing up, metres, which also lets waiting people pass."""
@@ -114,7 +114,7 @@ class NavigateTo(Skill):
     }
     DECLARATION = Declaration(effects=("at({goal})",))
 
-    _walked_about = False
+    _moving_obstacle_seen = False
 
     def execute(self) -> Steps:
         """Drive there."""
@@ -124,12 +124,12 @@ class NavigateTo(Skill):
         """Drive to ``goal``, with recoveries. Raises SkillFailure if they do not help."""
         most, spent = PEOPLE * self.max_replans, 0
         for attempt in count():
-            self._walked_about = False
+            self._moving_obstacle_seen = False
             try:
                 yield from self._drive(goal)
             except (SkillFailure, *READING_ERRORS) as failure:
-                spent += 1 if self._walked_about else PEOPLE
-                if failure.code not in PASSING or spent > most:
+                spent += 1 if self._moving_obstacle_seen else PEOPLE
+                if failure.code not in RECOVERABLE_CODES or spent > most:
                     raise
                 self.feedback_message = f"{failure}; recovery {attempt + 1}"
             else:
@@ -159,7 +159,7 @@ class NavigateTo(Skill):
         skills, base = self.skills, self.skills.base
         while True:
             yield Until(passed(skills.clock, CHECK_PERIOD), motion)
-            self._walked_about |= bool(base.layer.moving.obstacles)
+            self._moving_obstacle_seen |= bool(base.layer.moving.obstacles)
             if motion.done:
                 yield motion
                 return None
@@ -188,7 +188,7 @@ class NavigateTo(Skill):
         begin, failure = clock.now(), None
         while True:
             path = yield from self._plan(goal, base.layer.on(known))
-            self._walked_about |= bool(base.layer.moving.obstacles)
+            self._moving_obstacle_seen |= bool(base.layer.moving.obstacles)
             waited = clock.now() - begin
             if isinstance(path, Path2D) and (path.length <= most or waited > WAIT_FOR_SHORT):
                 return path
@@ -220,7 +220,7 @@ class NavigateTo(Skill):
             base.layer.clear()
             yield base.park()
         except (SkillFailure, *READING_ERRORS) as failure:
-            if failure.code not in PASSING:
+            if failure.code not in RECOVERABLE_CODES:
                 raise
 
     def _back_up(self) -> StepsTo[float]:

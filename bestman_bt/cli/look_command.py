@@ -17,7 +17,7 @@ from bestman_bt.configuration.run import RunRequest
 from bestman_bt.extras import is_installed, require_extra
 from bestman_bt.perception.clouds import write_cloud
 from bestman_bt.registry import suggestion
-from bestman_bt.runtime.looking import LookResult, furniture_to_look_at, look_at, standing_before, unseen
+from bestman_bt.runtime.perception_preview import LookResult, furniture_to_look_at, look_at, standing_before, unseen
 from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.scene.draw import SceneError
 from bestman_bt.visualization.annotated_image import annotated_image

@@ -30,7 +30,7 @@ from bestman_bt.configuration.run import RunConfig
 from bestman_bt.configuration.secret import shown_setting
 from bestman_bt.engine import TreeProblem, render_svg
 from bestman_bt.errors import InputError
-from bestman_bt.runtime.planning import PlanQuestion, Transcript, Wanted, asked_question, assumed, refusals
+from bestman_bt.runtime.planning import PlanRequest, Transcript, Wanted, asked_question, assumed, refusals
 from bestman_bt.task_planning.language.errors import quoted
 from bestman_bt.task_planning.simulation import folded
 from bestman_bt.task_planning.symbolic.problem import PlanningError, PlanningProblem, TaskPlan
@@ -189,7 +189,7 @@ def command(
         sys.exit(exit_code(result))
 
 
-def _question(wanted: GoalOptions, where: PlanningOptions) -> tuple[PlanQuestion, str | None]:
+def _question(wanted: GoalOptions, where: PlanningOptions) -> tuple[PlanRequest, str | None]:
     """What is asked of the planner, and the goal as facts, for a text None.
 
     Raises ConfigurationError with all faults.
@@ -204,7 +204,7 @@ def _question(wanted: GoalOptions, where: PlanningOptions) -> tuple[PlanQuestion
     return question, goal
 
 
-def _judged_by(question: PlanQuestion, problem: PlanningProblem) -> tuple[str, str]:
+def _judged_by(question: PlanRequest, problem: PlanningProblem) -> tuple[str, str]:
     """Settings by which a run of the tree is judged by the goal, and told where things are."""
     told = question.told(problem)
     facts = {"goal": " and ".join(map(str, problem.goal))} | ({"told": told} if told else {})

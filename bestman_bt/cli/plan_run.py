@@ -12,7 +12,7 @@ from bestman_bt.cli.run_command import execute
 from bestman_bt.configuration.run import RunConfig
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.result import RunResult
-from bestman_bt.runtime.planning import PlanQuestion, planner_anew
+from bestman_bt.runtime.planning import PlanRequest, planner_anew
 from bestman_bt.runtime.task_goals import FactsFields, can_be_judged
 from bestman_bt.task_planning.builders.plan_tree import PlanTree
 from bestman_bt.task_planning.symbolic.problem import PlanningProblem
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from bestman_bt.runtime.setup import Setup
 
 
-def run_plan(question: PlanQuestion, problem: PlanningProblem, made: PlanTree, planner: str, runs: Path) -> RunResult:
+def run_plan(question: PlanRequest, problem: PlanningProblem, made: PlanTree, planner: str, runs: Path) -> RunResult:
     """Run the tree in the scene that was planned for; on failure, plan again from the current beliefs.
 
     The language model is not called again: ``symbolic`` plans for its goal.

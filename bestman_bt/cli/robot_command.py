@@ -51,7 +51,7 @@ def check(
 ) -> None:
     """Compose and load a robot, let it stand for 5 s, and move its arms to three postures."""
     from bestman_bt.runtime.robot_facts import find_robot
-    from bestman_bt.runtime.robot_trial import TrialProcedure
+    from bestman_bt.runtime.self_test import TrialProcedure
 
     with json_output(as_json) as write:
         trial = TrialProcedure().run(lambda: find_robot(name), seed)

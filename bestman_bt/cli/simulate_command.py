@@ -26,7 +26,7 @@ from bestman_bt.engine.models.scenario import Scenario, fits
 from bestman_bt.engine.simulation import LIMIT, SimulatedRun, simulate
 from bestman_bt.records.events import RunEvent
 from bestman_bt.runtime.control_channel import ControlChannel
-from bestman_bt.runtime.executor import Ending, Executor
+from bestman_bt.runtime.executor import Executor, TerminationReason
 from bestman_bt.runtime.telemetry import Telemetry
 
 PAGE_LOOKS = 1.5
@@ -108,9 +108,11 @@ def _run_shown(tree: Tree, *, name: str, seed: int, period: float, limit: float)
         execution = executor.run()
         telemetry.end_as(execution)
         time.sleep(PAGE_LOOKS)
-    if execution.ending is Ending.ERROR:
+    if execution.ending is TerminationReason.ERROR:
         raise EngineError(execution.why)
-    status = RUNNING if execution.ending is not Ending.FINISHED else STATUS_NAMES.index(execution.tree_status)
+    status = (
+        RUNNING if execution.ending is not TerminationReason.FINISHED else STATUS_NAMES.index(execution.tree_status)
+    )
     return status, execution.ticks
 
 

@@ -32,7 +32,7 @@ from bestman_bt.records.keeping import Keeping
 from bestman_bt.records.reader import RecordError, read_result
 from bestman_bt.records.writer import RESULT_FILE
 from bestman_bt.robot_model.model import GripperModel
-from bestman_bt.runtime.executor import Ending, Execution, ExecutionWatcher, Executor
+from bestman_bt.runtime.executor import Execution, ExecutionWatcher, Executor, TerminationReason
 from bestman_bt.runtime.robot_session import RobotSession, open_session
 from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.runtime.world_file import WORLD_NAME, write_world
@@ -240,7 +240,7 @@ class JudgedSession:
                 at_start = judge(session, observers.truth, None, 0.0)
             execution = executor.run()
             verdict: Verdict | None = None
-            if execution.ending is Ending.CANCELLED:
+            if execution.ending is TerminationReason.CANCELLED:
                 session.robot.stop()
                 session.robot.clock.sleep(0.5)
             elif judge is not None and observers.truth is not None:
@@ -434,9 +434,9 @@ def _judge(
     holds = verdict.holds if verdict is not None else None
     success = execution.succeeded and holds is not False and failure is None
     outcome = Outcome.SUCCESS if success else Outcome.FAILURE
-    if execution.ending is Ending.CANCELLED:
+    if execution.ending is TerminationReason.CANCELLED:
         outcome = Outcome.CANCELLED
-    elif execution.ending is Ending.ERROR:
+    elif execution.ending is TerminationReason.ERROR:
         outcome = Outcome.ERROR
     return RunResult(
         task=config.name,
@@ -473,7 +473,7 @@ def _why_not_judged(config: RunConfig, execution: Execution) -> str:
     if not config.task.predicates:
         facts = config.task.asked("facts")
         return NO_GOAL if facts is None else f"not judged: no ground truth shows whether {facts['goal']}"
-    if execution.ending is Ending.CANCELLED:
+    if execution.ending is TerminationReason.CANCELLED:
         return "not judged: it was cancelled"
     return "not judged: no ground truth is available here"
 
@@ -485,7 +485,7 @@ def _failure(
 
     ``failed``: the leaf that failed last.
     """
-    if execution.ending is not Ending.FINISHED:
+    if execution.ending is not TerminationReason.FINISHED:
         return NodeFailure("", str(execution.ending), execution.why)
     objections = () if audited is None else audited.objections(session.setup.config.task.max_penetration)
     if audited is not None and not audited.honest:

@@ -24,7 +24,7 @@ from bestman_bt.records.shown_value import show_value
 from bestman_bt.robot_model.model import ArmModel, GripperModel
 from bestman_bt.robot_model.sensor_parts import CameraPart, LidarPart
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges, WrittenEntry
-from bestman_bt.runtime.looking import object_marks
+from bestman_bt.runtime.perception_preview import object_marks
 from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.scene.scene import Articulation, PlacedFurniture, World, wall_box
 from bestman_bt.scene.walker import Walker

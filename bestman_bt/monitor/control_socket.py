@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from bestman_bt.errors import Error
 from bestman_bt.monitor.control_client import link_folder, remove_socket, socket_folder
-from bestman_bt.monitor.outbox import Outbox
+from bestman_bt.monitor.subscriber_queue import SubscriberQueue
 from bestman_bt.records.events import TOPICS, Topic
 
 MAX_REQUEST = 65536
@@ -34,10 +34,10 @@ class Channel(Protocol):
     def answer(self, message: Any) -> dict[str, Any]:
         """Carry out one request."""
 
-    def subscribe(self, message: Request, outbox: Outbox) -> None:
+    def subscribe(self, message: Request, outbox: SubscriberQueue) -> None:
         """Start sending the events of a subscription that ``answer`` has accepted."""
 
-    def forget(self, outbox: Outbox) -> None:
+    def forget(self, outbox: SubscriberQueue) -> None:
         """Send no more events to ``outbox``."""
 
 
@@ -79,7 +79,7 @@ class _Handler(socketserver.StreamRequestHandler):
     server: _Server
 
     def handle(self) -> None:
-        outbox = Outbox(self.connection)
+        outbox = SubscriberQueue(self.connection)
         with contextlib.suppress(OSError):
             for line in iter(lambda: self.rfile.readline(MAX_REQUEST), b""):
                 self._carry_out(line, outbox)
@@ -87,7 +87,7 @@ class _Handler(socketserver.StreamRequestHandler):
         self.server.channel.forget(outbox)
         outbox.close()
 
-    def _carry_out(self, line: bytes, outbox: Outbox) -> None:
+    def _carry_out(self, line: bytes, outbox: SubscriberQueue) -> None:
         channel = self.server.channel
         try:
             message = json.loads(line)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from bestman_bt.engine import IDLE
-from bestman_bt.monitor.outbox import Outbox
+from bestman_bt.monitor.subscriber_queue import SubscriberQueue
 from bestman_bt.records.events import (
     BlackboardEvent,
     BreakpointsEvent,
@@ -45,7 +45,7 @@ class _TreeStanding:
     messages: dict[int, str] = field(default_factory=dict)
 
 
-class Standing:
+class StateSnapshot:
     """The current state of an execution: ``take`` updates it, ``events`` returns events that reproduce it."""
 
     def __init__(self) -> None:
@@ -118,13 +118,13 @@ LAST_EVENTS = 10.0
 
 Making = Callable[[], Iterable[Event]]
 """Makes events, in the thread of the stream."""
-Tell = Callable[[Making], bool]
+Publish = Callable[[Making], bool]
 """Has events made and handed on; False where they are lost."""
 
 
 @dataclass(eq=False)
 class _Subscription:
-    outbox: Outbox
+    outbox: SubscriberQueue
     topics: frozenset[Topic]
     missed: int = 0
 
@@ -135,7 +135,7 @@ class EventStream:
     def __init__(self) -> None:
         self._waiting: queue.SimpleQueue[Making | None] = queue.SimpleQueue()
         self._subscriptions: list[_Subscription] = []
-        self._standing = Standing()
+        self._standing = StateSnapshot()
         self._log: RunLogWriter | None = None
         self._keeping = Keeping()
         self._lost = 0
@@ -166,13 +166,13 @@ class EventStream:
         """Return the number of queued events that are not published yet."""
         return self._waiting.qsize()
 
-    def add(self, outbox: Outbox, topics: frozenset[Topic]) -> None:
+    def add(self, outbox: SubscriberQueue, topics: frozenset[Topic]) -> None:
         """Send the current state of ``topics`` to ``outbox``, then every event of them; replaces an earlier
         subscription.
         """
         self.tell(lambda: self._add(_Subscription(outbox, topics)))
 
-    def forget(self, outbox: Outbox) -> None:
+    def forget(self, outbox: SubscriberQueue) -> None:
         """Send no more events to ``outbox``."""
         self.tell(lambda: self._forget(outbox))
 
@@ -272,13 +272,13 @@ class EventStream:
         self._tell_all(subscription)
         return ()
 
-    def _forget(self, outbox: Outbox) -> Iterable[Event]:
+    def _forget(self, outbox: SubscriberQueue) -> Iterable[Event]:
         self._subscriptions = [other for other in self._subscriptions if other.outbox is not outbox]
         self._note_wanted()
         return ()
 
     def _forget_standing(self) -> Iterable[Event]:
-        self._standing = Standing()
+        self._standing = StateSnapshot()
         return ()
 
     def _note_wanted(self) -> None:

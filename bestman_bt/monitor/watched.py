@@ -14,7 +14,7 @@ from bestman_bt.engine.core.status import IDLE, RUNNING, STATUS_NAMES
 from bestman_bt.errors import Error
 from bestman_bt.monitor.control_socket import Request, RequestRefusedError, serve, topics_of
 from bestman_bt.monitor.event_stream import EventStream
-from bestman_bt.monitor.outbox import Outbox
+from bestman_bt.monitor.subscriber_queue import SubscriberQueue
 from bestman_bt.records.events import (
     BreakpointsEvent,
     EndEvent,
@@ -133,11 +133,11 @@ class WatchedExecution:
             "robot": {},
         }
 
-    def subscribe(self, message: Request, outbox: Outbox) -> None:
+    def subscribe(self, message: Request, outbox: SubscriberQueue) -> None:
         """Start sending the events of a subscription."""
         self._stream.add(outbox, topics_of(message))
 
-    def forget(self, outbox: Outbox) -> None:
+    def forget(self, outbox: SubscriberQueue) -> None:
         """Send no more events to ``outbox``."""
         self._stream.forget(outbox)
 

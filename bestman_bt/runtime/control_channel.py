@@ -30,7 +30,7 @@ from bestman_bt.control.operator_speed import SLOWEST, OperatorSpeed
 from bestman_bt.engine import RUNNING, EngineError, status_name
 from bestman_bt.engine.spelling import closest
 from bestman_bt.monitor.control_socket import Request, RequestRefusedError, serve, topics_of
-from bestman_bt.monitor.outbox import Outbox
+from bestman_bt.monitor.subscriber_queue import SubscriberQueue
 from bestman_bt.records.events import BreakpointsEvent
 from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
 from bestman_bt.runtime.confirmation import Confirmation
@@ -117,11 +117,11 @@ class ControlChannel:
             **self._robot_state(),
         }
 
-    def subscribe(self, message: Request, outbox: Outbox) -> None:
+    def subscribe(self, message: Request, outbox: SubscriberQueue) -> None:
         """Start the events of a request that ``answer`` has accepted."""
         self._telemetry.subscribe(outbox, topics_of(message))
 
-    def forget(self, outbox: Outbox) -> None:
+    def forget(self, outbox: SubscriberQueue) -> None:
         """End a subscription."""
         self._telemetry.forget(outbox)
 

@@ -33,7 +33,7 @@ PAUSE_POLL = 0.05
 """Seconds between checks of a paused executor for cancellation and tasks."""
 
 
-class Ending(StrEnum):
+class TerminationReason(StrEnum):
     """The reason why an execution ended."""
 
     FINISHED = "finished"  # the root returned SUCCESS or FAILURE
@@ -48,7 +48,7 @@ class Execution:
     not finish.
     """
 
-    ending: Ending
+    ending: TerminationReason
     tree_status: str
     ticks: int
     sim_time_s: float
@@ -190,7 +190,7 @@ class Executor:
     def run(self) -> Execution:
         """Tick until the end and return the result; the tree is always halted at the end."""
         start, wall_start = self.clock.now(), time.perf_counter()
-        ending, status, why = Ending.FINISHED, IDLE, ""
+        ending, status, why = TerminationReason.FINISHED, IDLE, ""
         self.tree.allow_ticks()  # the reason of an earlier ``cancel`` is seen before the first one
         self._over, self._waited = False, 0.0
         with self.interrupts():
@@ -206,15 +206,15 @@ class Executor:
                 known = isinstance(error, (EngineError, RobotError))
                 if isinstance(error, NodeError):
                     logging.getLogger(__name__).error("the tick went through %s", " > ".join(error.backtrace))
-                ending, why = Ending.ERROR, str(error) if known else in_words(error)
+                ending, why = TerminationReason.ERROR, str(error) if known else in_words(error)
                 if self._cancel_reason:
-                    ending, why = Ending.CANCELLED, self._cancel_reason
+                    ending, why = TerminationReason.CANCELLED, self._cancel_reason
                 elif not known or error.__cause__ is not None:
                     logging.getLogger(__name__).error("the execution ended in an error", exc_info=error)
             except KeyboardInterrupt:  # in the middle of a tick
                 if not self._cancel_reason:
                     raise
-                ending, why = Ending.CANCELLED, self._cancel_reason
+                ending, why = TerminationReason.CANCELLED, self._cancel_reason
             finally:
                 if status == IDLE:
                     self.tree.halt()
@@ -233,11 +233,11 @@ class Executor:
         except EngineError as error:
             logging.getLogger(__name__).error("%s", error)
 
-    def _loop(self, start: float) -> tuple[Ending, int, str]:
+    def _loop(self, start: float) -> tuple[TerminationReason, int, str]:
         while True:
             self._wait_for_turn()
             if self._cancel_reason:
-                return Ending.CANCELLED, IDLE, self._cancel_reason
+                return TerminationReason.CANCELLED, IDLE, self._cancel_reason
             self._stepping = self._step
             status = self.tree.tick_exactly_once()
             self.ticks += 1
@@ -246,11 +246,11 @@ class Executor:
             for watcher in self.watchers:
                 watcher.after_tick()
             if self._cancel_reason:  # a stopped robot makes skills fail: that is not the tree's own failure
-                return Ending.CANCELLED, IDLE, self._cancel_reason
+                return TerminationReason.CANCELLED, IDLE, self._cancel_reason
             if status != RUNNING:
-                return Ending.FINISHED, status, ""
+                return TerminationReason.FINISHED, status, ""
             if self.time_limit is not None and self.clock.now() - start - self._waited >= self.time_limit:
-                return Ending.TIMEOUT, IDLE, f"not done within {self.time_limit:g} s"
+                return TerminationReason.TIMEOUT, IDLE, f"not done within {self.time_limit:g} s"
             if self._stepping:
                 self._step = self._stepping = False
                 self._go.clear()

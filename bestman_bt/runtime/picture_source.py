@@ -15,7 +15,7 @@ from PIL import Image
 from behaviours.context import SkillContext
 from bestman_bt.control.rgbd import RGBDView
 from bestman_bt.messages import MotionObstacle
-from bestman_bt.monitor.event_stream import Tell
+from bestman_bt.monitor.event_stream import Publish
 from bestman_bt.records.events import ImageEvent, Topic
 from bestman_bt.robot_model.model import ArmModel
 
@@ -37,14 +37,14 @@ class PictureSource:
 
     def __init__(self, skills: SkillContext, folder: Path | None) -> None:
         self._skills, self._folder = skills, folder
-        self._tell: Tell | None = None
+        self._tell: Publish | None = None
         self._last: tuple[str, RGBDView] | None = None
         self._untold: dict[str, RGBDView] = {}
         self._kept: dict[tuple[str, float], str] = {}
         for camera in skills.cameras:
             camera.subscribe(partial(self._seen, camera.name))
 
-    def begin(self, tell: Tell) -> None:
+    def begin(self, tell: Publish) -> None:
         """Start publishing to ``tell``."""
         self._tell = tell
 

@@ -74,7 +74,7 @@ class Transcript:
     replay: Path | None = None
 
 
-class PlanQuestion:
+class PlanRequest:
     """A planning request: a goal, the beliefs and the chosen planner, builder and limits.
 
     ``beliefs``: the knowledge at planning time. ``builder``: its name.
@@ -185,7 +185,7 @@ class Wanted:
     limits: str
 
 
-def asked_question(wanted: Wanted, where: RunRequest, world: Path | None) -> tuple[PlanQuestion, str | None]:
+def asked_question(wanted: Wanted, where: RunRequest, world: Path | None) -> tuple[PlanRequest, str | None]:
     """Return the request, and its goal as facts. Raises ConfigurationError listing every fault.
 
     ``where``, ``world``: as for ``planning_state``.
@@ -207,7 +207,7 @@ def asked_question(wanted: Wanted, where: RunRequest, world: Path | None) -> tup
     if made is None:
         wrong.raise_if_any()
     assert made is not None
-    question = PlanQuestion(*made, wanted.builder, allowed)
+    question = PlanRequest(*made, wanted.builder, allowed)
     with _noted(wrong, "--given"):
         question.give(wanted.given)
     with _noted(wrong, "--limits"):

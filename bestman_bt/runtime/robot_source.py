@@ -13,7 +13,7 @@ from bestman_bt.control.joint_state import JointStateError, JointStateSensor
 from bestman_bt.control.operator_speed import OperatorSpeed
 from bestman_bt.control.wheeled.localisation_cycle import PlacedScan
 from bestman_bt.messages import Path2D, Pose2D
-from bestman_bt.monitor.event_stream import Tell
+from bestman_bt.monitor.event_stream import Publish
 from bestman_bt.records.events import MapEvent, MapPiece, PathEvent, RobotEvent, ScanEvent, Topic
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.world_model.semantic_map import SemanticMap
@@ -40,11 +40,11 @@ class RobotSource:
     def __init__(self, robot: Robot, model: RobotModel, skills: SkillContext, speed: OperatorSpeed) -> None:
         self._skills, self._speed = skills, speed
         self._joints = JointStateSensor(robot.parts, model)
-        self._tell: Tell | None = None
+        self._tell: Publish | None = None
         self._next_robot = self._next_scan = 0.0
         self._path: Path2D | None = None
 
-    def begin(self, tell: Tell) -> None:
+    def begin(self, tell: Publish) -> None:
         """Publish the map."""
         self._tell = tell
         tell(partial(_map_events, self._skills.world.map))

@@ -16,8 +16,8 @@ from typing import Protocol
 
 from behaviours.failure import NodeFailure
 from bestman_bt.engine import RUNNING, Node, StateChanges, Tree
-from bestman_bt.monitor.event_stream import LOGS, EventStream, Tell
-from bestman_bt.monitor.outbox import Outbox
+from bestman_bt.monitor.event_stream import LOGS, EventStream, Publish
+from bestman_bt.monitor.subscriber_queue import SubscriberQueue
 from bestman_bt.records.described_tree import describe_tree
 from bestman_bt.records.events import (
     MAIN_TREE,
@@ -34,7 +34,7 @@ from bestman_bt.records.events import (
 from bestman_bt.records.keeping import Keeping
 from bestman_bt.records.writer import RunLogWriter
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges, blackboard_event
-from bestman_bt.runtime.executor import Ending, Execution, Executor, PauseReason
+from bestman_bt.runtime.executor import Execution, Executor, PauseReason, TerminationReason
 from bestman_bt.runtime.failure_lines import FailureLines, failure_codes
 
 # Listens to one tree for the telemetry.
@@ -45,7 +45,7 @@ LONGEST_MESSAGE = 2000
 _STATE_BITS = 7
 
 
-class TreeTap:
+class TreeListener:
     """Publishes the states of a tree and the feedback of its leaves.
 
     ``tell``: takes a function that makes events, returns False if it was dropped; ``moment``: converts a clock time to
@@ -55,7 +55,7 @@ class TreeTap:
     def __init__(
         self,
         tree: Tree,
-        tell: Tell,
+        tell: Publish,
         moment: Callable[[float], tuple[float, int]],
         failed: Callable[[Tree, list[int]], None],
         number: int = MAIN_TREE,
@@ -169,14 +169,14 @@ LOOK_EVERY = 0.2
 
 TIME_DECIMALS = 6
 """Decimals of seconds, as many as a .btlog holds."""
-OUTCOMES = {Ending.CANCELLED: "cancelled", Ending.ERROR: "error"}
+OUTCOMES = {TerminationReason.CANCELLED: "cancelled", TerminationReason.ERROR: "error"}
 """Outcomes of executions that are not judged, as in ``result.json``."""
 
 
 class Source(Protocol):
     """A source of events besides the tree; called in the executor's thread, with ``time`` and ``tick`` of events."""
 
-    def begin(self, tell: Tell) -> None:
+    def begin(self, tell: Publish) -> None:
         """Called when recording or watching starts."""
 
     def after_tick(self, time: float, tick: int, wanted: frozenset[Topic]) -> None:
@@ -213,11 +213,11 @@ class Telemetry:
         self.interventions: list[str] = []
         """Manual interventions: entries that were set, results that were forced."""
         self._start = executor.clock.now()
-        self._taps: dict[Tree, TreeTap] = {}
+        self._taps: dict[Tree, TreeListener] = {}
         self._trees = 0
         self._blackboard = BlackboardChanges(self._tree)
         self._looked = 0.0
-        self._subscribers: set[Outbox] = set()
+        self._subscribers: set[SubscriberQueue] = set()
         self._attached = False
         self._ended = False
         self._package_log = PackageLog(self.tell, self.now)
@@ -288,13 +288,13 @@ class Telemetry:
 
     # ---- subscribers, from threads of the control channel
 
-    def subscribe(self, outbox: Outbox, topics: frozenset[Topic]) -> None:
+    def subscribe(self, outbox: SubscriberQueue, topics: frozenset[Topic]) -> None:
         """Subscribe ``outbox``: send the current state, then new events of ``topics``; see ``EventStream.add``."""
         self._subscribers.add(outbox)
         self._stream.add(outbox, topics)
         self._executor.between_ticks(self._attach)
 
-    def forget(self, outbox: Outbox) -> None:
+    def forget(self, outbox: SubscriberQueue) -> None:
         """End a subscription."""
         self._subscribers.discard(outbox)
         self._stream.forget(outbox)
@@ -354,7 +354,7 @@ class Telemetry:
 
     def _tap(self, tree: Tree, under: Node | None = None) -> None:
         number = 0 if under is None else self._trees
-        self._taps[tree] = tap = TreeTap(tree, self._stream.tell, self._moment, self._failed, number, under)
+        self._taps[tree] = tap = TreeListener(tree, self._stream.tell, self._moment, self._failed, number, under)
         self._trees += 1
         tap.attach()
 

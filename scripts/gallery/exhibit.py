@@ -15,8 +15,8 @@ from bestman_bt.configuration.task import load_task
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, read_filmed_run
 from bestman_bt.evaluation.film.rendering import caption, captioned, write_film, write_still
+from bestman_bt.evaluation.film.replay_scene import ReplayScene
 from bestman_bt.evaluation.film.shot import Shot, best_frame, plan_shot
-from bestman_bt.evaluation.film.stage import Stage
 from bestman_bt.evaluation.run_folder import make_run_folder
 
 TRIES = 5
@@ -52,7 +52,7 @@ def make(task: str, seed: int, folder: Path) -> dict[str, Any]:
 
 def _film(run: FilmedRun, target: Path) -> float:
     """Write ``target``.jpg and ``target``.mp4; returns how much faster than the run the film is."""
-    with Stage(run) as stage:
+    with ReplayScene(run) as stage:
         shot = plan_shot(run, stage)
         best = best_frame(run, shot, stage)
         stage.set(shot.snapshots[best])
@@ -61,7 +61,7 @@ def _film(run: FilmedRun, target: Path) -> float:
     return shot.speed
 
 
-def _frames(run: FilmedRun, shot: Shot, stage: Stage) -> Iterator[NDArray[np.uint8]]:
+def _frames(run: FilmedRun, shot: Shot, stage: ReplayScene) -> Iterator[NDArray[np.uint8]]:
     for index, snapshot in enumerate(shot.snapshots):
         stage.set(snapshot)
         yield captioned(stage.picture(shot.view(index), *SIZE), caption(run, shot, shot.times[index]))

@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.configuration.run import RunRequest
 from bestman_bt.messages import Handle
-from bestman_bt.runtime.looking import furniture_to_look_at, standing_before
+from bestman_bt.runtime.perception_preview import furniture_to_look_at, standing_before
 from bestman_bt.runtime.robot_session import RobotSession
 from tests.behaviours.at_the_table import tick, tree_of
 from tests.behaviours.truth import known_world, succeeds, why_not

@@ -10,7 +10,7 @@ import pytest
 from bestman_bt.configuration.run import RunRequest
 from bestman_bt.engine import SUCCESS
 from bestman_bt.messages import VOXEL_FREE, VOXEL_OCCUPIED
-from bestman_bt.runtime.looking import furniture_to_look_at, standing_before
+from bestman_bt.runtime.perception_preview import furniture_to_look_at, standing_before
 from bestman_bt.runtime.robot_session import RobotSession
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.sensor_pipeline import SensorFault

@@ -23,7 +23,7 @@ from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.messages import Pose
 from bestman_bt.monitor.groot2.hooks import Groot2Hooks
-from bestman_bt.runtime.executor import Ending, Execution
+from bestman_bt.runtime.executor import Execution, TerminationReason
 from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.runtime.setup import Setup
 from hal.simulation.audit_record import ContactIncident, DisturbanceEvent
@@ -281,20 +281,20 @@ def test_a_run_that_somebody_stops_is_cancelled_and_not_judged(tmp_path: Path, m
 @pytest.mark.parametrize(
     ("ending", "outcome"),
     [
-        (Ending.FINISHED, Outcome.SUCCESS),
-        (Ending.TIMEOUT, Outcome.FAILURE),
-        (Ending.CANCELLED, Outcome.CANCELLED),
-        (Ending.ERROR, Outcome.ERROR),
+        (TerminationReason.FINISHED, Outcome.SUCCESS),
+        (TerminationReason.TIMEOUT, Outcome.FAILURE),
+        (TerminationReason.CANCELLED, Outcome.CANCELLED),
+        (TerminationReason.ERROR, Outcome.ERROR),
     ],
 )
-def test_how_an_execution_ended_decides_the_outcome(ending: Ending, outcome: Outcome) -> None:
+def test_how_an_execution_ended_decides_the_outcome(ending: TerminationReason, outcome: Outcome) -> None:
     config = load_run("fetch_cup", seed=1)
     session: Any = SimpleNamespace(setup=SimpleNamespace(config=config), skills=SimpleNamespace(failures=[]))
-    status = "SUCCESS" if ending is Ending.FINISHED else "IDLE"
+    status = "SUCCESS" if ending is TerminationReason.FINISHED else "IDLE"
     result = episode._judge(session, Execution(ending, status, 3, 1.0, 2.0, "so it was"), None, None, 2.0)
     assert (result.outcome, result.success) == (outcome, outcome is Outcome.SUCCESS)
     told = None if result.failure is None else (result.failure.error_code, result.failure.why)
-    assert told == (None if ending is Ending.FINISHED else (str(ending), "so it was"))
+    assert told == (None if ending is TerminationReason.FINISHED else (str(ending), "so it was"))
 
 
 def test_a_run_that_nobody_judges_succeeds_with_its_tree_but_not_with_a_cheat(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from bestman_bt.monitor.control_client import ControlError, request
 from bestman_bt.records.events import RunEvent, from_line
 from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
 from bestman_bt.runtime.control_channel import ControlChannel
-from bestman_bt.runtime.executor import Ending, Execution, Executor, PauseReason
+from bestman_bt.runtime.executor import Execution, Executor, PauseReason, TerminationReason
 from bestman_bt.runtime.telemetry import Telemetry
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">
@@ -192,7 +192,7 @@ def test_a_held_execution_can_be_stopped_within_the_tick(debugged: Debugged) -> 
     done = list(debugged.done)
     debugged.ask("stop")
     execution = debugged.end()
-    assert (execution.ending, execution.why) == (Ending.CANCELLED, "stopped through the control channel")
+    assert (execution.ending, execution.why) == (TerminationReason.CANCELLED, "stopped through the control channel")
     assert [word for word in debugged.done[len(done) :] if word != "halted"] == []
 
 

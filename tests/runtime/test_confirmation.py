@@ -19,7 +19,7 @@ from behaviours.skill import Skill, Steps
 from bestman_bt.control.planned_motion import PlannedMotion
 from bestman_bt.engine import Fallback
 from bestman_bt.runtime.confirmation import Confirmation
-from bestman_bt.runtime.executor import Ending
+from bestman_bt.runtime.executor import TerminationReason
 from bestman_bt.runtime.robot_session import RobotSession, open_session, session_config
 from hal.api import Arm, Gripper, JointGroup
 
@@ -97,7 +97,7 @@ def test_a_declined_motion_moves_nothing_and_a_stop_ends_the_question() -> None:
         tree = opened.load(TREE)
         executor = opened.executor(tree)
         opened.confirmation.asked[:] = [lambda planned: threading.Timer(0.05, executor.cancel).start()]
-        assert executor.run().ending is Ending.CANCELLED
+        assert executor.run().ending is TerminationReason.CANCELLED
         assert opened.confirmation.pending is None
 
 

@@ -33,7 +33,7 @@ from bestman_bt.records.events import EndEvent, Event, RunEvent, StatesEvent, fr
 from bestman_bt.runtime import control_channel
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges
 from bestman_bt.runtime.control_channel import ControlChannel
-from bestman_bt.runtime.executor import Ending, Execution, Executor
+from bestman_bt.runtime.executor import Execution, Executor, TerminationReason
 from bestman_bt.runtime.telemetry import Telemetry
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">
@@ -185,7 +185,7 @@ def test_stop_stops_the_robot_and_cancels_the_execution(served: Served) -> None:
     assert served.ask("stop")["ok"]
     assert len(served.stops) == 1
     execution = served.wait()
-    assert (execution.ending, execution.why) == (Ending.CANCELLED, "stopped through the control channel")
+    assert (execution.ending, execution.why) == (TerminationReason.CANCELLED, "stopped through the control channel")
 
 
 def test_stop_reaches_the_robot_while_a_tick_goes_on_and_also_when_nothing_runs_any_more(served: Served) -> None:
@@ -203,7 +203,7 @@ def test_stop_reaches_the_robot_while_a_tick_goes_on_and_also_when_nothing_runs_
         assert not served.finished.is_set()
     finally:
         release.set()
-    assert served.wait().ending is Ending.CANCELLED
+    assert served.wait().ending is TerminationReason.CANCELLED
     assert served.ask("stop")["ok"]
     assert len(served.stops) == 2
 
@@ -367,7 +367,7 @@ def test_motions_wait_and_go_on_at_once_and_not_at_the_next_tick(end: str) -> No
 def test_a_paused_execution_can_be_stopped(served: Served) -> None:
     served.ask("pause")
     served.ask("stop")
-    assert served.wait().ending is Ending.CANCELLED
+    assert served.wait().ending is TerminationReason.CANCELLED
 
 
 def test_set_writes_an_entry_between_ticks_also_while_paused(served: Served) -> None:

@@ -31,7 +31,7 @@ from bestman_bt.engine import (
     build_tree,
     load_tree,
 )
-from bestman_bt.runtime.executor import MAX_TASKS, Ending, Executor, PauseReason
+from bestman_bt.runtime.executor import MAX_TASKS, Executor, PauseReason, TerminationReason
 from bestman_bt.runtime.failure_lines import FailureLines, failure_codes
 from hal.api import CommandRefusedError
 
@@ -98,7 +98,7 @@ def at_tick(number: int, act: Callable[[Executor], None], body: str = '<Work nam
 @pytest.mark.parametrize(("body", "status"), [("<AlwaysSuccess/>", "SUCCESS"), ("<AlwaysFailure/>", "FAILURE")])
 def test_a_tree_that_ends_gives_its_status(body: str, status: str) -> None:
     execution = executor_of(body).run()
-    assert (execution.ending, execution.tree_status, execution.ticks) == (Ending.FINISHED, status, 1)
+    assert (execution.ending, execution.tree_status, execution.ticks) == (TerminationReason.FINISHED, status, 1)
     assert execution.succeeded is (status == "SUCCESS")
     assert execution.why == ""
 
@@ -112,7 +112,7 @@ def test_ticks_are_a_period_apart_on_the_clock() -> None:
 
 def test_the_time_limit_halts_the_tree_and_says_so() -> None:
     execution = executor_of('<Work name="work"/>', time_limit=2.0).run()
-    assert (execution.ending, execution.tree_status) == (Ending.TIMEOUT, "IDLE")
+    assert (execution.ending, execution.tree_status) == (TerminationReason.TIMEOUT, "IDLE")
     assert execution.why == "not done within 2 s"
     assert execution.sim_time_s == pytest.approx(2.0, abs=0.05)
     assert HALTED == ["work"]
@@ -120,7 +120,7 @@ def test_the_time_limit_halts_the_tree_and_says_so() -> None:
 
 def test_a_tree_that_retries_at_once_and_for_ever_still_ends_in_time_and_can_be_cancelled() -> None:
     body = '<RetryUntilSuccessful num_attempts="-1"><AlwaysFailure/></RetryUntilSuccessful>'
-    assert executor_of(body, time_limit=0.2).run().ending is Ending.TIMEOUT
+    assert executor_of(body, time_limit=0.2).run().ending is TerminationReason.TIMEOUT
     assert at_tick(50, lambda e: e.cancel(), body).run().ticks == 50
 
 
@@ -142,7 +142,7 @@ def test_only_wake_ups_in_a_row_at_one_moment_make_time_pass(monkeypatch: pytest
 def test_a_node_that_raises_ends_the_execution_with_an_error_and_halts_the_others() -> None:
     body = '<Parallel failure_count="2" success_count="2"><Work name="work"/><Break name="gear"/></Parallel>'
     execution = executor_of(body).run()
-    assert (execution.ending, execution.tree_status) == (Ending.ERROR, "IDLE")
+    assert (execution.ending, execution.tree_status) == (TerminationReason.ERROR, "IDLE")
     assert "node 'gear' [Break]" in execution.why
     assert "the gear is stripped" in execution.why
     assert HALTED == ["work"]
@@ -158,7 +158,7 @@ def test_a_robot_that_raises_between_ticks_is_an_error_too() -> None:
 
     tree = tree_of('<Work name="work"/>', Breaking())
     execution = Executor(tree, tree.clock).run()
-    assert (execution.ending, execution.why) == (Ending.ERROR, "the cable is loose")
+    assert (execution.ending, execution.why) == (TerminationReason.ERROR, "the cable is loose")
     assert HALTED == ["work"]
 
 
@@ -168,7 +168,7 @@ def test_cancelling_halts_the_tree_and_keeps_the_first_reason() -> None:
         executor.cancel("supper")
 
     execution = at_tick(3, cancel).run()
-    assert (execution.ending, execution.tree_status, execution.why) == (Ending.CANCELLED, "IDLE", "lunch")
+    assert (execution.ending, execution.tree_status, execution.why) == (TerminationReason.CANCELLED, "IDLE", "lunch")
     assert execution.ticks == 3
     assert HALTED == ["work"]
 
@@ -182,21 +182,21 @@ def test_a_tree_that_ends_because_it_was_stopped_was_cancelled(status: int) -> N
         executor.after_tick = lambda: executor.cancel("stopped")
 
     execution = at_tick(3, stop).run()
-    assert (execution.ending, execution.tree_status) == (Ending.CANCELLED, "IDLE")
+    assert (execution.ending, execution.tree_status) == (TerminationReason.CANCELLED, "IDLE")
 
 
 def test_an_execution_can_be_cancelled_from_another_thread() -> None:
     executor = executor_of('<Work name="work"/>', after_tick=lambda: time.sleep(0.002))
     threading.Timer(0.05, executor.cancel).start()
     execution = executor.run()
-    assert (execution.ending, execution.why) == (Ending.CANCELLED, "cancelled on request")
+    assert (execution.ending, execution.why) == (TerminationReason.CANCELLED, "cancelled on request")
 
 
 def test_the_first_interrupt_cancels_between_ticks_and_the_handler_is_put_back() -> None:
     before = signal.getsignal(signal.SIGINT)
     executor = at_tick(3, lambda _: os.kill(os.getpid(), signal.SIGINT))
     execution = executor.run()
-    assert (execution.ending, execution.why) == (Ending.CANCELLED, "interrupted from the keyboard")
+    assert (execution.ending, execution.why) == (TerminationReason.CANCELLED, "interrupted from the keyboard")
     assert signal.getsignal(signal.SIGINT) is before
     assert HALTED == ["work"]
 
@@ -204,7 +204,7 @@ def test_the_first_interrupt_cancels_between_ticks_and_the_handler_is_put_back()
 def test_a_termination_signal_cancels_too_and_both_handlers_are_put_back() -> None:
     before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
     execution = at_tick(3, lambda _: os.kill(os.getpid(), signal.SIGTERM)).run()
-    assert (execution.ending, execution.why, execution.ticks) == (Ending.CANCELLED, "terminated", 3)
+    assert (execution.ending, execution.why, execution.ticks) == (TerminationReason.CANCELLED, "terminated", 3)
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
     assert HALTED == ["work"]
 
@@ -213,7 +213,7 @@ def test_what_was_cancelled_before_its_start_ticks_nothing() -> None:
     executor = executor_of('<Work name="work"/>')
     executor.cancel("too early")
     execution = executor.run()
-    assert (execution.ending, execution.why, execution.ticks) == (Ending.CANCELLED, "too early", 0)
+    assert (execution.ending, execution.why, execution.ticks) == (TerminationReason.CANCELLED, "too early", 0)
     assert all(node.state == IDLE for node in executor.tree.nodes)
 
 
@@ -223,7 +223,7 @@ def test_a_node_that_breaks_because_it_was_stopped_was_cancelled() -> None:
         raise CommandRefusedError("the robot is stopped")
 
     execution = at_tick(2, cancel).run()
-    assert (execution.ending, execution.why) == (Ending.CANCELLED, "stopped")
+    assert (execution.ending, execution.why) == (TerminationReason.CANCELLED, "stopped")
     assert HALTED == ["work"]
 
 
@@ -231,7 +231,7 @@ def test_the_time_limit_counts_from_the_start_of_the_run_and_ends_at_its_tick() 
     executor = executor_of('<Work name="work"/>', time_limit=0.5, period=0.125)
     executor.clock.sleep(100.0)
     execution = executor.run()
-    assert (execution.ending, execution.ticks, execution.sim_time_s) == (Ending.TIMEOUT, 5, 0.5)
+    assert (execution.ending, execution.ticks, execution.sim_time_s) == (TerminationReason.TIMEOUT, 5, 0.5)
 
 
 def test_the_time_of_a_pause_does_not_count_for_the_time_limit() -> None:
@@ -250,9 +250,9 @@ def test_the_time_of_a_pause_does_not_count_for_the_time_limit() -> None:
     executor = executor_of('<Work name="work"/>', time_limit=0.5, period=0.125)
     executor.watchers.append(Hardware())
     execution = executor.run()
-    assert (execution.ending, execution.ticks, execution.sim_time_s) == (Ending.TIMEOUT, 5, 100.5)
+    assert (execution.ending, execution.ticks, execution.sim_time_s) == (TerminationReason.TIMEOUT, 5, 100.5)
     again = executor.run()  # without a pause
-    assert (again.ending, again.sim_time_s) == (Ending.TIMEOUT, 0.5)
+    assert (again.ending, again.sim_time_s) == (TerminationReason.TIMEOUT, 0.5)
 
 
 def test_watchers_are_told_of_each_pause_with_its_reason_and_of_its_end() -> None:
@@ -299,7 +299,7 @@ def test_the_second_interrupt_does_not_wait_for_the_tick_and_still_halts_the_tre
         pytest.fail("the tick went on")
 
     execution = at_tick(3, interrupt_twice).run()
-    assert (execution.ending, execution.why) == (Ending.CANCELLED, "interrupted from the keyboard")
+    assert (execution.ending, execution.why) == (TerminationReason.CANCELLED, "interrupted from the keyboard")
     assert HALTED == ["work"]
 
 
@@ -307,7 +307,7 @@ def test_more_interrupts_do_not_break_off_what_follows_a_cancelled_execution(mon
     executor = at_tick(3, lambda _: interrupt(1))
     monkeypatch.setattr(executor.tree, "shutdown", lambda: interrupt(1))
     with executor.interrupts():
-        assert executor.run().ending is Ending.CANCELLED
+        assert executor.run().ending is TerminationReason.CANCELLED
         interrupt(2)
         monkeypatch.setattr("bestman_bt.runtime.executor.WRAP_UP_TIME", 0.0)
         with pytest.raises(KeyboardInterrupt):
@@ -325,7 +325,7 @@ def test_after_an_execution_that_nobody_cancelled_an_interrupt_is_an_interrupt()
 def test_an_interrupt_ends_a_paused_execution() -> None:
     executor = at_tick(3, lambda e: e.pause())
     threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
-    assert executor.run().ending is Ending.CANCELLED
+    assert executor.run().ending is TerminationReason.CANCELLED
 
 
 class InThread:
@@ -419,7 +419,7 @@ class Device(Behaviour):
 def test_native_behaviours_are_set_up_and_shut_down_whatever_the_end(caplog: pytest.LogCaptureFixture) -> None:
     tree = build_tree(Fallback([Device("scale"), AlwaysSuccess()]), clock=ManualClock())
     execution = Executor(tree, tree.clock).run()
-    assert (execution.ending, execution.succeeded) == (Ending.FINISHED, True)
+    assert (execution.ending, execution.succeeded) == (TerminationReason.FINISHED, True)
     assert HALTED == ["setup", "shutdown"]
     assert "node scale " in caplog.text
     assert "port busy" in caplog.text
@@ -432,7 +432,7 @@ def test_a_setup_that_fails_ends_the_execution_and_says_why() -> None:
 
     tree = build_tree(Sequence([Broken("scale")]), clock=ManualClock())
     execution = Executor(tree, tree.clock).run()
-    assert execution.ending is Ending.ERROR
+    assert execution.ending is TerminationReason.ERROR
     assert "node scale " in execution.why
     assert "no device at /dev/ttyUSB0" in execution.why
     assert execution.ticks == 0
@@ -455,6 +455,6 @@ def test_what_an_own_algorithm_raises_between_ticks_ends_the_execution_and_its_t
 
     tree = build_tree(Work("work"))
     execution = Executor(tree, ManualClock(), after_tick=raises).run()
-    assert (execution.ending, execution.why) == (Ending.ERROR, "IndexError: list index out of range")
+    assert (execution.ending, execution.why) == (TerminationReason.ERROR, "IndexError: list index out of range")
     assert tree.root.state == IDLE
     assert caplog.records[-1].exc_info is not None

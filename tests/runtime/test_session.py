@@ -14,7 +14,7 @@ from bestman_bt.configuration.run import load_run
 from bestman_bt.control.robot_stop import HELD
 from bestman_bt.engine import Sequence, TreeLoadError
 from bestman_bt.monitor.control_client import request, running_executors
-from bestman_bt.runtime.executor import Ending
+from bestman_bt.runtime.executor import TerminationReason
 from bestman_bt.runtime.robot_session import open_session, session
 from bestman_bt.runtime.setup import prepare
 from hal.api import NotConnectedError
@@ -31,7 +31,7 @@ def test_a_session_with_a_task_gives_trees_its_goal_and_runs_them_to_their_end()
         execution = opened.run(
             '<root BTCPP_format="4"><BehaviorTree ID="Main"><MoveArm posture="carry"/></BehaviorTree></root>'
         )
-        assert (execution.ending, execution.succeeded) == (Ending.FINISHED, True)
+        assert (execution.ending, execution.succeeded) == (TerminationReason.FINISHED, True)
     with pytest.raises(NotConnectedError, match="the session has ended"):
         opened.run(HEAD)
 
@@ -141,7 +141,7 @@ def test_a_stop_through_the_control_channel_of_a_session_can_be_cleared_by_no_tr
     with session(seed=3) as opened:
         execution = opened.run(tree, after_tick=stop_once)
         assert answers[0]["ok"]
-        assert (execution.ending, execution.why) == (Ending.CANCELLED, "stopped through the control channel")
+        assert (execution.ending, execution.why) == (TerminationReason.CANCELLED, "stopped through the control channel")
         assert opened.robot.stopped
         assert opened.skills.stop.clear() == HELD
         assert opened.robot.stopped

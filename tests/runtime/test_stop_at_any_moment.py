@@ -15,7 +15,7 @@ from bestman_bt.control.robot_stop import HELD, RobotStop
 from bestman_bt.engine import FAILURE, SUCCESS, NodeRegistry, SyncAction, WallClock, load_tree
 from bestman_bt.records.events import RunEvent
 from bestman_bt.runtime.control_channel import ControlChannel
-from bestman_bt.runtime.executor import Ending, Executor
+from bestman_bt.runtime.executor import Executor, TerminationReason
 from bestman_bt.runtime.telemetry import Telemetry
 from hal.api import CommandRefusedError, Failure, MotionErrorCode
 from hal.parts.stop_latch import StopLatch
@@ -120,7 +120,7 @@ def test_no_leaf_begins_nothing_is_cleared_and_no_command_accepted_after_it(
         channel.answer({"do": "stop"})
         answered = time.perf_counter()
         thread.join(5.0)
-        assert ended[0].ending is Ending.CANCELLED
+        assert ended[0].ending is TerminationReason.CANCELLED
         assert ended[0].why == "stopped through the control channel"
         assert machine.stopped
         assert not [moment for moment in machine.commanded if moment > answered]

@@ -30,7 +30,7 @@ from bestman_bt.engine import (
 from bestman_bt.engine.logs.btlog import read_btlog
 from bestman_bt.engine.reloading import watched
 from bestman_bt.monitor.event_stream import EventStream
-from bestman_bt.monitor.outbox import Outbox
+from bestman_bt.monitor.subscriber_queue import SubscriberQueue
 from bestman_bt.records.events import (
     BlackboardEvent,
     DroppedEvent,
@@ -193,7 +193,7 @@ def test_who_reads_too_slowly_is_told_what_was_dropped_and_then_how_all_stands()
     tree = load_tree(INNER, clock=ManualClock())
     stream = EventStream()
     stream.start(None)
-    stream.add(Outbox(ours, backlog=20_000), frozenset({"states"}))
+    stream.add(SubscriberQueue(ours, backlog=20_000), frozenset({"states"}))
     run = RunEvent("slow", "Plan", "", "", 0, "", 1, 0.0, 20.0, "simulated")
     nodes = TreeEvent([], "", tree.tree_id)
     stream.tell(lambda: (run, nodes))

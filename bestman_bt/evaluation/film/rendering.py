@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
+from bestman_bt.evaluation.film.replay_scene import ReplayScene
 from bestman_bt.evaluation.film.shot import RATE, Shot, best_frame, plan_shot
-from bestman_bt.evaluation.film.stage import Stage
 from bestman_bt.evaluation.recording import recorded_bodies
 from bestman_bt.extras import install_command
 from bestman_bt.scene.scene import Wall, World
@@ -184,7 +184,7 @@ def render(run: FilmedRun, out: Path, options: RenderOptions, tell: Callable[[st
     python = blender_python() if options.blender else None
     with _written_into(out):
         out.mkdir(parents=True, exist_ok=True)
-    with Stage(run) as stage:
+    with ReplayScene(run) as stage:
         tell("choosing the camera position")
         shot = plan_shot(run, stage)
         stills = options.at or (shot.times[best_frame(run, shot, stage)],)
@@ -219,7 +219,7 @@ Frame = tuple[RobotSnapshot, Viewpoint]
 
 
 def _photographed(
-    stage: Stage, frames: Sequence[Frame], options: RenderOptions, tell: Callable[[str], None]
+    stage: ReplayScene, frames: Sequence[Frame], options: RenderOptions, tell: Callable[[str], None]
 ) -> list[NDArray[np.uint8]]:
     """By the simulator's own renderer: a few seconds a picture of 960×720."""
     pictures = []

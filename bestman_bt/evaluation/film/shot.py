@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from bestman_bt.evaluation.film.filmed_run import FilmedRun
-from bestman_bt.evaluation.film.stage import Stage
+from bestman_bt.evaluation.film.replay_scene import ReplayScene
 from bestman_bt.visualization.snapshot import RobotSnapshot
 from hal.simulation.bodies import Viewpoint
 
@@ -61,7 +61,7 @@ def viewpoint(target: NDArray[np.float64], azimuth: float, elevation: float) -> 
     return Viewpoint((x, y, z), (a, b, c), FIELD_OF_VIEW)
 
 
-def plan_shot(run: FilmedRun, stage: Stage) -> Shot:
+def plan_shot(run: FilmedRun, stage: ReplayScene) -> Shot:
     """Choose the frames, let the camera follow, choose the side."""
     duration = run.motion.duration
     seconds = max(min(max(duration / 4.0, SECONDS[0]), SECONDS[1], duration), SHORTEST)
@@ -91,7 +91,7 @@ def plan_shot(run: FilmedRun, stage: Stage) -> Shot:
     return Shot(times, snapshots, targets, azimuth, elevation, duration / seconds)
 
 
-def best_frame(run: FilmedRun, shot: Shot, stage: Stage) -> int:
+def best_frame(run: FilmedRun, shot: Shot, stage: ReplayScene) -> int:
     """Return the index of the frame that shows the hand's work best, after it starts moving."""
     begun = [i for i, now in enumerate(shot.snapshots) if _moved(shot.snapshots[0], now, run.subjects)] or [0]
     candidates = sorted({begun[round(k)] for k in np.linspace(0, len(begun) - 1, 2 * KEY_MOMENTS)})

@@ -18,7 +18,7 @@ from markupsafe import Markup
 
 from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.evaluation.audit import CHEATS
-from bestman_bt.evaluation.report.story import RunStory, StoryPicture, setting_words
+from bestman_bt.evaluation.report.run_report import ReportPicture, RunReport, setting_words
 from bestman_bt.evaluation.summary import summarize
 from bestman_bt.records.events import DescribedNode
 from bestman_bt.records.nodes import NodeList
@@ -74,18 +74,18 @@ class SlowNode:
     share: float
 
 
-def groups_by_name(stories: Sequence[RunStory]) -> dict[str, list[RunStory]]:
+def groups_by_name(stories: Sequence[RunReport]) -> dict[str, list[RunReport]]:
     """Return the groups of runs of the same task, entry, robot and settings, in the order of their first run.
 
     They are named by entry or task, robot, settings of scene and robot, and what else distinguishes them.
     """
-    alike: dict[tuple[Any, ...], list[RunStory]] = defaultdict(list)
+    alike: dict[tuple[Any, ...], list[RunReport]] = defaultdict(list)
     for story in stories:
         alike[story.task, story.robot, story.entry, frozenset(story.settings.items())].append(story)
-    same_task: dict[tuple[str, str], list[RunStory]] = defaultdict(list)
+    same_task: dict[tuple[str, str], list[RunReport]] = defaultdict(list)
     for (task, robot, *_), mine in alike.items():
         same_task[task, robot].append(mine[0])
-    named: dict[str, list[RunStory]] = {}
+    named: dict[str, list[RunReport]] = {}
     for (task, robot, *_), mine in alike.items():
         name = base = _name(mine[0], _differing(same_task[task, robot]))
         number = 1
@@ -96,13 +96,13 @@ def groups_by_name(stories: Sequence[RunStory]) -> dict[str, list[RunStory]]:
     return named
 
 
-def _differing(stories: Sequence[RunStory]) -> list[str]:
+def _differing(stories: Sequence[RunReport]) -> list[str]:
     """Return the settings that are not the same in all of them."""
     keys = dict.fromkeys(key for story in stories for key in story.settings)
     return [key for key in keys if len({story.settings.get(key) for story in stories}) > 1]
 
 
-def _name(story: RunStory, differing: Sequence[str]) -> str:
+def _name(story: RunReport, differing: Sequence[str]) -> str:
     others = [key for key in differing if key in story.settings and not key.startswith(("scene.", "robot."))]
     told = setting_words(story.settings, others[:MAX_DIFFERENCES])
     if len(others) > MAX_DIFFERENCES:
@@ -111,7 +111,7 @@ def _name(story: RunStory, differing: Sequence[str]) -> str:
     return " · ".join(part for part in parts if part)
 
 
-def task_groups(stories: Sequence[RunStory]) -> list[TaskGroup]:
+def task_groups(stories: Sequence[RunReport]) -> list[TaskGroup]:
     """Return the groups of ``groups_by_name``, summarised."""
     groups = []
     for name, mine in groups_by_name(stories).items():
@@ -121,9 +121,9 @@ def task_groups(stories: Sequence[RunStory]) -> list[TaskGroup]:
     return groups
 
 
-def causes(stories: Sequence[RunStory]) -> list[Cause]:
+def causes(stories: Sequence[RunReport]) -> list[Cause]:
     """Why runs failed, the most frequent cause first."""
-    found: dict[tuple[str, str], list[RunStory]] = defaultdict(list)
+    found: dict[tuple[str, str], list[RunReport]] = defaultdict(list)
     for name, group in groups_by_name(stories).items():
         for story in group:
             if story.is_counted and story.result is not None and not story.result.success:
@@ -137,7 +137,7 @@ def causes(stories: Sequence[RunStory]) -> list[Cause]:
     return sorted(told, key=lambda cause: -cause.count)
 
 
-def slow_nodes(stories: Sequence[RunStory]) -> list[SlowNode]:
+def slow_nodes(stories: Sequence[RunReport]) -> list[SlowNode]:
     """Return the leaves that took the most time, over all runs that have a log."""
     found = []
     for task, mine in groups_by_name(stories).items():
@@ -271,12 +271,12 @@ FAULTS = (*CHEATS, "collisions", "joint_limit_violations", "velocity_limit_viola
 
 @dataclass(frozen=True)
 class _ShownRun:
-    story: RunStory
+    story: RunReport
     chart: Gantt
     work: tuple[tuple[DescribedNode, WorkOfNode], ...]
 
 
-def report_page(stories: Sequence[RunStory], now: datetime) -> str:
+def report_page(stories: Sequence[RunReport], now: datetime) -> str:
     """Return the page of one run, or of many, in which the unsuccessful ones are described individually."""
     environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined)
     environment.trim_blocks = environment.lstrip_blocks = True
@@ -309,7 +309,7 @@ def report_page(stories: Sequence[RunStory], now: datetime) -> str:
     return page.encode("utf-8", "replace").decode("utf-8")  # JSON and file names may hold halves of characters
 
 
-def _shown(story: RunStory) -> _ShownRun:
+def _shown(story: RunReport) -> _ShownRun:
     work = work_of_nodes(story.activities)
     listed = [(node, work[node.uid]) for node in story.nodes.depth_first() if node.uid in work]
     listed.sort(key=lambda item: -item[1].seconds)
@@ -317,7 +317,7 @@ def _shown(story: RunStory) -> _ShownRun:
     return _ShownRun(story, chart, tuple(listed[:MAX_NODES]))
 
 
-def _data_url(picture: StoryPicture) -> str:
+def _data_url(picture: ReportPicture) -> str:
     return f"data:image/jpeg;base64,{base64.b64encode(picture.jpeg).decode()}"
 
 

@@ -14,8 +14,8 @@ import yaml
 from PIL import Image, UnidentifiedImageError
 
 from bestman_bt.errors import Error, InputError
+from bestman_bt.evaluation.report.run_report import INTERRUPTED, STILL_RUNNING, ReportFailure, ReportPicture, RunReport
 from bestman_bt.evaluation.report.stop_chart import StopChart, stop_chart
-from bestman_bt.evaluation.report.story import INTERRUPTED, STILL_RUNNING, RunStory, StoryFailure, StoryPicture
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.messages.black_box import PATTERN, BlackBox, BlackBoxError
 from bestman_bt.records.events import LogEvent
@@ -68,7 +68,7 @@ def _below(folder: Path, depth: int) -> Iterator[Path]:
                 yield from _below(inner, depth - 1)
 
 
-def read_story(folder: Path) -> RunStory:
+def read_story(folder: Path) -> RunReport:
     """Return the report data of the files in ``folder``; damaged parts are left out and noted.
 
     Raises ReportError if nothing can be read.
@@ -89,7 +89,7 @@ def read_story(folder: Path) -> RunStory:
     task = about.get("task") if isinstance(about.get("task"), dict) else {}
     end = history.end["time"] if history.end else 0.0
     name = _text(about.get("name") or history.about.get("task")) or folder.name
-    return RunStory(
+    return RunReport(
         folder=folder,
         task=result.task if result is not None else name,
         seed=result.seed if result is not None else _number(about.get("seed")),
@@ -193,12 +193,12 @@ class _PlainLoader(yaml.BaseLoader):
         return node
 
 
-def _failures(folder: Path, result: RunResult | None, history: RunHistory, notes: list[str]) -> Iterator[StoryFailure]:
+def _failures(folder: Path, result: RunResult | None, history: RunHistory, notes: list[str]) -> Iterator[ReportFailure]:
     """Of the log; without one, the failure that the result tells."""
     logged = [line for _, line in history.log if line.node and line.level in ("warning", "error")]
     if not logged and result is not None and result.failure is not None:
         failure = result.failure
-        yield StoryFailure(result.sim_time_s, failure.named, failure.error_code, failure.why)
+        yield ReportFailure(result.sim_time_s, failure.named, failure.error_code, failure.why)
     counts = Counter(logged)  # a leaf that is tried again at once may fail alike within one tick
     if len(counts) > MAX_FAILURES:
         notes.append(f"of {len(counts)} failures the last {MAX_FAILURES} are shown")
@@ -208,7 +208,7 @@ def _failures(folder: Path, result: RunResult | None, history: RunHistory, notes
         if seen is not None and taken < MAX_PICTURES:
             taken += 1
             picture = _picture(folder, seen.file, f"{seen.camera} at {seen.time:.2f} s", notes)
-        yield StoryFailure(event.time, event.where or event.node, event.code, event.message, counts[event], picture)
+        yield ReportFailure(event.time, event.where or event.node, event.code, event.message, counts[event], picture)
 
 
 def _seen(history: RunHistory, failure: LogEvent) -> Picture | None:
@@ -218,7 +218,7 @@ def _seen(history: RunHistory, failure: LogEvent) -> Picture | None:
     return min(reversed(taken), key=lambda one: abs(one.time - failure.time), default=None)
 
 
-def _pictures(folder: Path, notes: list[str]) -> Iterator[StoryPicture]:
+def _pictures(folder: Path, notes: list[str]) -> Iterator[ReportPicture]:
     for name in NAMED_PICTURES:
         if (folder / f"{name}.png").is_file():
             picture = _picture(folder, f"{name}.png", name, notes)
@@ -235,7 +235,7 @@ def _stops(folder: Path, notes: list[str]) -> Iterator[StopChart]:
             notes.append(f"black box left out: {_short(error)}")
 
 
-def _picture(folder: Path, name: str, caption: str, notes: list[str]) -> StoryPicture | None:
+def _picture(folder: Path, name: str, caption: str, notes: list[str]) -> ReportPicture | None:
     """Return a picture of a run folder; it is decoded and encoded again, so that no other content of the file is
     published.
     """
@@ -255,7 +255,7 @@ def _picture(folder: Path, name: str, caption: str, notes: list[str]) -> StoryPi
         return None
     out = io.BytesIO()
     small.save(out, "JPEG", quality=QUALITY, optimize=True)
-    return StoryPicture(caption, out.getvalue(), small.width, small.height)
+    return ReportPicture(caption, out.getvalue(), small.width, small.height)
 
 
 def _text(value: Any) -> str:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bestman_bt.perception.affordance.lying_front import LyingFront, Rectangle
 from bestman_bt.perception.affordance.panel_borders import BorderSearch, PanelBorders, Side
 from bestman_bt.perception.affordance.protrusions import HandleOnFront
-from bestman_bt.perception.affordance.rectified import RectifiedFront, Relief
+from bestman_bt.perception.affordance.rectified import HeightMap, RectifiedFront
 
 Kind = Literal["notch", "slot", "strip"]
 
@@ -57,7 +57,7 @@ class GrooveSearch:
     lip: Annotated[float, "m"] = 0.017
     position_std: Annotated[float, "m"] = 0.004
 
-    def find(self, front: RectifiedFront, relief: Relief, borders: BorderSearch) -> list[HandleOnFront]:
+    def find(self, front: RectifiedFront, relief: HeightMap, borders: BorderSearch) -> list[HandleOnFront]:
         """Return the lips of all grooves of a front."""
         found: list[Groove] = []
         for upright in (False, True):
@@ -217,7 +217,7 @@ class Groove:
     end_hidden: bool
 
 
-def _refined(groove: Groove, relief: Relief, reach: float = 0.018) -> Groove:
+def _refined(groove: Groove, relief: HeightMap, reach: float = 0.018) -> Groove:
     """Return the lip's border where pixels change from front to opening, with least error: finer than cells."""
     half = np.array([reach, 0.45 * groove.length] if groove.upright else [0.45 * groove.length, reach])
     low, high = np.array(groove.centre) - half, np.array(groove.centre) + half

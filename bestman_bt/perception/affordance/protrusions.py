@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages.handle import HandleKind
 from bestman_bt.perception.affordance.panel_borders import PanelBorders
-from bestman_bt.perception.affordance.rectified import Relief
+from bestman_bt.perception.affordance.rectified import HeightMap
 from bestman_bt.perception.affordance.surround import Surround, SurroundLimits
 
 # A handle in the frame of its front, before its panel is known.
@@ -138,7 +138,7 @@ class ProtrusionSearch:
     finger_room: Annotated[float, "m"] = 0.008
     surround: SurroundLimits = field(default_factory=SurroundLimits)
 
-    def find(self, relief: Relief) -> list[HandleOnFront]:
+    def find(self, relief: HeightMap) -> list[HandleOnFront]:
         """Return all bars and knobs in front of one plane; duplicates are possible."""
         with np.errstate(invalid="ignore"):
             limit = np.maximum(self.low, self.significance * relief.noise)
@@ -185,7 +185,7 @@ class ProtrusionSearch:
                     groups.setdefault(order[first:last].tobytes(), order[first:last])
         return list(groups.values())
 
-    def _judge(self, relief: Relief, pixels: Pixels) -> HandleOnFront | None:
+    def _judge(self, relief: HeightMap, pixels: Pixels) -> HandleOnFront | None:
         pixel = relief.pixel_size()
         if len(pixels[0]) * pixel**2 > self.bar_length[1] * self.post_reach:
             return None
@@ -214,7 +214,7 @@ class ProtrusionSearch:
         return (self._bar if like_bar else self._knob)(relief, members, sigma)
 
     def _members(
-        self, relief: Relief, low: NDArray[np.float64], high: NDArray[np.float64], level: float, sigma: float
+        self, relief: HeightMap, low: NDArray[np.float64], high: NDArray[np.float64], level: float, sigma: float
     ) -> Pixels:
         """Return all pixels of a thing: halfway between the front and it is the limit that errs least."""
         pixel = relief.pixel_size()
@@ -228,7 +228,7 @@ class ProtrusionSearch:
         within = ((flat > low - pixel) & (flat < high + pixel)).all(axis=1)
         return pixels[0][within], pixels[1][within]
 
-    def _bar(self, relief: Relief, pixels: Pixels, sigma: float) -> HandleOnFront | None:
+    def _bar(self, relief: HeightMap, pixels: Pixels, sigma: float) -> HandleOnFront | None:
         heights = relief.height[pixels]
         seen_level = level = float(heights.mean())
         for _ in range(2):
@@ -272,7 +272,7 @@ class ProtrusionSearch:
         centre_of_bar = np.array([*middle, level])
         return HandleOnFront("bar", centre_of_bar, angle, radius, length, confidence, std, end_hidden=free[1])
 
-    def _knob(self, relief: Relief, pixels: Pixels, sigma: float) -> HandleOnFront | None:
+    def _knob(self, relief: HeightMap, pixels: Pixels, sigma: float) -> HandleOnFront | None:
         heights = relief.height[pixels]
         level = float(np.median(heights))
         if level < self.knob_height:

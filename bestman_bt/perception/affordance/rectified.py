@@ -16,7 +16,7 @@ from bestman_bt.perception.view import View
 
 
 @dataclass(frozen=True, eq=False)
-class Relief:
+class HeightMap:
     """The rectangle of pixels around a front, in the front's frame.
 
     ``rows``, ``columns``: of the rectangle in the image. ``height``: (h, w) metres in front of the front, NaN where the
@@ -63,7 +63,7 @@ class Relief:
         return float(np.linalg.norm(self.eye) * np.linalg.norm(self.rays[0, 1] - self.rays[0, 0]))
 
 
-def relief(view: View, front: FrontPlane, search: FrontSearch, margin: float = 0.08) -> Relief:
+def relief(view: View, front: FrontPlane, search: FrontSearch, margin: float = 0.08) -> HeightMap:
     """Return the relief of ``front``, with ``margin`` metres around it."""
     k = view.image.intrinsics
     grow = max(
@@ -82,7 +82,7 @@ def relief(view: View, front: FrontPlane, search: FrontSearch, margin: float = 0
     height = np.where(known, rays[..., 2] * depth + eye[2], np.nan)
     noise = search.noise(np.where(known, depth, 0.4)) + 0.0005
     near = cv2.dilate(front.region[rows, columns].astype(np.uint8), np.ones((2 * grow + 1, 2 * grow + 1), np.uint8)) > 0
-    return Relief(front, rows, columns, height, noise, near, rays, eye)
+    return HeightMap(front, rows, columns, height, noise, near, rays, eye)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ class RectifiedFront:
 def rectify(
     view: View,
     front: FrontPlane,
-    relief: Relief,
+    relief: HeightMap,
     margin: float = 0.11,
     finest: float = 0.0025,
     most_cells: int = 250_000,

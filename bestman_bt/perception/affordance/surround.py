@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.perception.affordance.rectified import Relief
+from bestman_bt.perception.affordance.rectified import HeightMap
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Surround:
     """The pixels around a candidate from ``low`` to ``high`` (x, y), ``level`` metres in front of its plane."""
 
     def __init__(
-        self, relief: Relief, low: NDArray[np.float64], high: NDArray[np.float64], level: float, p: SurroundLimits
+        self, relief: HeightMap, low: NDArray[np.float64], high: NDArray[np.float64], level: float, p: SurroundLimits
     ) -> None:
         self._p = p
         self._margin = p.edge_pixels * relief.pixel_size()

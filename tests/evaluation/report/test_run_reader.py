@@ -10,14 +10,14 @@ from bestman_bt.engine import load_tree
 from bestman_bt.engine.core.status import FAILURE, RUNNING, SUCCESS
 from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.evaluation.report.run_reader import MAX_BYTES, ReportError, read_story, run_folders
-from bestman_bt.evaluation.report.story import RunStory
+from bestman_bt.evaluation.report.run_report import RunReport
 from bestman_bt.evaluation.result import Outcome
 from bestman_bt.records.events import DescribedNode, ImageEvent, LogEvent, StatesEvent, TreeEvent
 from bestman_bt.records.states import NO
 from tests.evaluation.report.run_folders import HOSTILE, SteppedClock, failure_with_picture, picture, write_run
 
 
-def worked(story: RunStory, uid: int) -> list[tuple[float, float, int]]:
+def worked(story: RunReport, uid: int) -> list[tuple[float, float, int]]:
     """When a node was at work, and what came of it."""
     mine = dict(story.activities.by_node())[uid]
     return list(zip(mine.begins.tolist(), mine.ends.tolist(), mine.results.tolist(), strict=True))

@@ -17,7 +17,7 @@ from bestman_bt.messages import Pose2D
 from bestman_bt.monitor.groot2.hooks import Groot2Hooks
 from bestman_bt.monitor.groot2.protocol import Groot2Error, dump_blackboards
 from bestman_bt.monitor.groot2.publisher import Groot2Publisher, ObservedStates
-from bestman_bt.runtime.executor import Ending, Execution, Executor
+from bestman_bt.runtime.executor import Execution, Executor, TerminationReason
 from tests.monitor.groot2.wire_client import Groot2Client, free_ports, groot2_client, hook
 
 msgpack = pytest.importorskip("msgpack", reason="the extra groot2 is not installed")
@@ -61,7 +61,7 @@ def test_a_breakpoint_stops_simulated_time(tree: Tree, client: Groot2Client) -> 
     assert tree.clock.now() == 0.0
     client.ask("U", {"uid": FIRST, "desired_status": "SKIPPED", "position": 0, "remove_when_done": False})
     thread.join(5.0)
-    assert [(end.ending, end.tree_status) for end in ends] == [(Ending.FINISHED, "SUCCESS")]
+    assert [(end.ending, end.tree_status) for end in ends] == [(TerminationReason.FINISHED, "SUCCESS")]
 
 
 @pytest.mark.parametrize("position", [0, 1])
@@ -72,7 +72,7 @@ def test_a_cancelled_execution_leaves_a_breakpoint(tree: Tree, client: Groot2Cli
     client.breakpoint()
     executor.cancel("enough")
     thread.join(5.0)
-    assert [(end.ending, end.why) for end in ends] == [(Ending.CANCELLED, "enough")]
+    assert [(end.ending, end.why) for end in ends] == [(TerminationReason.CANCELLED, "enough")]
 
 
 def test_breakpoints_let_go_when_nobody_asks_any_more_and_hold_again_afterwards(tree: Tree) -> None:

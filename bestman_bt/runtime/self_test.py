@@ -43,7 +43,7 @@ class TrialProcedure:
     draws: int = 300
     speed: float = 0.6
 
-    def run(self, compose: Callable[[], RobotModel], seed: int) -> RobotTrial:
+    def run(self, compose: Callable[[], RobotModel], seed: int) -> SelfTest:
         """Test the robot that ``compose`` returns, alone on a floor; postures are random, from ``seed``.
 
         ``compose`` is called once to import modules, then the shortest of five calls counts (as ``timeit`` advises).
@@ -84,11 +84,11 @@ class TrialProcedure:
             robot.disconnect()
         asked = self.postures * len(model.of(ArmModel))
         mass = payload(model, model.base_frame).mass
-        return RobotTrial(composed, loaded, mass, drift, after, reached, asked, tuple(sorted(touching)))
+        return SelfTest(composed, loaded, mass, drift, after, reached, asked, tuple(sorted(touching)))
 
 
 @dataclass(frozen=True)
-class RobotTrial:
+class SelfTest:
     """Times are processor seconds. ``drift``: of the standing base, ``after``: after the arm motions, metres.
 
     ``reached``: postures that the arms reached, of ``asked``. ``touching``: links that collided on the way.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bestman_bt.monitor.event_stream import Standing
+from bestman_bt.monitor.event_stream import StateSnapshot
 from bestman_bt.records.events import (
     BlackboardEvent,
     PausedEvent,
@@ -17,12 +17,12 @@ RUN = RunEvent("fetch", "Main", "", "", 0, "", 1, 1000.0, 20.0, "simulated")
 PAUSED = PausedEvent(1.0, "asked")
 
 
-def told(standing: Standing, *topics: str) -> list[str]:
+def told(standing: StateSnapshot, *topics: str) -> list[str]:
     return [event.event for event in standing.events(topics)]
 
 
 def test_a_pause_is_told_while_it_lasts_and_no_longer() -> None:
-    standing = Standing()
+    standing = StateSnapshot()
     assert told(standing) == []
     standing.take(RUN)
     standing.take(PAUSED)
@@ -34,7 +34,7 @@ def test_a_pause_is_told_while_it_lasts_and_no_longer() -> None:
 
 
 def test_each_is_told_of_the_topics_that_were_asked_for_and_of_the_newest_alone() -> None:
-    standing = Standing()
+    standing = StateSnapshot()
     for time in (1.0, 2.0):
         standing.take(RUN)
         standing.take(RobotEvent(time, 1, (time, 0.0, 0.0), (0.0, 0.0), {}))

@@ -24,7 +24,7 @@ from hal.simulation.guards import ReadPurpose
 from hal.simulation.robot import SimulatedRobot
 
 
-class Stage:
+class ReplayScene:
     """A context manager that holds its own connection."""
 
     def __init__(self, run: FilmedRun) -> None:
@@ -38,7 +38,7 @@ class Stage:
         }
         self._starts = {walker.name: walker.route[0] for walker in run.world.walkers}
 
-    def __enter__(self) -> Stage:
+    def __enter__(self) -> ReplayScene:
         self._robot.connect()
         self._reader = self._robot.simulation.reader(ReadPurpose.RECORDING)
         return self

@@ -17,7 +17,7 @@ LONGEST_SETTING = 200
 
 
 @dataclass(frozen=True)
-class StoryPicture:
+class ReportPicture:
     """``jpeg``: small enough for a page; ``caption``: its description."""
 
     caption: str
@@ -27,7 +27,7 @@ class StoryPicture:
 
 
 @dataclass(frozen=True)
-class StoryFailure:
+class ReportFailure:
     """The failure of a leaf: time (seconds since the start), node, reason, repetitions, and a picture.
 
     ``node``: its name with file and line, or its path without a file.
@@ -38,11 +38,11 @@ class StoryFailure:
     code: str
     why: str
     count: int = 1
-    picture: StoryPicture | None = None
+    picture: ReportPicture | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class RunStory:
+class RunReport:
     """One run.
 
     ``outcome``: as in ``result.json``, or INTERRUPTED or STILL_RUNNING without one. ``started``: seconds since the
@@ -66,8 +66,8 @@ class RunStory:
     config: str
     nodes: NodeList
     activities: Activities
-    failures: tuple[StoryFailure, ...] = ()
-    pictures: tuple[StoryPicture, ...] = ()
+    failures: tuple[ReportFailure, ...] = ()
+    pictures: tuple[ReportPicture, ...] = ()
     stops: tuple[StopChart, ...] = ()
     notes: tuple[str, ...] = field(default=())
     source: str = ""

@@ -6,14 +6,14 @@ import socket
 import threading
 import time
 
-from bestman_bt.monitor.outbox import Outbox
+from bestman_bt.monitor.subscriber_queue import SubscriberQueue
 
 
 def test_what_overflows_is_dropped_and_counted_and_the_rest_arrives_before_the_end() -> None:
     ours, theirs = socket.socketpair()
     with ours, theirs:
         theirs.settimeout(10.0)
-        outbox = Outbox(ours, backlog=1000)
+        outbox = SubscriberQueue(ours, backlog=1000)
         assert outbox.has_room
         long = b"x" * 10_000_000  # more than a socket holds: its writer waits for the reader
         assert outbox.send(long)  # however long, one line always goes

@@ -13,7 +13,7 @@ LAST_WORDS = 0.2
 """Seconds that a connection gets at its end to take what is still to be told."""
 
 
-class Outbox:
+class SubscriberQueue:
     """Writes to one connection in a separate thread: a reader that does not read never blocks the robot.
 
     On overflow, lines are dropped until half of the queue has been read; ``dropped`` counts them.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
-from bestman_bt.evaluation.film.stage import Stage, opening
+from bestman_bt.evaluation.film.replay_scene import ReplayScene, opening
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.model import GripperModel
 from bestman_bt.visualization.blender.painting import PaintedRobot
@@ -21,7 +21,7 @@ def _looking_at(point: np.ndarray) -> Viewpoint:
     return Viewpoint((x - 0.5, y, z + 0.6), (x, y, z))
 
 
-def test_the_robot_stands_where_it_stood_with_its_arm_as_it_was(run: FilmedRun, stage: Stage) -> None:
+def test_the_robot_stands_where_it_stood_with_its_arm_as_it_was(run: FilmedRun, stage: ReplayScene) -> None:
     start = run.motion.at(0.0)
     joints = dict(start.joint_positions) | {"panda_joint1": 0.4, "panda_joint4": -1.1}
     base = Pose.from_xyz_rpy((1.0, 0.5, 0.0), (0.0, 0.0, 2.0))
@@ -33,7 +33,7 @@ def test_the_robot_stands_where_it_stood_with_its_arm_as_it_was(run: FilmedRun, 
     assert stage.hand() == pytest.approx(links[hand].position, abs=1e-4)
 
 
-def test_an_object_is_seen_where_it_was_and_not_where_it_was_before(run: FilmedRun, stage: Stage) -> None:
+def test_an_object_is_seen_where_it_was_and_not_where_it_was_before(run: FilmedRun, stage: ReplayScene) -> None:
     start = run.motion.at(0.0)
     place = np.array([0.3, 0.2, 1.6])
     stage.set(dataclasses.replace(start, body_poses={**start.body_poses, "cup": Pose(place)}))
@@ -43,7 +43,7 @@ def test_an_object_is_seen_where_it_was_and_not_where_it_was_before(run: FilmedR
     assert stage.seen(_looking_at(place), ["cup"])[1] == 0.0
 
 
-def test_a_door_is_as_far_open_as_it_was(run: FilmedRun, stage: Stage) -> None:
+def test_a_door_is_as_far_open_as_it_was(run: FilmedRun, stage: ReplayScene) -> None:
     start = run.motion.at(0.0)
     piece = next(piece for piece in run.world.furniture if piece.name == "fridge")
     leaf = next(leaf for leaf in piece.model.articulations if leaf.name == "upper_door")
@@ -64,7 +64,7 @@ def test_how_far_a_leaf_is_open_is_told_by_where_its_joint_frame_is(run: FilmedR
             assert opening(piece, leaf, there) == pytest.approx(position, abs=1e-6)
 
 
-def test_a_robot_that_has_changed_since_the_run_is_refused(run: FilmedRun, stage: Stage) -> None:
+def test_a_robot_that_has_changed_since_the_run_is_refused(run: FilmedRun, stage: ReplayScene) -> None:
     start = run.motion.at(0.0)
 
     with pytest.raises(FilmError, match="it has no joint third_elbow"):
