@@ -167,7 +167,7 @@ class _Closing:
 
 @dataclass(eq=False)
 class PoseGraphSlam(Slam):
-    """See the module; equal input gives equal output.
+    """Matches scans to submaps and closes loops in a graph of their poses; equal input gives equal output.
 
     Lengths in metres, angles in radians.
 

@@ -109,7 +109,7 @@ class TurnedSurface:
 
     @property
     def telling(self) -> NDArray[np.float64]:
-        """See the class."""
+        """Return for each sample (N,) its largest distance over all rotations, metres."""
         largest: NDArray[np.float64] = self.distances.max(axis=0)
         return largest
 
