@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
     from bestman_bt.engine.scripting.compiler import ScriptCompiler
 
+_MEMBERS = tuple(NodeStatus)
+
 
 SETUP_TIMEOUT: Final = 15.0
 """Longest setup of all native behaviours before the first tick, seconds of wall time."""
@@ -256,23 +258,23 @@ class Tree:
     @property
     def status(self) -> NodeStatus:
         """Status of the root after the last tick; IDLE after a halt. Compares equal to the constants."""
-        return NodeStatus(self._status)
+        return _MEMBERS[self._status]
 
     # ---- ticking
 
-    def tick_exactly_once(self) -> int:
+    def tick_exactly_once(self) -> NodeStatus:
         """Tick once, regardless of wake-ups, and return the root's status."""
         status = self._tick()
         return self._finished(status)
 
-    def tick_once(self) -> int:
+    def tick_once(self) -> NodeStatus:
         """Tick once, and again while the root is running and a node has woken the loop; return the root's status."""
         status = self._tick()
         while status == RUNNING and self._woken():
             status = self._tick()
         return self._finished(status)
 
-    def tick_while_running(self, period: float = 0.05, max_ticks: int | None = None) -> int:
+    def tick_while_running(self, period: float = 0.05, max_ticks: int | None = None) -> NodeStatus:
         """Tick until the root is no longer running, sleeping ``period`` seconds of the clock between ticks.
 
         Args:
@@ -367,9 +369,9 @@ class Tree:
             self.stopping.ask(store.now)
         store.observed = PyTreesBlackboard.activity_stream is not None or bool(store.watchers)
 
-    def _finished(self, status: int) -> int:
+    def _finished(self, status: int) -> NodeStatus:
         self._status = status
-        return status
+        return _MEMBERS[status]
 
     def halt(self) -> None:
         """Halt everything that is running, deepest first, and run the ``_onHalted`` scripts."""
