@@ -182,4 +182,5 @@ def test_the_status_of_a_tree_prints_its_name_and_equals_the_constant() -> None:
         change()
         told.append(f"{tree.status}")
     assert told == ["IDLE", "RUNNING", "IDLE"]
+    assert [f"{tick()}" for tick in (tree.tick_once, tree.tick_exactly_once)] == ["RUNNING", "RUNNING"]
     assert tree.tick_once() == RUNNING == tree.status
