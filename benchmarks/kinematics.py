@@ -83,7 +83,9 @@ def doors(count: int, seed: int) -> dict[str, object]:
             around = placements_around(door[len(door) // 2][len(door[0]) // 2].position)
             candidates = [s for s in around if hinge.inverse().apply(np.array([s.x, s.y, 0.0]))[0] < -0.4]
             began = time.process_time()
-            ranked = PathPlacements().rank(candidates, door, ReachingArm(kinematics, arm, home, rng, used))
+            ranked = PathPlacements(enough=4, starts=4).rank(
+                candidates, door, ReachingArm(kinematics, arm, home, rng, used)
+            )
             seconds.append(time.process_time() - began)
             opened += bool(ranked)
             stands.append(len(ranked))
