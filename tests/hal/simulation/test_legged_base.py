@@ -126,6 +126,7 @@ def test_what_legs_cannot_do_is_declared_by_the_names_of_the_checks(walk: Walk) 
 
 
 def test_nothing_but_its_joints_moved_it_and_that_cost_energy(walk: Walk) -> None:
+    walk.drive(0.3, 0.0, 0.0, 4.0)
     record = walk.robot.audit_record()
     assert (record.resets, record.tampering, record.constraints, record.truth_reads) == (0, 0, 0, 0)
     assert not record.jumps
@@ -133,4 +134,5 @@ def test_nothing_but_its_joints_moved_it_and_that_cost_energy(walk: Walk) -> Non
     assert not record.velocity_limits
     battery = walk.robot.model.of(BatteryPart)["battery"]
     idle = battery.idle_power * walk.robot.clock.now() / battery.capacity
-    assert 1.0 - walk.robot.part("battery", Battery).read().charge > 1.3 * idle
+    charges = [walk.robot.part("battery", Battery).read().charge for _ in range(100)]  # each with noise
+    assert 1.0 - np.mean(charges) > 1.3 * idle
