@@ -67,7 +67,7 @@ class Eye(Connection):
     silent = False
 
     def factories(self) -> Mapping[str, PartFactory]:
-        return {"camera": lambda name, model: HardwareCamera(name, model, self.latch, lambda: None)}  # type: ignore
+        return {"camera": lambda name, model: HardwareCamera(name, model, self.latch, lambda: None)}  # type: ignore[arg-type, return-value]  # it takes no images
 
     def open(self) -> None:
         self.silent = False
