@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from bestman_bt.messages import CameraIntrinsics
+from bestman_bt.messages import CameraIntrinsics, RGBDImage
 from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.robot_model.model import RobotModel
@@ -67,7 +68,11 @@ class Eye(Connection):
     silent = False
 
     def factories(self) -> Mapping[str, PartFactory]:
-        return {"camera": lambda name, model: HardwareCamera(name, model, self.latch, lambda: None)}  # type: ignore[arg-type, return-value]  # it takes no images
+        return {"camera": lambda name, model: HardwareCamera(name, model, self.latch, self.take)}
+
+    def take(self) -> RGBDImage:
+        black = np.zeros((FILE.height, FILE.width, 3), np.uint8)
+        return RGBDImage(black, black[..., 0].astype(np.float32), FILE, self.clock.now())
 
     def open(self) -> None:
         self.silent = False
@@ -100,7 +105,7 @@ def test_a_camera_that_is_lost_stops_nothing_is_told_and_connected_again_by_clea
         wait_for(lambda: _raises(camera), "it has no images")
         assert "nothing was heard of eye" in robot.diagnostics()["eye"]
         robot.clear_stop()
-        camera.capture()
+        assert camera.capture().intrinsics == FILE
         assert not robot.faults
 
 
