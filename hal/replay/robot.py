@@ -153,7 +153,8 @@ class ReplayRobot(Robot):
         members: dict[str, Any] = {what: reading(what) for what in interface.readings}
         members |= {what: command(what) for what in interface.commands}
         members["stop"] = lambda part: self._end_motion(name, MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
-        described = SimpleNamespace(model=self.model.parts[name], **description)
+        attributes = {attribute: description[attribute] for attribute in interface.attributes}
+        described = SimpleNamespace(model=self.model.parts[name], **attributes)
         return stand_in("Replayed", interface, name, members, described)
 
     def _read(self, part: str, what: str) -> Any:
