@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING
@@ -61,13 +62,13 @@ def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisi
     """Plan around all believed obstacles, or those in ``world``, to one of ``goals``, each (n,) radians, and move
     there.
 
-    A held object stays upright within 25°, if it is now, and has ``ROOM`` around it where there is such a way. If the
-    arm is believed to be in contact already, a small motion of increasing clearance comes first. If another arm has
+    A held object stays upright within 25°, if it is now, and keeps a clearance of ``ROOM`` where such a path exists. If
+    the arm is believed to be in contact already, a small motion of increasing clearance comes first. If another arm has
     moved into the path since, it is planned again.
     """
     skills = skill.skills
     for left in reversed(range(1 if world is not None else PLANS)):
-        timed = yield from _way(skill, goals, world)
+        timed = yield from _free_motion(skill, goals, world)
         try:
             yield skills.arm.follow(timed.trajectory, free=True)
         except SkillFailure as failure:
@@ -84,9 +85,11 @@ def with_room(scene: PlanningScene, held: HeldObject) -> PlanningScene:
     return scene.holding(replace(scene.attached, padding=max(ROOM, SAG * reach)))
 
 
-def _way(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld | None) -> StepsTo[TimedPlan]:
-    """Return a motion in ``world``, or from the believed obstacles: with room for a held object, if there is such a
-    way.
+def _free_motion(
+    skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld | None
+) -> StepsTo[TimedPlan]:
+    """Return a motion in ``world``; without it, around all believed obstacles, with clearance of a held object if such
+    a path exists.
     """
     from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
 
@@ -95,11 +98,8 @@ def _way(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWor
     if world is None:
         scene = skills.planning_scene()
         if skills.held is not None:
-            try:
+            with suppress(MotionPlanningError):  # then with the clearance of the arm
                 timed = yield _planned(skill, goals, skills.arm_world(with_room(scene, skills.held)))
-            except MotionPlanningError:
-                pass  # there is no room, at the start, at the goals or between them
-            else:
                 return timed
         world = skills.arm_world(scene)
     try:

@@ -98,8 +98,8 @@ class Connection(ABC):
 
     A vendor's subclass defines how to open and close the connection, when the controller last replied, and which fault
     it reports. Its ``factories`` make the parts from the classes in ``hal.parts`` and ``hal.hardware``, over its own
-    channels; its control loops drive them.
-    Limits, the stop, the command timeout and the watchdog are implemented above it.
+    channels; its control loops drive them. Limits, the stop, the command timeout and the watchdog are implemented above
+    it.
 
     ``options_type``: frozen dataclass of the ``options`` in the robot's YAML. ``package``: import name of the SDK;
     ``extra``: our extra that installs it. ``serves``: kind of part → allowed numbers behind one controller; empty: any

@@ -132,15 +132,18 @@ class CoalCollisionModel(CollisionModel):
         reduced, geometry = pinocchio.buildReducedModel(
             self._model, self._geometry, lock, configuration(self._model, scene.positions)
         )
-        others = [self._links_of(other) for name, other in self.robot.of(ArmModel).items() if name != arm]
-        return CoalCollisionWorld(reduced, geometry, arm_model, self.robot, scene, frozenset().union(*others))
+        others = frozenset().union(*(links for name, links in self._arm_links.items() if name != arm))
+        return CoalCollisionWorld(reduced, geometry, arm_model, self.robot, scene, others)
 
-    def _links_of(self, arm: ArmModel) -> set[str]:
-        """Return the links with geometry that an arm moves, those of its hand among them."""
-        model = self._model
-        joints = set(model.subtrees[model.getJointId(arm.joint_names[0])])
-        bodies = (body for body in self._geometry.geometryObjects if body.parentJoint in joints)
-        return {model.frames[body.parentFrame].name for body in bodies}
+    @cached_property
+    def _arm_links(self) -> dict[str, frozenset[str]]:
+        """Arm → the links with geometry that it moves, those of its hand among them."""
+        model, links = self._model, {}
+        for name, arm in self.robot.of(ArmModel).items():
+            joints = set(model.subtrees[model.getJointId(arm.joint_names[0])])
+            bodies = (body for body in self._geometry.geometryObjects if body.parentJoint in joints)
+            links[name] = frozenset(model.frames[body.parentFrame].name for body in bodies)
+        return links
 
     def _disproved(self, scene: PlanningScene) -> PlanningScene:
         """Return the scene without the voxels where the robot, or what it holds, is now."""
@@ -169,10 +172,10 @@ class CoalCollisionWorld(CollisionWorld):
         arm: ArmModel,
         robot: RobotModel,
         scene: PlanningScene,
-        other_arms: frozenset[str] = frozenset(),
+        links_of_other_arms: frozenset[str],
     ) -> None:
         self._arm = arm
-        self._other_arms = other_arms  # their links
+        self._links_of_other_arms = links_of_other_arms
         self._robot = robot
         self._scene = scene
         self._model = model
@@ -274,7 +277,7 @@ class CoalCollisionWorld(CollisionWorld):
                 moves = first.parentJoint != bodies[j].parentJoint
                 pair = frozenset((self._owners[i], self._owners[j]))
                 if moves and pair not in allowed:
-                    apart = scene.other_arm_padding if pair & self._other_arms else 0.0
+                    apart = scene.other_arm_padding if pair & self._links_of_other_arms else 0.0
                     self._pair(i, j, max(scene.self_padding, apart))
 
     def _add_obstacles(self, robot: RobotModel, scene: PlanningScene, links: Sequence[int]) -> None:

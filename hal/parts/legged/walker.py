@@ -105,8 +105,8 @@ class LegOdometry:
 class TrotGait:
     """Stands and trots. Joint angles, speeds and torques are (4, 3): front right, front left, rear right, rear left.
 
-    ``body``: mass and centre of mass of the standing
-    robot, in the trunk's frame. ``joint_…``: gains of the joints (N m/rad, N m s/rad).
+    ``body``: mass and centre of mass of the standing robot, in the trunk's frame. ``joint_…``: gains of the joints (N
+    m/rad, N m s/rad).
 
     The gains of the trunk are those of a virtual spring and damper that keep it level at its height: ``height_…`` N/m
     and N s/m, ``tilt_…`` N m/rad and N m s/rad (J. Pratt et al., "Virtual model control", 2001); ``turn_damping`` N m
