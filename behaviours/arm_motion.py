@@ -1,4 +1,4 @@
-"""Steps shared by arm skills: free motion, straight paths."""
+"""Motions shared by arm skills: free motion, straight paths."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
-from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
+from behaviours.skill import Skill, SkillCoroutine, SkillFailure
 from bestman_bt.manipulation.trajectory.base import SpeedScale
 from bestman_bt.messages import Failure, JointTrajectory, MotionErrorCode, MotionObstacle, MotionStage, Pose
 
@@ -58,7 +58,9 @@ def hand_contacts(skills: SkillContext, *others: str) -> list[tuple[str, str]]:
     return [(link, other) for link in hand_links(skills.robot, skills.arm.name) for other in others]
 
 
-def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld | None = None) -> Steps:
+def move_free(
+    skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld | None = None
+) -> SkillCoroutine[None]:
     """Plan around all believed obstacles, or those in ``world``, to one of ``goals``, each (n,) radians, and move
     there.
 
@@ -87,7 +89,7 @@ def with_room(scene: PlanningScene, held: HeldObject) -> PlanningScene:
 
 def _free_motion(
     skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld | None
-) -> StepsTo[TimedPlan]:
+) -> SkillCoroutine[TimedPlan]:
     """Return a motion in ``world``; without it, around all believed obstacles, with clearance of a held object if such
     a path exists.
     """
@@ -136,7 +138,7 @@ def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisio
     )
 
 
-def _escape(skill: Skill, world: CollisionWorld) -> Steps:
+def _escape(skill: Skill, world: CollisionWorld) -> SkillCoroutine[None]:
     """Move slowly out of a believed contact, if a small motion achieves this."""
     skills = skill.skills
     trajectory = yield skill.compute(
@@ -151,7 +153,9 @@ def _escape(skill: Skill, world: CollisionWorld) -> Steps:
     yield skills.arm.follow(trajectory)
 
 
-def follow_path(skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0) -> Steps:
+def follow_path(
+    skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0
+) -> SkillCoroutine[None]:
     """Follow joint waypoints (N, n), radians, from the current positions, at a fraction ``speed`` of the usual
     speed.
     """
@@ -161,7 +165,7 @@ def follow_path(skill: Skill, path: NDArray[np.float64], world: CollisionWorld, 
 
 def timed_path(
     skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0
-) -> StepsTo[JointTrajectory]:
+) -> SkillCoroutine[JointTrajectory]:
     """Return the checked motion of ``follow_path``. Raises MotionPlanningError if it would collide."""
     skills = skill.skills
     waypoints = np.vstack([skills.arm_positions(), path[1:]])

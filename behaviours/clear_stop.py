@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from behaviours.skill import Skill, SkillFailure, Steps
+from behaviours.skill import Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In
 from bestman_bt.messages.shapes import Count, NonNegative
 
@@ -21,7 +21,7 @@ class ClearStop(Skill):
     wait = In[float](NonNegative, "seconds between attempts, for the controllers to recover", default=5.0)
     FAILS: ClassVar = {"still_stopped": "a person has to check the robot: the message gives the cause of the stop"}
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Try to clear the stop, with waits in between; succeed at once if the robot is not stopped."""
         stop = self.skills.stop
         attempts, wait = self.attempts, self.wait

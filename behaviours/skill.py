@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeAlias, TypeVar
 
 from behaviours.contacts import Contact
 from behaviours.context import SkillContext
@@ -19,7 +19,7 @@ from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, In, Node, NodeError, Out, StatefulAction, SyncAction
 from bestman_bt.engine.bounds import Named
 from bestman_bt.engine.core.ports import declared_ports
-from bestman_bt.engine.own_files import defined_at
+from bestman_bt.engine.own_files import defined_at, raise_no_such_name
 from bestman_bt.errors import Error, MissingExtraError, WrongResultError
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Failure, Goals, Pose, Pose2D
@@ -40,11 +40,8 @@ PostureName = Annotated[str, Named("posture")]
 Result = TypeVar("Result")
 
 
-Steps: TypeAlias = Generator[Motion[Any], Any, None]
-"""What ``execute`` returns: it yields the motion, or computation, to wait for and receives its result."""
-
-StepsTo: TypeAlias = Generator[Motion[Any], Any, Result]
-"""A part of a skill that takes time and returns a value to ``yield from``."""
+SkillCoroutine: TypeAlias = Generator[Motion[Any], Any, Result]
+"""What ``execute`` and its parts return: it yields the motion, or computation, to wait for and receives its result."""
 
 ALGORITHM_ERRORS = (ManipulationError, PerceptionError, MissingExtraError, WrongResultError, *READING_ERRORS)
 """Errors of algorithms, perception and readings; uncaught ones end the skill with FAILURE and their code."""
@@ -89,7 +86,7 @@ class Declaration:
     parts: tuple[str, ...] = ()
 
 
-class OnRobot(Node):
+class RobotNode(Node):
     """A node that uses the robot of its tree.
 
     ``REQUIRES``: kinds of parts that it needs; a tree with it is refused on a robot that lacks one. ``USES``: kinds of
@@ -129,7 +126,7 @@ class OnRobot(Node):
             raise SkillFailure("bad_input", f"port 'arm': {error.args[0]}") from error
 
 
-class OnArm(OnRobot):
+class ArmNode(RobotNode):
     """A node that works with one arm, its hand and the held object; ``skills`` is the context of that ``arm``."""
 
     arm = In[str](
@@ -142,7 +139,7 @@ class OnArm(OnRobot):
         return self.skills_of(self.arm)
 
 
-class Explained(OnRobot):
+class ErrorReporting(RobotNode):
     """Base of skills and conditions whose failures have a code and a message.
 
     ``FAILS``: the codes, each with advice for the tree in terms of leaves; those of base classes are added.
@@ -212,7 +209,7 @@ class Explained(OnRobot):
         return SUCCESS
 
 
-class Skill(Explained, StatefulAction):
+class Skill(ErrorReporting, StatefulAction):
     """A skill that takes several ticks: ``execute`` yields the motions to wait for; a halt cancels them and runs the
     ``finally`` clauses.
     """
@@ -226,10 +223,10 @@ class Skill(Explained, StatefulAction):
     }
     DECLARATION: ClassVar[Declaration] = Declaration()
 
-    _steps: Steps | None = None
+    _steps: SkillCoroutine[None] | None = None
     _pending: Motion[Any] | None = None
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Do the work: ``result = yield motion`` waits for a motion. Raise SkillFailure to fail."""
         raise NotImplementedError(f"{type(self).__name__} does not define execute()")
 
@@ -299,7 +296,7 @@ class Skill(Explained, StatefulAction):
         if self._pending is not None:
             self._pending.cancel()
 
-    def _not_awaited(self, steps: Steps, value: object) -> NodeError:
+    def _not_awaited(self, steps: SkillCoroutine[None], value: object) -> NodeError:
         """Return the error for a yielded value that is not a Motion, with file and line."""
         inner: Any = steps
         while isinstance(inner.gi_yieldfrom, Generator):
@@ -342,7 +339,7 @@ class Skill(Explained, StatefulAction):
                 error = failure
 
 
-class SkillCondition(Explained, Condition):
+class SkillCondition(ErrorReporting, Condition):
     """A condition leaf: ``check`` returns None if it is true, else ``(code, why)``."""
 
     FAILS: ClassVar = READING_FAILS
@@ -364,7 +361,7 @@ class SkillCondition(Explained, Condition):
         return self.explain(*refusal)
 
 
-class InstantSkill(Explained, SyncAction, ABC):
+class InstantSkill(ErrorReporting, SyncAction, ABC):
     """A leaf that finishes within one tick and moves nothing: implement ``act``, which raises SkillFailure to fail."""
 
     FAILS: ClassVar = READING_FAILS
@@ -409,3 +406,18 @@ def _outcome(pending: Motion[Any]) -> Any:
     if pending.status is not MotionStatus.SUCCEEDED:
         raise SkillFailure.of(pending.failure)
     return result
+
+
+_RENAMED = {
+    "Explained": "ErrorReporting",
+    "OnArm": "ArmNode",
+    "OnRobot": "RobotNode",
+    "Steps": "SkillCoroutine",
+    "StepsTo": "SkillCoroutine",
+}
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name):
+        """Raise an error with the new name of a class that was renamed."""
+        raise_no_such_name(__name__, name, _RENAMED)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from behaviours.skill import Explained
+from behaviours.skill import ErrorReporting
 from bestman_bt.engine import In, Out, SyncAction
 from bestman_bt.messages import Pose
 
 FIELDS = ("object", "source", "target", "goal")
 
 
-class TakeGoal(Explained, SyncAction):
+class TakeGoal(ErrorReporting, SyncAction):
     """Split one of a task's goals into object, source, target surface, and pose on it."""
 
     entry = In(dict, "one of the root entry goals: object, source, target, goal")

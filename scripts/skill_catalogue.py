@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 
 from behaviours.failure import declared_failures, own_failures
 from behaviours.parts import parts_in_words
-from behaviours.skill import Explained, Skill
+from behaviours.skill import ErrorReporting, Skill
 from bestman_bt.engine import NodeInfo, Port
 from bestman_bt.runtime.plugins import node_registry
 
@@ -84,7 +84,7 @@ def errors_page() -> str:
     """What is written by hand of docs/errors.md, and the tables of codes behind it."""
     by_hand = ERRORS.read_text().partition(GENERATED)[0]
     common = {code: advice for code, advice in declared_failures(Skill).items() if code != "bad_input"}
-    text = "\n## Codes that any skill may fail with\n\n" + _codes({**declared_failures(Explained), **common})
+    text = "\n## Codes that any skill may fail with\n\n" + _codes({**declared_failures(ErrorReporting), **common})
     leaves: dict[str, list[str]] = {}
     for info in node_registry([]).manifest():
         for code in own_failures(info.cls):

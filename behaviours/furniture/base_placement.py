@@ -18,7 +18,7 @@ from behaviours.furniture.leaf import (
 )
 from behaviours.furniture.opening import Opening, before, plan_opening, pull_grasps, stations
 from behaviours.manipulation.base_placement import FindBasePlacement
-from behaviours.skill import ArticulationName, Declaration, Skill, SkillFailure, Steps, StepsTo
+from behaviours.skill import ArticulationName, Declaration, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.messages.shapes import NonNegative
@@ -50,7 +50,7 @@ class FindCloseStand(FindBasePlacement):
     }
     DECLARATION = Declaration(effects=("stand_known({articulation})",))
 
-    def _best(self) -> StepsTo[Pose2D]:
+    def _best(self) -> SkillCoroutine[Pose2D]:
         """Search the ways to push in turn for a base placement."""
         leaf = find_leaf(self.skills, self.articulation)
         stands = yield self.compute("stand_planning", self._rank, leaf)
@@ -111,7 +111,7 @@ class FindLookStand(Skill):
         """Reset the tried placements."""
         self._asked, self._position = 0, math.nan
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Return the first distance with room for the base; each further call gives another side, in turn.
 
         If the believed opening has changed, it starts straight in front again.
@@ -154,7 +154,7 @@ class FindOpenStand(FindBasePlacement):
     }
     DECLARATION = Declaration(pre=("handle_known({handle})",), effects=("stand_known({articulation})",))
 
-    def _best(self) -> StepsTo[Pose2D]:
+    def _best(self) -> SkillCoroutine[Pose2D]:
         """Rank base placements around the handle by how well the arm follows the whole path."""
         name: str = self.handle
         articulation: str = self.articulation

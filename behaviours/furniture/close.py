@@ -19,14 +19,13 @@ from behaviours.furniture.leaf import FurnitureLeaf, find_leaf, free_along, worl
 from behaviours.furniture.leaf_motion import LEAF_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
 from behaviours.skill import (
     ALGORITHM_ERRORS,
+    ArmNode,
     ArticulationName,
     Declaration,
-    OnArm,
     PostureName,
     Skill,
+    SkillCoroutine,
     SkillFailure,
-    Steps,
-    StepsTo,
 )
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Box, PlacedShape, Pose
@@ -265,7 +264,7 @@ class _Plan:
     score: float
 
 
-class Close(OnArm, Skill):
+class Close(ArmNode, Skill):
     """Push a door or drawer shut with closed fingers on its front, without moving the base.
 
     It starts at the believed opening, feels for the front, follows the map's joint, and ends at a resistance. Near
@@ -288,7 +287,7 @@ class Close(OnArm, Skill):
     }
     DECLARATION = Declaration(pre=("not holding(any)",), effects=("not open({articulation})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Plan, close the fingers, touch, push, withdraw."""
         skills = self.skills
         if skills.held is not None:
@@ -352,7 +351,7 @@ class Close(OnArm, Skill):
     def _tip(self, push: FrontPush, base_from_tool: Pose) -> Pose:
         return self.skills.map_from_base @ base_from_tool @ Pose(np.array([0.0, 0.0, push.tip]))
 
-    def _touch(self, push: FrontPush) -> StepsTo[float]:
+    def _touch(self, push: FrontPush) -> SkillCoroutine[float]:
         """Move straight until the front is felt; return the opening there."""
         skills = self.skills
         tool = skills.base_from_tool()
@@ -363,7 +362,7 @@ class Close(OnArm, Skill):
             raise SkillFailure("not_found", f"{why}: nothing is there up to {position:.2f}")
         return position
 
-    def _push(self, plan: _Plan, start: float) -> StepsTo[float]:
+    def _push(self, plan: _Plan, start: float) -> SkillCoroutine[float]:
         """Push until something resists; how far it may be open then."""
         from bestman_bt.control.arm.constraint_following import FollowEnd, FollowGoal
 

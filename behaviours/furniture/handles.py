@@ -15,7 +15,7 @@ from behaviours.furniture.leaf_measurement import (
     opening_seen,
     opening_since,
 )
-from behaviours.skill import ArticulationName, Declaration, FurnitureName, Skill, SkillFailure, Steps
+from behaviours.skill import ArticulationName, Declaration, FurnitureName, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, OneOf, Out
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.messages.shapes import Share
@@ -59,7 +59,7 @@ class DetectHandle(Skill):
     }
     DECLARATION = Declaration(effects=("handle_known({furniture})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Capture, detect, update the belief, choose."""
         skills = self.skills
         furniture = self._furniture()

@@ -12,7 +12,7 @@ from behaviours.computation import Until
 from behaviours.context import SkillContext
 from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, FurnitureLeaf, world_at_leaf
 from behaviours.furniture.leaf_measurement import grown
-from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillFailure, Steps, StepsTo
+from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.messages import Pose
 from bestman_bt.world_model.world_model import Obstacle
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 # Waiting until the wrist sensor's offset without contact is measured.
 
 
-def tare_wrist(skill: Skill) -> Steps:
+def tare_wrist(skill: Skill) -> SkillCoroutine[None]:
     """Measure the wrist sensor's offset with the hand at rest and without contact; do nothing without such a sensor.
 
     It ends when the readings are collected; if the hand was not still, the previous offset remains.
@@ -47,7 +47,7 @@ UNSURE = {"revolute": 0.06, "prismatic": 0.015}
 """Uncertainty of an opening that was measured by the hand's path, radians or metres."""
 
 
-def withdraw(skill: Skill, leaf: FurnitureLeaf, posture: str, felt: Obstacle | None = None) -> Steps:
+def withdraw(skill: Skill, leaf: FurnitureLeaf, posture: str, felt: Obstacle | None = None) -> SkillCoroutine[None]:
     """Retreat straight back, then move the arm to the named posture.
 
     ``felt``: the leaf as measured by contact; without it the map counts. The hand may start closer to the leaf than the
@@ -105,7 +105,7 @@ def _around(
 
 def withdraw_after(
     skill: Skill, leaf: FurnitureLeaf, posture: str, failure: Exception, felt: Obstacle | None = None
-) -> Steps:
+) -> SkillCoroutine[None]:
     """Withdraw after a failure; if that fails as well, raise the first failure."""
     try:
         yield from withdraw(skill, leaf, posture, felt)
@@ -147,7 +147,7 @@ def error_code(end: FollowEnd, reached: str = "") -> str:
     return codes[end]
 
 
-def followed(following: Motion[FollowedMotion]) -> StepsTo[tuple[FollowedMotion, SkillFailure | None]]:
+def followed(following: Motion[FollowedMotion]) -> SkillCoroutine[tuple[FollowedMotion, SkillFailure | None]]:
     """Return the motion, and the failure that ended it early, or None. Raises SkillFailure without a motion."""
     failure: SkillFailure | None = None
     try:

@@ -16,14 +16,13 @@ from behaviours.furniture.leaf_motion import LEAF_FAILS, error_code, followed, t
 from behaviours.furniture.opening import HandlePull, Opening, plan_opening, plan_pull, pull_grasps
 from behaviours.skill import (
     ALGORITHM_ERRORS,
+    ArmNode,
     ArticulationName,
     Declaration,
-    OnArm,
     PostureName,
     Skill,
+    SkillCoroutine,
     SkillFailure,
-    Steps,
-    StepsTo,
 )
 from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import In, Out
@@ -32,7 +31,7 @@ from bestman_bt.messages.shapes import NonNegative, Positive
 from bestman_bt.world_model.world_model import Obstacle
 
 
-class Open(OnArm, Skill):
+class Open(ArmNode, Skill):
     """Open a door or drawer by a detected handle, without moving the base; the hand releases the handle at the end.
 
     The hand is compliant and estimates hinge or rail while it moves. The opening is measured by the path of the hand.
@@ -59,7 +58,7 @@ class Open(OnArm, Skill):
     }
     DECLARATION = Declaration(pre=("handle_known({handle})", "not holding(any)"), effects=("open({articulation})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Plan, grasp, follow, release, withdraw."""
         skills = self.skills
         name: str = self.handle
@@ -86,7 +85,7 @@ class Open(OnArm, Skill):
         self.opened = opened
         self.feedback_message = f"{leaf.articulation} open by {opened:.2f}"
 
-    def _pull_open(self, opening: Opening, plan: HandlePull, posture: str) -> StepsTo[float]:
+    def _pull_open(self, opening: Opening, plan: HandlePull, posture: str) -> SkillCoroutine[float]:
         """Take the handle, follow, let go, withdraw; how far it is open then."""
         skills, leaf = self.skills, opening.leaf
         yield from follow_path(self, plan.into, world_at_leaf(skills, leaf, opening.start, "hand"), speed=0.35)
@@ -117,7 +116,7 @@ class Open(OnArm, Skill):
         held: NDArray[np.float64] = (self.skills.map_from_base @ base_from_tool).apply(plan.guide.held_at[None])[0]
         return held
 
-    def _pull(self, opening: Opening, plan: HandlePull) -> StepsTo[float]:
+    def _pull(self, opening: Opening, plan: HandlePull) -> SkillCoroutine[float]:
         """Follow the handle, no further than planned, because the arm's path was not checked beyond; return the
         opening.
 

@@ -16,7 +16,7 @@ from behaviours.context import DRIVEN
 from behaviours.manipulation.grasp_candidates import grasp_candidates
 from behaviours.manipulation.place import place_tool_poses
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface, with_open_drawers
-from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps, StepsTo, SurfaceName
+from behaviours.skill import ArmNode, Declaration, ObjectName, Skill, SkillCoroutine, SkillFailure, SurfaceName
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Failure, MotionObstacle, MotionStage, Pose, Pose2D
 from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface
@@ -48,7 +48,7 @@ class StandTarget:
     at: NDArray[np.float64]
 
 
-class FindBasePlacement(OnArm, Skill, ABC):
+class FindBasePlacement(ArmNode, Skill, ABC):
     """Base of the skills that choose where the base stands for the arm to work; each call gives another placement."""
 
     REQUIRES = ("base", "lidar", "arm", "gripper")
@@ -58,7 +58,7 @@ class FindBasePlacement(OnArm, Skill, ABC):
         """Reset the tried placements."""
         self._tried: list[Pose2D] = []
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Return the best placement that has not been given yet."""
         best = yield from self._best()
         self._tried.append(best)
@@ -66,7 +66,7 @@ class FindBasePlacement(OnArm, Skill, ABC):
         self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
 
     @abstractmethod
-    def _best(self) -> StepsTo[Pose2D]:
+    def _best(self) -> SkillCoroutine[Pose2D]:
         """Return the best of the placements that are new. Raises SkillFailure (``no_stand``) if none is left."""
 
     def _is_new(self, stand: Pose2D) -> bool:
@@ -95,7 +95,7 @@ class FindStandPose(FindBasePlacement):
         super().on_load()
         self._target = np.full(2, np.inf)
 
-    def _best(self) -> StepsTo[Pose2D]:
+    def _best(self) -> SkillCoroutine[Pose2D]:
         """The first along the furniture by the arm's reach; those that have been tried again once all have been."""
         furniture, _ = find_surface(self.skills, self.surface)
         targets = self._targets()
@@ -111,7 +111,7 @@ class FindStandPose(FindBasePlacement):
 
     def _first_reached(
         self, furniture: MapFurniture, targets: Sequence[StandTarget]
-    ) -> StepsTo[tuple[BasePlacement, ...]]:
+    ) -> SkillCoroutine[tuple[BasePlacement, ...]]:
         """Stands, best first, from where one of the targets is reached, those of the first one that is."""
         for target in targets:
             stands: tuple[BasePlacement, ...] = yield self.compute("stand_planning", self._rank, furniture, target)

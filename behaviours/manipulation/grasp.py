@@ -21,13 +21,13 @@ from behaviours.manipulation.grasp_candidates import grasp_candidates
 from behaviours.skill import (
     ALGORITHM_ERRORS,
     ArmName,
+    ArmNode,
     Declaration,
     ObjectName,
-    OnArm,
     Skill,
     SkillCondition,
+    SkillCoroutine,
     SkillFailure,
-    Steps,
 )
 from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import In, InOut, Out
@@ -48,7 +48,7 @@ EMPTY = 0.6
 """Visible fraction of the gap between the fingers from which the hand counts as empty."""
 
 
-class CheckHeld(OnArm, Skill):
+class CheckHeld(ArmNode, Skill):
     """Verify that the hand holds an object: by gripper width, and tactile pads and wrist camera, if any.
 
     A lost object is removed from the believed hand.
@@ -66,7 +66,7 @@ class CheckHeld(OnArm, Skill):
     }
     DECLARATION = Declaration(pre=("holding({object})",), effects=("holding({object})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Check each sensor in turn, the cheapest first."""
         skills = self.skills
         name: str = self.object
@@ -125,7 +125,7 @@ class PlannedGrasp:
     tool_from_object: Pose
 
 
-class PlanGrasp(OnArm, Skill):
+class PlanGrasp(ArmNode, Skill):
     """Choose grasps of a located object that the arm reaches without a collision, best first."""
 
     REQUIRES = ("arm", "gripper")
@@ -139,7 +139,7 @@ class PlanGrasp(OnArm, Skill):
     }
     DECLARATION = Declaration(pre=("located({object})",), effects=("grasps_known({object})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Propose, check and rank grasps."""
         name: str = self.object
         belief = self.skills.world.objects.get(name)
@@ -191,7 +191,7 @@ class PlanGrasp(OnArm, Skill):
         return 1.0 if found else 0.0
 
 
-class Grasp(OnArm, Skill):
+class Grasp(ArmNode, Skill):
     """Grasp an object with the first of the planned grasps, and lift it; the remaining grasps are written to the port.
 
     If the hand closes on nothing, or cannot lift the object, it opens, retreats, and drops all grasps, because the
@@ -214,7 +214,7 @@ class Grasp(OnArm, Skill):
         """Reset the last failure."""
         self._last_failure: Exception | None = None
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Open, approach, close, lift."""
         name: str = self.object
         grasps: list[PlannedGrasp] = self.grasps
@@ -227,7 +227,7 @@ class Grasp(OnArm, Skill):
             raise
         self._last_failure = None
 
-    def _take(self, name: str, grasps: list[PlannedGrasp]) -> Steps:
+    def _take(self, name: str, grasps: list[PlannedGrasp]) -> SkillCoroutine[None]:
         skills = self.skills
         grasp, rest = grasps[0], grasps[1:]
         belief = skills.world.objects[name]
@@ -240,7 +240,7 @@ class Grasp(OnArm, Skill):
         with self.touching(grasp_contact(name, gripped), support(name, stands_on)):
             yield from self._close_and_lift(name, grasp)
 
-    def _close_and_lift(self, name: str, grasp: PlannedGrasp) -> Steps:
+    def _close_and_lift(self, name: str, grasp: PlannedGrasp) -> SkillCoroutine[None]:
         skills = self.skills
         contact = skills.arm_world(skills.planning_scene(allowed_pairs=hand_contacts(skills, name)))
         yield from follow_path(self, grasp.approach.into, contact, speed=0.35)
@@ -334,7 +334,7 @@ class Holding(SkillCondition):
         return None
 
 
-class Reachable(OnArm, SkillCondition):
+class Reachable(ArmNode, SkillCondition):
     """Check whether the arm reaches a grasp of a seen object from the current base; collisions are ignored."""
 
     REQUIRES = ("arm", "gripper")

@@ -20,7 +20,7 @@ from behaviours.arm_motion import (
 )
 from behaviours.contacts import grasp
 from behaviours.context import SkillContext
-from behaviours.skill import Declaration, OnArm, PostureName, Skill, SkillFailure, Steps
+from behaviours.skill import ArmNode, Declaration, PostureName, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In
 from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose
 from bestman_bt.messages.shapes import NonNegative
@@ -160,7 +160,7 @@ TURN = np.radians(15.0)
 UNKNOWN_POSTURE = {"unknown_posture": "use a posture of the robot"}
 
 
-class MoveArm(OnArm, Skill):
+class MoveArm(ArmNode, Skill):
     """Move the arm to a posture of the robot, around all believed obstacles."""
 
     REQUIRES = ("arm",)
@@ -173,14 +173,14 @@ class MoveArm(OnArm, Skill):
     }
     DECLARATION = Declaration(effects=("posture({posture})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Plan and follow; succeed at once if the arm is there already."""
         place: Pose | None = self.sight
         sight = None if place is None else self.skills.map_from_base.inverse().apply(place.position[None])[0]
         yield from _move_to(self, _postures(self, self.posture, sight))
 
 
-class Retreat(OnArm, Skill):
+class Retreat(ArmNode, Skill):
     """Retreat the hand straight back, then move the arm to a posture."""
 
     REQUIRES = ("arm",)
@@ -193,7 +193,7 @@ class Retreat(OnArm, Skill):
     }
     DECLARATION = Declaration(effects=("posture({posture})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Move back along the hand's axis as far as it is free, then plan on; also with an object in a level hand.
 
         An object grasped from the side may have been between boards.
@@ -210,7 +210,7 @@ class Retreat(OnArm, Skill):
             yield from self._straight_back(skills.arm_world(skills.planning_scene()), PULL_OUT)
         yield from _move_to(self, _postures(self, self.posture))
 
-    def _straight_back(self, world: CollisionWorld, distance: float) -> Steps:
+    def _straight_back(self, world: CollisionWorld, distance: float) -> SkillCoroutine[None]:
         """As far as that is free."""
         from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 
@@ -221,7 +221,7 @@ class Retreat(OnArm, Skill):
             yield from follow_path(self, line.path, world, speed=0.5)
 
 
-def _move_to(skill: Skill, choices: Sequence[list[NDArray[np.float64]]]) -> Steps:
+def _move_to(skill: Skill, choices: Sequence[list[NDArray[np.float64]]]) -> SkillCoroutine[None]:
     """Go to one of the first of ``choices`` to which there is a way; at once done where the arm is there already."""
     from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
 

@@ -13,7 +13,7 @@ from behaviours.contacts import MAX_FORCE, grasp, stopping_at, support, surface_
 from behaviours.perception.beliefs import believe_surface
 from behaviours.perception.perceive import NO_CAMERA, camera_called
 from behaviours.perception.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, surface_region
-from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps, SurfaceName
+from behaviours.skill import ArmNode, Declaration, ObjectName, Skill, SkillCoroutine, SkillFailure, SurfaceName
 from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose
@@ -78,7 +78,7 @@ class FindPlacePose(Skill):
     }
     DECLARATION = Declaration(effects=("free({goal})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Capture, measure the surface, and check the free space."""
         from bestman_bt.perception.segmentation.surface_coverage import surface_coverage
 
@@ -118,7 +118,7 @@ class FindPlacePose(Skill):
         raise SkillFailure("goal_not_seen", f"only {shares[FREE]:.0%} of the {across} at the goal is seen to be free")
 
 
-class PlaceOn(OnArm, Skill):
+class PlaceOn(ArmNode, Skill):
     """Move the held object above its place and lower it straight until contact."""
 
     REQUIRES = ("arm", "gripper")
@@ -133,7 +133,7 @@ class PlaceOn(OnArm, Skill):
     }
     DECLARATION = Declaration(pre=("holding({object})", "free({pose})"), effects=("lowered({object}, {pose})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Plan the poses above and on the surface, then move."""
         skills = self.skills
         name: str = self.object
@@ -157,7 +157,7 @@ class PlaceOn(OnArm, Skill):
             if skills.wrist_wrench is not None:
                 yield from self._set_down(name)
 
-    def _set_down(self, name: str) -> Steps:
+    def _set_down(self, name: str) -> SkillCoroutine[None]:
         """Lower the object until contact, because a dropped one falls over; a tilted object touches earlier than
         believed.
         """
@@ -169,7 +169,7 @@ class PlaceOn(OnArm, Skill):
         if HOVER - outcome.distance > ASKEW:
             yield from self._level(HOVER - outcome.distance)
 
-    def _level(self, left: float) -> Steps:
+    def _level(self, left: float) -> SkillCoroutine[None]:
         """Let what touches with an edge turn in an ever looser hand, which follows it down, ``left`` metres at most."""
         skills = self.skills
         try:
@@ -229,7 +229,7 @@ class PlaceOn(OnArm, Skill):
         return skills.arm_world(skills.planning_scene(allowed_pairs=allowed))
 
 
-class Release(OnArm, Skill):
+class Release(ArmNode, Skill):
     """Open the hand slowly, and believe the object at the place where the hand has left it."""
 
     REQUIRES = ("arm", "gripper")
@@ -242,7 +242,7 @@ class Release(OnArm, Skill):
     }
     DECLARATION = Declaration(pre=("holding({object})",), effects=("not holding({object})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Open a little, so that neighbouring objects stay in place."""
         skills = self.skills
         held = skills.held
@@ -256,7 +256,7 @@ class Release(OnArm, Skill):
             held.name, held.model, map_from_object, 1.0, 0.005, skills.clock.now(), self.surface
         )
 
-    def _let_go(self, held: HeldObject) -> Steps:
+    def _let_go(self, held: HeldObject) -> SkillCoroutine[None]:
         skills = self.skills
         outcome = yield skills.gripper.release()
         if outcome.width < held.width + HELD_WIDTH.let_go:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from behaviours.manipulation.place import PlaceOn
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
-from behaviours.skill import Declaration, Explained, InstantSkill, ObjectName, SkillFailure, SurfaceName
+from behaviours.skill import Declaration, ErrorReporting, InstantSkill, ObjectName, SkillFailure, SurfaceName
 from bestman_bt.engine import In, Out, SyncAction
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose
 from bestman_bt.messages.shapes import NonNegative
@@ -114,7 +114,7 @@ OVER_THE_RIM = 0.03
 """Metres between the rim and the lowest point of the object where its straight descent begins."""
 
 
-class GoalOnSurface(Explained, SyncAction):
+class GoalOnSurface(ErrorReporting, SyncAction):
     """Output the current pose of a goal; a goal in a drawer is given for the closed drawer and moves with it."""
 
     goal = In(Pose, "in the map frame, for the closed drawer")

@@ -13,7 +13,7 @@ from behaviours.computation import TimeSource, Until
 from behaviours.contacts import Contact, grasp, support, surface_below
 from behaviours.context import SkillContext
 from behaviours.perception.perceive import NO_CAMERA
-from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps, StepsTo
+from behaviours.skill import ArmNode, Declaration, ObjectName, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.control import MotionStatus
 from bestman_bt.engine import In, OneOf, Out
 from bestman_bt.manipulation.errors import ManipulationError
@@ -79,14 +79,14 @@ class PolicyMotion:
         trajectory = self.stream.accept(spliced, self._skills.clock.now())
         self._arm = self._skills.arm.follow(trajectory, guard=self._objection)
 
-    def carry_out(self, chunk: ActionChunk, seen: float, count: int) -> StepsTo[bool]:
+    def carry_out(self, chunk: ActionChunk, seen: float, count: int) -> SkillCoroutine[bool]:
         """Wait until ``count`` actions of the chunk, which began at ``seen``, are over; return whether the gripper
         moved.
         """
         self._chunk = chunk, seen
         return (yield from self._until(seen + max(1, count) * chunk.dt))
 
-    def finish(self) -> Steps:
+    def finish(self) -> SkillCoroutine[None]:
         """Wait until the motion under way is at rest."""
         if self.stream.motion is not None:
             yield from self._until(self.stream.motion.end)
@@ -99,7 +99,7 @@ class PolicyMotion:
             if handle is not None:
                 handle.cancel()
 
-    def _until(self, time: float) -> StepsTo[bool]:
+    def _until(self, time: float) -> SkillCoroutine[bool]:
         clock, acted = self._skills.clock, False
         while True:
             self._watch()
@@ -159,7 +159,7 @@ LEAD = 0.15
 SUCCESSES = ("goal", "holding", "lifted")
 
 
-class RunPolicy(OnArm, Skill):
+class RunPolicy(ArmNode, Skill):
     """Run a learned policy until the tool is at the goal, or the gripper holds something, or has lifted it.
 
     The policy is queried again before its chunk is over, and the motion continues without a stop. Each chunk is checked
@@ -207,7 +207,7 @@ class RunPolicy(OnArm, Skill):
     motion: PolicyMotion | None = None
     """The motion that runs while the skill is active, for recorders."""
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Query, check, move, and look again during the motion."""
         policy = self.skills.policies(self.policy, self.folders)
         try:
@@ -233,7 +233,7 @@ class RunPolicy(OnArm, Skill):
             yield grasp(name)
             yield support(name, belief.surface or surface_below(self.skills.world, belief.pose))
 
-    def _run(self, policy: Policy, motion: PolicyMotion, goal: Pose | None) -> Steps:
+    def _run(self, policy: Policy, motion: PolicyMotion, goal: Pose | None) -> SkillCoroutine[None]:
         from bestman_bt.manipulation.policy.chunk_stream import chunk_path
         from bestman_bt.manipulation.policy.errors import StaleChunkError
 
@@ -299,7 +299,7 @@ class RunPolicy(OnArm, Skill):
                 raise SkillFailure("workspace", f"the {what} at {where} is outside the workspace {box}")
         return box
 
-    def _open_hand(self, spec: PolicySpecification) -> Steps:
+    def _open_hand(self, spec: PolicySpecification) -> SkillCoroutine[None]:
         """A policy that opens and closes the gripper begins with it open."""
         skills = self.skills
         if not spec.moves_gripper or not spec.open_width:

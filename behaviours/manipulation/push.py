@@ -18,7 +18,7 @@ from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free, un
 from behaviours.contacts import push, stopping_at, support, surface_below
 from behaviours.manipulation.base_placement import FindStandPose, StandTarget
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
-from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps
+from behaviours.skill import ArmNode, Declaration, ObjectName, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.messages.shapes import Positive
@@ -67,7 +67,7 @@ class PushPlan:
     cost: float
 
 
-class Push(OnArm, Skill):
+class Push(ArmNode, Skill):
     """Push a located object straight to a goal on its surface; the wrist sensor detects obstacles.
 
     The real displacement is determined by the next look. Remedies: ``no_approach``: another base placement;
@@ -94,7 +94,7 @@ class Push(OnArm, Skill):
         pre=("located({object})", "not holding(any)", "free({goal})"), effects=("at({object}, {goal})",)
     )
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Plan, set the fingers, approach, push with force monitoring, retreat."""
         skills = self.skills
         name: str = self.object
@@ -127,7 +127,7 @@ class Push(OnArm, Skill):
         with self.touching(push(name, most), support(name, stands_on, most)):
             yield from self._push(belief, plan)
 
-    def _push(self, belief: ObjectBelief, plan: PushPlan) -> Steps:
+    def _push(self, belief: ObjectBelief, plan: PushPlan) -> SkillCoroutine[None]:
         skills, name = self.skills, belief.name
         yield from follow_path(self, plan.into, skills.arm_world(self._untouched(belief)), speed=0.35)
         outcome: GuardedOutcome = yield skills.arm.move_until(
@@ -233,7 +233,7 @@ class Push(OnArm, Skill):
             belief, pose=moved, position_std=max(belief.position_std, 0.01), stamp=skills.clock.now()
         )
 
-    def _withdraw(self, name: str, plan: PushPlan) -> Steps:
+    def _withdraw(self, name: str, plan: PushPlan) -> SkillCoroutine[None]:
         """Retreat straight as far as it is free; the object is ahead of the hand and not in the path."""
         from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 

@@ -14,7 +14,7 @@ from behaviours.arm_motion import ARM_PLANNING_FAILS, move_free
 from behaviours.perception.beliefs import only_nearest, remember_view
 from behaviours.perception.perceive import NO_CAMERA, region_around
 from behaviours.perception.surfaces import SURFACE_NOT_SEEN
-from behaviours.skill import ALGORITHM_ERRORS, Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps, StepsTo
+from behaviours.skill import ALGORITHM_ERRORS, ArmNode, Declaration, ObjectName, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import PlacedShape, Pose
 from bestman_bt.messages.shapes import NonNegative, Share
@@ -36,7 +36,7 @@ GOALS = 4
 """Number of reachable views after which the search ends."""
 
 
-class SecondLook(OnArm, Skill):
+class SecondLook(ArmNode, Skill):
     """Look at an object again from the view that best resolves its yaw, and fuse the views; none if the yaw is
     known.
     """
@@ -57,7 +57,7 @@ class SecondLook(OnArm, Skill):
     }
     DECLARATION = Declaration(pre=("located({object})",), effects=("yaw_known({object})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Rank views, move to the best reachable one, capture, and fuse the observations."""
         skills = self.skills
         name: str = self.object
@@ -111,7 +111,7 @@ class SecondLook(OnArm, Skill):
                 shapes += [replace(part, pose=other.pose @ part.pose) for part in other.model.collision]
         return shapes
 
-    def _go(self, postures: Sequence[NDArray[np.float64]]) -> Steps:
+    def _go(self, postures: Sequence[NDArray[np.float64]]) -> SkillCoroutine[None]:
         """Move to the most informative view that has a path."""
         for posture in postures[:-1]:
             try:
@@ -121,7 +121,7 @@ class SecondLook(OnArm, Skill):
             return
         yield from move_free(self, [postures[-1]])
 
-    def _look(self, belief: ObjectBelief, camera: RGBDSensor) -> StepsTo[ObjectBelief]:
+    def _look(self, belief: ObjectBelief, camera: RGBDSensor) -> SkillCoroutine[ObjectBelief]:
         from bestman_bt.perception.pose_estimation.multi_view import ViewObservation
 
         skills = self.skills

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from behaviours.nav2.ports import SERVER, Nav2Errors, without_meaning
 from behaviours.navigation.navigate import DRIVING_FAILS
-from behaviours.skill import Declaration, FurnitureName, Skill, SkillFailure, Steps, StepsTo
+from behaviours.skill import Declaration, FurnitureName, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import Count, Positive
@@ -37,7 +37,7 @@ class _Docking(Skill):
         "not_found": "DockAt without furniture",
     }
 
-    def dock(self, pose: Pose2D, piece: MapFurniture | None, attempts: int) -> StepsTo[tuple[Pose2D, int]]:
+    def dock(self, pose: Pose2D, piece: MapFurniture | None, attempts: int) -> SkillCoroutine[tuple[Pose2D, int]]:
         """Dock; the pose by where ``piece`` was seen, and the approaches that it took."""
         from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit
 
@@ -62,7 +62,7 @@ class _Docking(Skill):
                 return goal, attempt
         raise SkillFailure("not_docked", f"after {attempts} approaches the base is {why}")
 
-    def _stage(self, staging: Pose2D) -> StepsTo[None]:
+    def _stage(self, staging: Pose2D) -> SkillCoroutine[None]:
         """Drive to the staging pose, by the shortest way if the base stands before it."""
         from bestman_bt.navigation.global_planning.base import PlanningFailure
 
@@ -77,7 +77,7 @@ class _Docking(Skill):
                 raise SkillFailure(path.reason.value, path.text)
             yield skills.base.follow(path, skills.known_costmap())
 
-    def _seen(self, piece: MapFurniture, goal: Pose2D) -> StepsTo[Pose2D]:
+    def _seen(self, piece: MapFurniture, goal: Pose2D) -> SkillCoroutine[Pose2D]:
         """The goal by where the front of ``piece`` is seen."""
         from bestman_bt.navigation.localization.front_edge import front_edge
 
@@ -92,7 +92,7 @@ class _Docking(Skill):
             raise SkillFailure("not_found", f"too little is seen of the front of {piece.name}")
         return edge.corrected(piece, goal)
 
-    def _improve(self, goal: Pose2D) -> StepsTo[str]:
+    def _improve(self, goal: Pose2D) -> SkillCoroutine[str]:
         """Correct the remaining error; return the remaining deviation in words, empty if within tolerance."""
         base, tolerance, turning = self.skills.base, self.tolerance, self.heading_tolerance
         for last in (False, True):
@@ -123,7 +123,7 @@ class DockAt(_Docking):
     docked = Out(Pose2D, "the goal, corrected by the observed furniture")
     DECLARATION = Declaration(effects=("at({goal})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Move behind the goal, look, approach, check."""
         self.docked, _ = yield from self.dock(self.goal, self._piece(), self.attempts)
 
@@ -149,7 +149,7 @@ class DockRobot(Nav2Errors, _Docking):
     num_retries = Out(int, "approaches beyond the first")
     FAILS: ClassVar = {"no_docks": 'use_dock_id="false" and a dock_pose'}
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Dock as DockAt does."""
         self.success = False
         if self.use_dock_id or self.dock_pose is None:
@@ -167,7 +167,7 @@ class UndockRobot(Nav2Errors, Skill):
     success = Out(bool, "whether it is undocked")
     FAILS: ClassVar = DRIVING_FAILS
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Drive back."""
         self.success = False
         yield self.skills.base.drive(-UNDOCKING)

@@ -9,7 +9,7 @@ from annotated_types import Ge, Le
 
 from behaviours.computation import Until
 from behaviours.nav2.ports import SERVER, Nav2Errors, are_literals, without_meaning
-from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
+from behaviours.skill import Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, NotZero
 from bestman_bt.messages.shapes import NonNegative
 from bestman_bt.world_model.world_model import BasePose
@@ -34,7 +34,7 @@ class _Motion(Nav2Errors, Skill):
     time_allowance = In(float, "seconds, then it fails as timeout; 0 or less: no limit", default=10.0)
     FAILS: ClassVar = {"timeout": "retry with more time_allowance"}
 
-    def in_time(self, motion: Motion[BasePose], end: float) -> StepsTo[None]:
+    def in_time(self, motion: Motion[BasePose], end: float) -> SkillCoroutine[None]:
         """Wait for a motion, until ``end`` seconds at most."""
         yield Until(lambda: self.skills.clock.now() >= end, motion)
         if not motion.done:
@@ -55,7 +55,7 @@ class Spin(_Motion):
     INPUT_PORTS: ClassVar = {**without_meaning("is_recovery")}
     spin_dist = In[float](Turns, "radians, to the left", default=1.57)
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Turn, a quarter at a time."""
         left, end = self.spin_dist, self.end()
         while left:
@@ -83,7 +83,7 @@ class DriveOnHeading(_Motion):
             return ""
         return f"dist_to_travel is {distance} m and speed {speed} m/s; they should have the same sign"
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Drive."""
         if words := self._of_two_signs():
             raise SkillFailure("bad_input", words)
@@ -98,7 +98,7 @@ class BackUp(_Motion):
     backup_dist = In[float](Moving, "metres", default=0.15)
     backup_speed = In[float](Moving, "m/s", default=0.025)
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Drive."""
         distance, speed = abs(self.backup_dist), abs(self.backup_speed)
         yield from self.in_time(self.skills.base.drive(-distance, speed), self.end())
@@ -110,7 +110,7 @@ class Wait(Nav2Errors, Skill):
     INPUT_PORTS: ClassVar = {**SERVER}
     wait_duration = In[float](NonNegative, "seconds", default=1.0)
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Wait."""
         duration = self.wait_duration
         yield self.skills.computation.submit(lambda: None, duration)

@@ -17,7 +17,7 @@ from behaviours.nav2.ports import (
     without_meaning,
 )
 from behaviours.navigation.navigate import DRIVING_FAILS, NavigateTo
-from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
+from behaviours.skill import Declaration, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Goals, Path2D, Pose2D
 from bestman_bt.world_model.world_model import BasePose
@@ -52,7 +52,9 @@ class _ComputePath(Nav2Errors, Skill):
         super().on_halted()
         self.path_ = None
 
-    def _plan(self, start: Pose2D | None, goals: Sequence[Pose2D]) -> StepsTo[tuple[int, PlanningFailure | None]]:
+    def _plan(
+        self, start: Pose2D | None, goals: Sequence[Pose2D]
+    ) -> SkillCoroutine[tuple[int, PlanningFailure | None]]:
         """Plan through ``goals`` and put the path out; how many of them it can get to, and what ended that."""
         from bestman_bt.navigation.path_pieces import joined
 
@@ -76,7 +78,7 @@ class ComputePathToPose(_ComputePath):
     viapoints = In(Goals, "poses to pass: x;y;theta;x;y;theta", required=False)
     use_start = In(bool, "false: start at the current base pose in any case", required=False)
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Plan."""
         start: Pose2D | None = self.start
         use_start = self.use_start
@@ -94,7 +96,7 @@ class ComputePathThroughPoses(_ComputePath):
     last_reached_index = Out(int, "-1: the path leads through all poses; else the last reachable pose")
     FAILS: ClassVar = {"no_goals": "give a pose"}
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Plan."""
         goals: Goals = self.goals
         if not goals:
@@ -143,7 +145,7 @@ class FollowPath(Nav2Errors, Skill):
     )
     FAILS: ClassVar = {"no_path": "ComputePathToPose first"}
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Follow the paths of the port until the last one has ended."""
         path: Path2D | None = self.path_
         if path is None:
@@ -191,7 +193,7 @@ class NavigateThroughPoses(Nav2Errors, NavigateTo):
     FAILS: ClassVar = {"no_goals": "give a pose"}
     DECLARATION = Declaration()
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Drive to each pose."""
         goals: Goals = self.goals
         if not goals:

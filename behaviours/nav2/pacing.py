@@ -11,7 +11,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.nav2.ports import FRAMES, SERVICE, are_literals, nothing_written, without_meaning
 from behaviours.navigation.navigate import At
-from behaviours.skill import InstantSkill, OnRobot, SkillCondition, SkillFailure
+from behaviours.skill import InstantSkill, RobotNode, SkillCondition, SkillFailure
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Decorator, In, Out, StatefulAction
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.messages import Goals, Path2D, Pose2D
@@ -130,7 +130,7 @@ class CheckPoseOccupancy(InstantSkill):
             raise SkillFailure("goal_blocked", f"the base would touch something at ({pose.x:.2f}, {pose.y:.2f}) m")
 
 
-def _is_free(node: OnRobot, poses: Sequence[Pose2D]) -> list[bool]:
+def _is_free(node: RobotNode, poses: Sequence[Pose2D]) -> list[bool]:
     """At which poses the base touches nothing."""
     if not poses:
         return []
@@ -177,7 +177,7 @@ class GetCurrentPose(InstantSkill):
         self.current_pose = self.skills.world.base.pose
 
 
-class CheckStopStatus(OnRobot, StatefulAction):
+class CheckStopStatus(RobotNode, StatefulAction):
     """SUCCESS once the base has been at rest for ``duration_stopped``; RUNNING until then, FAILURE if it moves."""
 
     REQUIRES = ("base", "lidar")
@@ -285,7 +285,7 @@ class GoalUpdater(Decorator):
         return -math.inf if key is None else self.board.slot(key).stamp
 
 
-class SpeedController(OnRobot, Decorator):
+class SpeedController(RobotNode, Decorator):
     """Tick the child at a rate that grows with the base's speed; at once at the start and when the goal changes.
 
     From ``min_speed`` to ``max_speed`` the rate changes from ``min_rate`` to ``max_rate``. RUNNING in between.
@@ -337,7 +337,7 @@ class SpeedController(OnRobot, Decorator):
         return low, high, slow, fast
 
 
-class DistanceController(OnRobot, Decorator):
+class DistanceController(RobotNode, Decorator):
     """Tick the child at the start, and after every ``distance`` metres of the base; RUNNING in between."""
 
     INPUT_PORTS: ClassVar = {**FRAMES}

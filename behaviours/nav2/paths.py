@@ -9,7 +9,7 @@ import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.nav2.ports import FRAMES, SERVER, SERVICE, Nav2Errors, SmootherName, nothing_written, without_meaning
-from behaviours.skill import InstantSkill, OnRobot, SkillCondition, SkillFailure
+from behaviours.skill import InstantSkill, RobotNode, SkillCondition, SkillFailure
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Goals, Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import NonNegative, Positive
@@ -23,7 +23,7 @@ PATH = PortInformation(Path2D, required=False, description="the path")
 NO_PATH = {"no_path": "ComputePathToPose first"}
 
 
-def path_at(node: OnRobot, port: str) -> Path2D:
+def path_at(node: RobotNode, port: str) -> Path2D:
     """Return the path of a port. Raises SkillFailure (``no_path``) if there is none."""
     path: Path2D | None = node.get_input(port)
     if path is None:

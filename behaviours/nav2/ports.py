@@ -7,7 +7,7 @@ from typing import Annotated, Any, Final
 
 from py_trees.ports import PortInformation
 
-from behaviours.skill import Explained
+from behaviours.skill import ErrorReporting
 from bestman_bt.engine import Node, OneOf, Out
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.messages import Failure
@@ -54,7 +54,7 @@ class AlgorithmName(OursOrNav2s):
         return "" if ":" in value else super().refusal(value)
 
 
-class Nav2Errors(Explained):
+class Nav2Errors(ErrorReporting):
     """Also writes the failure to Nav2's output ports; the code is a word, not Nav2's number."""
 
     error_code_id = Out(str, "error_code by Nav2's name")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from behaviours.computation import Until, passed
-from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
+from behaviours.skill import Declaration, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.control import MotionStatus
 from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.engine import In, Out
@@ -66,7 +66,7 @@ class ExploreAndMap(Skill):
     }
     DECLARATION = Declaration(effects=("mapped()",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Explore, then save the map."""
         from bestman_bt.navigation.map_file import MapFileError, write_map
         from bestman_bt.navigation.slam.pose_graph_slam import SlamLocalizer
@@ -102,7 +102,7 @@ class ExploreAndMap(Skill):
         position_std = math.hypot(now.position_std, told.position_std + told.heading_std * far)
         base.believe(now.pose, position_std, math.hypot(now.heading_std, told.heading_std))
 
-    def _explore(self) -> StepsTo[bool]:
+    def _explore(self) -> SkillCoroutine[bool]:
         """Whether nothing is left to see; False where the time is up."""
         from bestman_bt.navigation.global_planning.base import PlanningFailureReason
         from bestman_bt.navigation.slam.overhangs import Overhangs
@@ -149,7 +149,7 @@ class ExploreAndMap(Skill):
         reaching = np.column_stack([above, np.zeros(len(above))])
         return Footprint(corners, footprint.turning_drift).carrying([reaching], margin=0.0).above
 
-    def _drive(self, path: Path2D, view: FrontierView, overhangs: Overhangs, end: float) -> StepsTo[bool]:
+    def _drive(self, path: Path2D, view: FrontierView, overhangs: Overhangs, end: float) -> SkillCoroutine[bool]:
         """Drive until the goal offers no further view; return whether this is reached, on the way or at the goal."""
         skills, explorer = self.skills, self.skills.exploration
         handle = skills.base.follow(path)

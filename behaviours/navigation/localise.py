@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Gt, Lt
 from py_trees.ports import PortInformation
 
-from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
+from behaviours.skill import Declaration, Skill, SkillCondition, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose2D
 from bestman_bt.messages.shapes import Count, Positive
@@ -46,7 +46,7 @@ class Relocalise(Skill):
     }
     DECLARATION = Declaration(effects=("localised",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Look, search, turn; then let the tracking converge on the result."""
         skills = self.skills
         looks, certainty = self.looks, self.certainty

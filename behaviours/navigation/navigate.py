@@ -11,7 +11,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.computation import Until, passed
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
-from behaviours.skill import Declaration, InstantSkill, Skill, SkillCondition, SkillFailure, Steps, StepsTo, SurfaceName
+from behaviours.skill import Declaration, InstantSkill, Skill, SkillCondition, SkillCoroutine, SkillFailure, SurfaceName
 from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
@@ -116,11 +116,11 @@ class NavigateTo(Skill):
 
     _moving_obstacle_seen = False
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Drive there."""
         yield from self.drive_to(self.goal)
 
-    def drive_to(self, goal: Pose2D) -> Steps:
+    def drive_to(self, goal: Pose2D) -> SkillCoroutine[None]:
         """Drive to ``goal``, with recoveries. Raises SkillFailure if they do not help."""
         most, spent = PEOPLE * self.max_replans, 0
         for attempt in count():
@@ -136,7 +136,7 @@ class NavigateTo(Skill):
                 return
             yield from self._recover(attempt)
 
-    def _drive(self, goal: Pose2D) -> Steps:
+    def _drive(self, goal: Pose2D) -> SkillCoroutine[None]:
         """Make one attempt: along a path, and along another one if it is no longer free."""
         base, known = self.skills.base, self.skills.known_costmap()
         path = yield from self._wait_for_path(goal, known, math.inf)
@@ -154,7 +154,7 @@ class NavigateTo(Skill):
                 return
             path = other
 
-    def _follow(self, motion: Motion[BasePose], goal: Pose2D, known: Costmap) -> StepsTo[Path2D | None]:
+    def _follow(self, motion: Motion[BasePose], goal: Pose2D, known: Costmap) -> SkillCoroutine[Path2D | None]:
         """Wait until the drive has ended or the path is no longer free; return None or another path."""
         skills, base = self.skills, self.skills.base
         while True:
@@ -177,7 +177,7 @@ class NavigateTo(Skill):
                     most += yield from self._back_up()
                 return (yield from self._wait_for_path(goal, known, most))
 
-    def _wait_for_path(self, goal: Pose2D, known: Costmap, most: float) -> StepsTo[Path2D]:
+    def _wait_for_path(self, goal: Pose2D, known: Costmap, most: float) -> SkillCoroutine[Path2D]:
         """Return the next path to drive; if only unmapped obstacles block all paths, wait until there is one.
 
         ``known``: the map. ``most``: metres; a longer path also leads to waiting. Raises SkillFailure if there is none.
@@ -204,13 +204,13 @@ class NavigateTo(Skill):
             self.feedback_message = "waiting for a free path"
             yield base.park()
 
-    def _plan(self, goal: Pose2D, costmap: Costmap) -> StepsTo[Path2D | PlanningFailure]:
+    def _plan(self, goal: Pose2D, costmap: Costmap) -> SkillCoroutine[Path2D | PlanningFailure]:
         skills = self.skills
         start, plan = skills.world.base.pose, skills.global_planning.plan
         path: Path2D | PlanningFailure = yield self.compute("global_planning", plan, start, goal, costmap)
         return path
 
-    def _recover(self, attempt: int) -> Steps:
+    def _recover(self, attempt: int) -> SkillCoroutine[None]:
         """Wait and forget the seen obstacles; the first and every second time also back up, if there is room."""
         skills, base = self.skills, self.skills.base
         yield skills.computation.submit(lambda: None, PAUSE)
@@ -223,7 +223,7 @@ class NavigateTo(Skill):
             if failure.code not in RECOVERABLE_CODES:
                 raise
 
-    def _back_up(self) -> StepsTo[float]:
+    def _back_up(self) -> SkillCoroutine[float]:
         """Straight back as far as is free; metres."""
         room = self._room_behind()
         if room > 0.0:
@@ -250,7 +250,7 @@ class ReturnToStart(NavigateTo):
     FAILS: ClassVar = {"no_start": "the start pose is unknown: NavigateTo a named pose"}
     DECLARATION = Declaration(effects=("at({goal})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Drive there."""
         goal: Pose2D | None = self.goal or self.board.get("@start")
         if goal is None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from behaviours.arm_motion import ARM_PLANNING_FAILS, move_free
 from behaviours.perception.perceive import NO_CAMERA, camera_called
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
-from behaviours.skill import Declaration, ObjectName, OnArm, Skill, SkillFailure, Steps, SurfaceName
+from behaviours.skill import ArmNode, Declaration, ObjectName, Skill, SkillCoroutine, SkillFailure, SurfaceName
 from bestman_bt.engine import In
 from bestman_bt.messages import Pose
 
@@ -27,7 +27,7 @@ ENOUGH = 3
 """Number of postures offered to the planner."""
 
 
-class LookInto(OnArm, Skill):
+class LookInto(ArmNode, Skill):
     """Hold the wrist camera above a surface so that it looks down at an object, if it was seen, else at the whole
     surface.
 
@@ -47,7 +47,7 @@ class LookInto(OnArm, Skill):
     }
     DECLARATION = Declaration(pre=("not holding(any)",), effects=("looking_at({surface})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Find arm postures, and move to the first that has a path."""
         camera = camera_called(self.skills, "wrist")
         surface: str = self.surface
@@ -123,7 +123,7 @@ class LookAt(Skill):
         if not any(self.attributes.get(port) for port in ("point", "object", "surface")):
             raise ValueError("it has nothing to look at: give a point, an object or a surface")
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Turn and settle."""
         point = self._target()
         base_from_point = self.skills.map_from_base.inverse().apply(point.position)

@@ -12,13 +12,12 @@ from behaviours.perception.beliefs import believe_objects, believe_surface, only
 from behaviours.perception.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, surface_region
 from behaviours.skill import (
     Declaration,
-    Explained,
+    ErrorReporting,
     ObjectName,
     Skill,
     SkillCondition,
+    SkillCoroutine,
     SkillFailure,
-    Steps,
-    StepsTo,
     SurfaceName,
 )
 from bestman_bt.engine import In, Out, SyncAction
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
 # Conditions on believed objects: no image is taken.
 
 
-class BelievedSurface(Explained, SyncAction):
+class BelievedSurface(ErrorReporting, SyncAction):
     """Output the surface on which an object is believed to stand, or a default if it has not been seen."""
 
     object = In[str](ObjectName, "the object")
@@ -122,7 +121,7 @@ class DetectObjects(Skill):
     }
     DECLARATION = Declaration(effects=("scanned({surface})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Capture an image, detect objects, and update the belief."""
         view, scene = yield from _look(self)
         names = believe_surface(self.skills, self.surface, view, scene)
@@ -154,7 +153,7 @@ class DetectObject(Skill):
     }
     DECLARATION = Declaration(effects=("visible({object})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Capture an image, detect the object, and update the belief."""
         skills = self.skills
         name: str = self.object
@@ -178,7 +177,7 @@ class DetectObject(Skill):
         self.feedback_message = f"{name} {how}{score_words(belief.score)}"
 
 
-def _look(leaf: DetectObject | DetectObjects) -> StepsTo[tuple[RGBDView, DetectedScene]]:
+def _look(leaf: DetectObject | DetectObjects) -> SkillCoroutine[tuple[RGBDView, DetectedScene]]:
     """A picture by the leaf's camera, and what stands on its surface."""
     skills = leaf.skills
     view = camera_called(skills, leaf.camera).capture()
@@ -208,7 +207,7 @@ class EstimatePose(Skill):
     }
     DECLARATION = Declaration(pre=("visible({object})",), effects=("located({object})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Capture an image of the believed place and register the object's own model."""
         skills = self.skills
         name: str = self.object

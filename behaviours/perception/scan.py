@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from behaviours.perception.beliefs import believe_objects, believe_surface
 from behaviours.perception.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, find_surface, surface_region
-from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, Steps, StepsTo, SurfaceName
+from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillCoroutine, SurfaceName
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Pose, VoxelGrid
 from bestman_bt.messages.shapes import Count
@@ -54,7 +54,7 @@ class ScanScene(Skill):
     FAILS: ClassVar = {**UNKNOWN_SURFACE, **SURFACE_NOT_SEEN}
     DECLARATION = Declaration(effects=("scanned({surface})",))
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Look, detect and map, view by view; then fuse the views of each object."""
         skills = self.skills
         count: int = self.views
@@ -100,7 +100,7 @@ class ScanScene(Skill):
         along = np.eye(3)[longer] * surface.size[longer] * SPREAD
         return [base_from_surface.apply(step * along) for step in steps]
 
-    def _detect(self, view: RGBDView) -> StepsTo[Sequence[str]]:
+    def _detect(self, view: RGBDView) -> SkillCoroutine[Sequence[str]]:
         """Believe in what one view shows; returns the identities."""
         from bestman_bt.perception.segmentation.support_surfaces import surface_regions
 
@@ -118,7 +118,7 @@ class ScanScene(Skill):
             names += believe_objects(skills, view, scene, self._surface_of(view, plane))
         return names
 
-    def _detected(self, view: RGBDView, region: Region) -> StepsTo[DetectedScene]:
+    def _detected(self, view: RGBDView, region: Region) -> SkillCoroutine[DetectedScene]:
         skills = self.skills
         models = list(skills.world.models.values())
         scene: DetectedScene = yield self.compute(
@@ -150,7 +150,7 @@ class ScanScene(Skill):
         x, y = (extent + 2 * MAPPED_MARGIN for extent in surface.size)
         return VoxelRegion(furniture.pose.to_pose() @ surface.pose @ above, (x, y, MAPPED_HEIGHT + MAPPED_MARGIN))
 
-    def _join(self, name: str) -> Steps:
+    def _join(self, name: str) -> SkillCoroutine[None]:
         """One pose from all views of an object."""
         skills = self.skills
         belief, observations = skills.world.objects[name], skills.observations.get(name, [])

@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 from behaviours.context import SkillContext
 from behaviours.perception.beliefs import believe_surface
 from behaviours.perception.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, find_surface, surface_region
-from behaviours.skill import Declaration, Explained, ObjectName, Skill, SkillCondition, SkillFailure, Steps, SurfaceName
+from behaviours.skill import (
+    Declaration,
+    ErrorReporting,
+    ObjectName,
+    Skill,
+    SkillCondition,
+    SkillCoroutine,
+    SkillFailure,
+    SurfaceName,
+)
 from bestman_bt.engine import In, InOut, Out, SyncAction
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.messages.shapes import NonNegative
@@ -30,7 +39,7 @@ ON_SURFACE = 0.03
 """Height error, metres, within which an object counts as standing on a mapped surface."""
 
 
-class RememberSeen(Explained, SyncAction):
+class RememberSeen(ErrorReporting, SyncAction):
     """Add the named objects with a believed place to the list of seen objects."""
 
     objects = In(list, "names of the objects that belong there")
@@ -46,7 +55,7 @@ class RememberSeen(Explained, SyncAction):
         return self.succeed(", ".join(seen) or "nothing")
 
 
-class _SeenInRegion(Explained):
+class _SeenInRegion(ErrorReporting):
     seen = In(list, "names of the objects seen so far")
     surface = In[str](SurfaceName, "the target surface, such as counter/top")
     region_x = In(list, "from, to: metres in the frame of the surface")
@@ -114,7 +123,7 @@ class FindFreePlace(Skill):
         self._object = ""
         self._given: list[NDArray[np.float64]] = []
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Capture, measure the surface, and search for free space."""
         from bestman_bt.perception.segmentation.surface_coverage import surface_coverage
 

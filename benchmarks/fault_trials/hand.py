@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from py_trees.ports import PortInformation
 
-from behaviours.skill import Skill, Steps
+from behaviours.skill import Skill, SkillCoroutine
 
 SPEED = 0.05
 """Metres per second of the width."""
@@ -17,6 +17,6 @@ class MoveFingers(Skill):
 
     INPUT_PORTS: ClassVar = {"width": PortInformation(float, description="metres between the fingers")}
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Move and wait."""
         yield self.skills.gripper.open(self.get_input("width"), SPEED)

@@ -15,11 +15,11 @@ import re
 import sys
 import traceback
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache, lru_cache
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import NoReturn
 
 PACKAGES = ("bestman_bt", "behaviours", "hal")
@@ -168,17 +168,18 @@ def homes_of(name: str) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def raise_no_such_name(module: str, name: str) -> NoReturn:
+def raise_no_such_name(module: str, name: str, renamed: Mapping[str, str] = MappingProxyType({})) -> NoReturn:
     """Raise AttributeError naming the module that has ``name``; ImportError for a ``from`` import of a class.
 
-    A ``from`` import would discard the message of an AttributeError.
+    A ``from`` import would discard the message of an AttributeError. ``renamed``: old → new names in ``module``.
     """
     asking = sys._getframe(2)
     homes = [home for home in (homes_of(name) if name[:1].isupper() else ()) if home != module]
-    if homes and dis.opname[asking.f_code.co_code[asking.f_lasti]] == "IMPORT_FROM":
-        raise ImportError(f"{module} has no {name!r}: from {homes[0]} import {name}", name=module)
-    hint = f": from {homes[0]} import {name}" if homes else ""
-    raise AttributeError(f"module {module!r} has no attribute {name!r}{hint}")
+    place = f": from {module} import {renamed[name]}" if name in renamed else ""
+    place = place or (f": from {homes[0]} import {name}" if homes else "")
+    if place and dis.opname[asking.f_code.co_code[asking.f_lasti]] == "IMPORT_FROM":
+        raise ImportError(f"{module} has no {name!r}{place}", name=module)
+    raise AttributeError(f"module {module!r} has no attribute {name!r}{place}")
 
 
 def _modules() -> dict[str, Path]:

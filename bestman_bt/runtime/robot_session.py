@@ -19,7 +19,7 @@ from py_trees.behaviour import Behaviour
 from behaviours.computation import InlineComputation
 from behaviours.context import SkillContext
 from behaviours.navigation.localise import KNOWN_POSITION_STD
-from behaviours.skill import OnRobot
+from behaviours.skill import RobotNode
 from bestman_bt.configuration.errors import told_to_programs
 from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.configuration.task import task_of_tree
@@ -146,7 +146,7 @@ class RobotSession:
                 clock = self.robot.clock
                 loaded = load_for(self.setup, tree, context=self.skills, clock=clock, faults=wrong, replaces=replaces)
         self.check(loaded, entries, wrong)
-        needed = {kind for node in loaded.nodes if isinstance(node, OnRobot) for kind in (*node.REQUIRES, *node.USES)}
+        needed = {kind for node in loaded.nodes if isinstance(node, RobotNode) for kind in (*node.REQUIRES, *node.USES)}
         for arm in self.skills.robot.arm_names or ("",):
             self.skills.for_arm(arm).make(needed)
         return loaded

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from behaviours.parts import listed, parts_by_kind
-from behaviours.skill import OnArm
+from behaviours.skill import ArmNode
 from bestman_bt.engine import Node, Tree
 from bestman_bt.engine.bounds import Named
 from bestman_bt.engine.core.ports import key_of
@@ -83,7 +83,7 @@ def arm_problems(tree: Tree, robot: RobotModel) -> list[TreeProblem]:
         return problems
     written = {id(use.slot) for use in entry_uses(tree) if use.writes}
     for node in tree.nodes:
-        if not isinstance(node, OnArm) and "arm" not in getattr(node, "REQUIRES", ()):
+        if not isinstance(node, ArmNode) and "arm" not in getattr(node, "REQUIRES", ()):
             continue
         value: str = node.attributes.get("arm", "")
         key = key_of(value, "arm")
@@ -95,7 +95,7 @@ def arm_problems(tree: Tree, robot: RobotModel) -> list[TreeProblem]:
         arm = value or robot.default_arm
         if arm is None:
             message = f"{node.path} names no arm; robot {robot.name} has {', '.join(arms)} and no default_arm"
-            hint = f'give arm="{arms[0]}"' if isinstance(node, OnArm) else f"give the robot a default_arm: {arms[0]}"
+            hint = f'give arm="{arms[0]}"' if isinstance(node, ArmNode) else f"give the robot a default_arm: {arms[0]}"
             problems.append(problem_at(node, "arm", message, hint))
         elif arm in arms and "gripper" in getattr(node, "REQUIRES", ()) and robot.gripper_of(arm) is None:
             message = f"{node.path} needs a gripper, and the arm {arm} of robot {robot.name} carries none"

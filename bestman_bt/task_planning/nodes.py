@@ -11,13 +11,13 @@ import numpy as np
 from behaviours.context import DRIVEN, SkillContext
 from behaviours.skill import (
     ArticulationName,
-    Explained,
+    ErrorReporting,
     ObjectName,
-    OnRobot,
+    RobotNode,
     Skill,
     SkillCondition,
+    SkillCoroutine,
     SkillFailure,
-    Steps,
     SurfaceName,
 )
 from bestman_bt.engine import RUNNING, SUCCESS, In, Out, StatefulAction, SubTree, Tree, TreeLoadError
@@ -149,7 +149,7 @@ ANSWERS = frozenset({"not_believed", "other_code"})
 """What ``Holds`` and ``AreErrorCodesPresent`` tell where the answer is no: they ask, and are no reason of a failure."""
 
 
-class _Planning(OnRobot):
+class _Planning(RobotNode):
     """What both leaves know of the task."""
 
     goal = In(str, "facts, joined by and: on(mug, table) and closed(drawer_chest/drawer_3)")
@@ -177,7 +177,7 @@ class Plan(_Planning, Skill):
         "unsolvable": "ask for something that can be reached: the message says what nothing brings about",
     }
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Plan, and report the plan."""
         try:
             planner = made_planner(self.planner)
@@ -191,7 +191,7 @@ class Plan(_Planning, Skill):
         self.feedback_message = "; ".join(str(action) for action in plan.actions) or "the goal is believed already"
 
 
-class ExecutePlan(_Planning, Explained, StatefulAction):
+class ExecutePlan(_Planning, ErrorReporting, StatefulAction):
     """Build a tree from a plan, check it, and tick it; FAILURE if the plan fails or no longer helps.
 
     The tree has its own blackboard: it shares the robot and the beliefs, but no entries.

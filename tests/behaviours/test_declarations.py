@@ -10,7 +10,7 @@ from behaviours.arm_motion import ARM_PLANNING_FAILS
 from behaviours.failure import MOTION_FAILS, SEEING_FAILS, declared_failures, own_failures
 from behaviours.furniture.leaf_motion import FOLLOWING_FAILS, error_code
 from behaviours.navigation.navigate import DRIVING_FAILS
-from behaviours.skill import Explained, Skill
+from behaviours.skill import ErrorReporting, Skill
 from bestman_bt.control.arm.constraint_following import FollowEnd
 from bestman_bt.control.rgbd import CameraErrorCode
 from bestman_bt.manipulation.motion_planning.base import PlanningErrorCode
@@ -21,7 +21,7 @@ from bestman_bt.perception.errors import NoSurfaceError
 from bestman_bt.registry import BEHAVIOURS
 from tests.behaviours.raised_codes import raised_codes
 
-LEAVES = {name: found for name in BEHAVIOURS if issubclass(found := BEHAVIOURS.resolve(name), Explained)}
+LEAVES = {name: found for name in BEHAVIOURS if issubclass(found := BEHAVIOURS.resolve(name), ErrorReporting)}
 LEAF = re.compile(r"\b[A-Z][a-z]+(?:[A-Z][a-z]+)+\b")
 SYNONYMS = {"hand_full", "object_not_found", "not_seen", "time_limit"}
 OF_ENUMERATIONS = {

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from behaviours.skill import Skill, Steps
+from behaviours.skill import Skill, SkillCoroutine
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.motion import start_motion
 from bestman_bt.engine import FAILURE
@@ -26,7 +26,7 @@ STRUCK = Failure(MotionErrorCode.COLLISION, "the current is too high", "arm", "C
 class MoveStruckArm(Skill):
     """Commands a motion that the controller's protective stop ends."""
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         motion: Motion[None] = Motion()
         motion.end(MotionStatus.FAILED, STRUCK)
         yield start_motion("arm", lambda: motion)
@@ -35,7 +35,7 @@ class MoveStruckArm(Skill):
 class CloseStoppedHand(Skill):
     """Commands a gripper whose robot was stopped by a fault of the arm's controller."""
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         channel: Any = SimpleNamespace(refresh=lambda: None, read=lambda: GripperReading(0.05))
         latch, model = StopLatch(), self.skills.robot.of(GripperModel)["gripper"]
         hand = CommandedGripper("hand", model, channel, latch)
@@ -47,7 +47,7 @@ class CloseStoppedHand(Skill):
 class LetGo(Skill):
     """Opens the hand a little, which it measures first."""
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         yield self.skills.gripper.release()
 
 

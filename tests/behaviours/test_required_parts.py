@@ -16,7 +16,7 @@ import pytest
 
 from behaviours.context import SkillContext
 from behaviours.parts import PartKind
-from behaviours.skill import OnRobot
+from behaviours.skill import RobotNode
 from bestman_bt.runtime.plugins import node_registry
 
 KINDS = set(get_args(PartKind))
@@ -39,7 +39,7 @@ STANDS_FOR: dict[str, set[str]] = {
 }
 """Attribute of a context → the kinds of parts behind it, where it is not called as its kind."""
 HOLDERS = {"skills", "_skills", "context"}
-SKILLS = [info.cls for info in node_registry([]).manifest() if not info.builtin and issubclass(info.cls, OnRobot)]
+SKILLS = [info.cls for info in node_registry([]).manifest() if not info.builtin and issubclass(info.cls, RobotNode)]
 
 
 def touched(cls: type[Any]) -> set[str]:
@@ -86,7 +86,7 @@ def _methods(cls: type[Any]) -> Iterator[FunctionType]:
 def _called(value: Any) -> Iterator[FunctionType]:
     if isinstance(value, FunctionType) and _is_ours(value):
         yield value
-    elif isinstance(value, type) and _is_ours(value) and not issubclass(value, OnRobot):
+    elif isinstance(value, type) and _is_ours(value) and not issubclass(value, RobotNode):
         yield from _methods(value)
 
 

@@ -10,7 +10,7 @@ import pytest
 from py_trees.ports import PortInformation
 
 from behaviours.contacts import Contact, grasp, handle, push, support
-from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
+from behaviours.skill import Declaration, Skill, SkillCondition, SkillCoroutine, SkillFailure
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, In, Node, NodeError, Tree, build_tree, load_tree
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.runtime.robot_session import RobotSession
@@ -25,7 +25,7 @@ class Think(Skill):
     INPUT_PORTS: ClassVar = {"trouble": PortInformation(str, required=False, default_value="")}
     OUTPUT_PORTS: ClassVar = {"answer": PortInformation(int, required=False)}
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         answer = yield self.compute("detection", self._think, self.get_input("trouble"))
         self.set_output("answer", answer)
         self.feedback_message = "thought it over"
@@ -44,7 +44,7 @@ class Think(Skill):
 class Feel(Skill):
     """Reads the wrist."""
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         assert self.skills.wrist_wrench is not None
         self.skills.wrist_wrench.contact()
         yield from ()
@@ -77,7 +77,7 @@ class Tidy(Skill):
 
     tidied = False
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         try:
             yield self.skills.head.move_to([0.8, 0.8])
         finally:
@@ -87,7 +87,7 @@ class Tidy(Skill):
 class TryTwice(Skill):
     """Goes on after a controller that fails."""
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         try:
             yield self.skills.head.look_at([-1.0, 0.0, 0.0])
         except SkillFailure as failure:
@@ -100,7 +100,7 @@ class Reach(Skill):
 
     declared: Contact
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         with self.touching(self.declared):
             yield self.skills.head.move_to([0.1, 0.1])
 
@@ -111,7 +111,7 @@ class Press(Skill):
     INPUT_PORTS: ClassVar = {"fails": PortInformation(bool, required=False, default_value=False)}
     remarked = False
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         with self.touching(Contact("handle", "fridge/upper_door", 50.0)):
             yield self.skills.head.move_to([0.1, 0.1])
             if self.get_input("fails"):

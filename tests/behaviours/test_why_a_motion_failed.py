@@ -13,7 +13,7 @@ from behaviours.arm_motion import unreached
 from behaviours.context import SkillContext
 from behaviours.failure import NodeFailure
 from behaviours.manipulation.base_placement import FindStandPose
-from behaviours.skill import OnArm, Skill, SkillFailure, Steps
+from behaviours.skill import ArmNode, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import FAILURE
 from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene, SceneObstacle
 from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
@@ -29,12 +29,12 @@ ASIDE = np.array([1.2, -0.785, 0.0, -2.0, 0.0, 1.571, 0.785])
 HURRIED = RRTConnect(max_checks=1500, attempts=1)
 
 
-class Planted(OnArm, Skill):
+class Planted(ArmNode, Skill):
     """Fails with what was planted."""
 
     plant: Callable[[SkillContext], Any]
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         yield from ()
         type(self).plant(self.skills)
 

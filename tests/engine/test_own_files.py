@@ -81,6 +81,10 @@ def test_a_tree_does_not_find_the_helpers_of_another_folder(two: list[Path], tmp
         ),
         ("from behaviours import Grasp", "behaviours has no 'Grasp': from behaviours.manipulation.grasp import Grasp"),
         ("from bestman_bt import Grasp", "bestman_bt has no 'Grasp': from behaviours.manipulation.grasp import Grasp"),
+        (
+            "from behaviours.skill import Skill, Steps",
+            "behaviours.skill has no 'Steps': from behaviours.skill import SkillCoroutine",
+        ),
         ("from bestman_bt.engine import Session", "bestman_bt.engine has no 'Session': from bestman_bt import Session"),
         ("from behaviours.log import Log, Sequence", "; bestman_bt.engine has Sequence"),
         ("from bestman_bt.task_planning import TaskPlanner", "; bestman_bt.task_planning.base has TaskPlanner"),

@@ -24,13 +24,13 @@ LOOK = """<root BTCPP_format="4"><BehaviorTree ID="Look"><Sequence>
 </Sequence></BehaviorTree></root>"""
 BROKEN = '<root BTCPP_format="4"><BehaviorTree ID="Broken"><Break/></BehaviorTree></root>'
 BREAK = '''
-from behaviours.skill import Skill, Steps
+from behaviours.skill import Skill, SkillCoroutine
 
 
 class Break(Skill):
     """Leaves something behind that breaks while the robot waits."""
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         self.skills.clock.every(0.1, lambda: 1 / 0)
         yield self.skills.head.move_to([0.5, 0.5])
 '''

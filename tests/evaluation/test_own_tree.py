@@ -19,13 +19,13 @@ import math
 
 from behaviours.arm_motion import move_free
 from behaviours.contacts import grasp, handle, push, support
-from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillFailure, Steps
+from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillFailure, SkillCoroutine
 from behaviours.perception.surfaces import find_surface
 from bestman_bt.messages import Pose
 
 
 class Bump(Skill):
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         skills = self.skills
         furniture, surface = find_surface(skills, "table")
         top = (furniture.pose.to_pose() @ surface.pose).position[2]

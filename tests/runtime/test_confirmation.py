@@ -15,7 +15,7 @@ import pytest
 
 from behaviours.manipulation.move_arm import MoveArm
 from behaviours.perception.look import LookAt
-from behaviours.skill import Skill, Steps
+from behaviours.skill import Skill, SkillCoroutine
 from bestman_bt.control.planned_motion import PlannedMotion
 from bestman_bt.engine import Fallback
 from bestman_bt.runtime.confirmation import Confirmation
@@ -29,7 +29,7 @@ TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
 
 
 class OpenHand(Skill):
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         yield self.skills.gripper.open(0.03)
 
 

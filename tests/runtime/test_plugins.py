@@ -27,7 +27,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from behaviours.skill import Skill, Steps
+from behaviours.skill import Skill, SkillCoroutine
 from bestman_bt.engine import action
 from bestman_bt.messages import Path2D
 from bestman_bt.navigation.global_planning.base import GlobalPlanner
@@ -37,7 +37,7 @@ from bestman_bt.registry import ALGORITHMS
 class Nod(Skill):
     """Lower the head and raise it again."""
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         yield self.skills.head.move_to([0.0, 1.0])
         yield self.skills.head.move_to([0.0, 0.8])
 

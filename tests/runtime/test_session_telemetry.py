@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from behaviours.manipulation.move_arm import MoveArm
-from behaviours.skill import Explained
+from behaviours.skill import ErrorReporting
 from bestman_bt.engine import Sequence, SyncAction
 from bestman_bt.records.events import (
     EndEvent,
@@ -24,7 +24,7 @@ from bestman_bt.records.reader import read_events, read_log
 from bestman_bt.runtime.robot_session import RobotSession, session
 
 
-class LookAndGiveUp(Explained, SyncAction):
+class LookAndGiveUp(ErrorReporting, SyncAction):
     """Takes a picture and fails."""
 
     def on_tick(self) -> int:

@@ -11,7 +11,7 @@ import pytest
 from behaviours.computation import InlineComputation
 from behaviours.context import DRIVEN, SkillContext
 from behaviours.failure import NodeFailure
-from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from behaviours.skill import Declaration, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.configuration.data import data_root
 from bestman_bt.engine import (
     FAILURE,
@@ -60,7 +60,7 @@ class Bring(Skill):
     trouble: ClassVar[list[str]] = []
     halted: ClassVar[list[str]] = []
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Take a little time."""
         name, place = self.get_input("object"), self.get_input("place")
         try:
@@ -88,7 +88,7 @@ class LookFor(Skill):
     hidden: ClassVar[str] = ""
     looked: ClassVar[list[str]] = []
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Take a little time."""
         name, place = self.get_input("object"), self.get_input("place")
         yield self.compute("bringing", lambda: None)
@@ -105,7 +105,7 @@ class Wipe(Skill):
     INPUT_PORTS: ClassVar = {"place": PortInformation(str)}
     DECLARATION = Declaration(effects=("clean({place})", "not soiled({place})"), parameters={"place": "place"})
 
-    def execute(self) -> Steps:
+    def execute(self) -> SkillCoroutine[None]:
         """Nothing to wait for."""
         yield from ()
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from py_trees.ports import PortInformation
 
-from behaviours.skill import Explained
+from behaviours.skill import ErrorReporting
 from bestman_bt.engine import SyncAction
 from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
 from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
@@ -64,7 +64,7 @@ class WrongGoal(Altered):
 ALTERATIONS: dict[str, Callable[[Policy], Policy]] = {"null": Null, "wrong_goal": WrongGoal}
 
 
-class AlterPolicies(Explained, SyncAction):
+class AlterPolicies(ErrorReporting, SyncAction):
     """From now on all policies of the robot are altered."""
 
     INPUT_PORTS: ClassVar = {"how": PortInformation(str, description="null or wrong_goal")}
