@@ -36,7 +36,7 @@ ROOM, SAG = 0.012, 0.1
 """Clearance of a held object from the robot and all else, where possible: the larger of metres and a fraction of the
 object's extent from the hand.
 """
-ESCAPE_SPEED = SpeedScale(0.05, 0.05)
+RECOVERY_SPEED = SpeedScale(0.05, 0.05)
 
 ARM_PLANNING_FAILS = {
     "start_out_of_limits": "Retreat",
@@ -109,7 +109,7 @@ def _free_motion(
     except MotionPlanningError as refusal:
         if refusal.code is not PlanningErrorCode.START_IN_COLLISION:
             raise
-        yield from _escape(skill, world)
+        yield from _recover_from_collision(skill, world)
         timed = yield _planned(skill, goals, world)
     return timed
 
@@ -138,17 +138,17 @@ def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisio
     )
 
 
-def _escape(skill: Skill, world: CollisionWorld) -> SkillCoroutine[None]:
+def _recover_from_collision(skill: Skill, world: CollisionWorld) -> SkillCoroutine[None]:
     """Move slowly out of a believed contact, if a small motion achieves this."""
     skills = skill.skills
     trajectory = yield skill.compute(
         "motion_planning",
-        skills.motion_planning.escape,
+        skills.motion_planning.recover,
         skills.arm_positions(),
         world,
         skills.arm_model,
         skills.rng,
-        ESCAPE_SPEED,
+        RECOVERY_SPEED,
     )
     yield skills.arm.follow(trajectory)
 

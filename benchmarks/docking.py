@@ -29,7 +29,7 @@ from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.facts.goals.at_goal import AtGoalFields, drive_goal
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.robot_model.model import BaseModel
-from bestman_bt.runtime.setup import prepare
+from bestman_bt.runtime.resolved_config import prepare
 from bestman_bt.scene.scene import World
 
 POSITION, YAW = 0.01, math.radians(1.0)

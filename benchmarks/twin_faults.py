@@ -20,7 +20,7 @@ from typing import Any
 from benchmarks.fault_trials.client_trial import CLIENT_TRIALS, ClientReport, ClientTrial, run_client_trial
 from benchmarks.fault_trials.trial import TRIALS, Report, Trial, run_trial
 from bestman_bt.configuration.run import load_run
-from bestman_bt.runtime.setup import Setup, prepare
+from bestman_bt.runtime.resolved_config import ResolvedConfig, prepare
 from hal.twins.process import TwinProcess
 
 TASK, SEED = "pick_place_table", 11
@@ -47,7 +47,7 @@ def main() -> None:
         print("; ".join(f"{key}: {value}" for key, value in row.items()))
 
 
-def hardware_setup(robot: str, twin: TwinProcess) -> Setup:
+def hardware_setup(robot: str, twin: TwinProcess) -> ResolvedConfig:
     """The robot with twins in place of its controllers, in the world that these show."""
     settings = [f"robot.{key}={value}" for key, value in twin.settings.items()]
     return prepare(load_run(TASK, robot=robot, seed=SEED, settings=settings, driver="hardware"))

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from behaviours.context import SkillContext
     from bestman_bt.evaluation.episode import JudgedSession
     from bestman_bt.evaluation.result import RunResult
-    from bestman_bt.runtime.setup import Setup
+    from bestman_bt.runtime.resolved_config import ResolvedConfig
     from hal.api import Robot
 
 _LOG = logging.getLogger(__name__)
@@ -147,7 +147,7 @@ class Session(AbstractContextManager["Session"]):
         return self._open.session.skills
 
     @property
-    def setup(self) -> Setup:
+    def setup(self) -> ResolvedConfig:
         """The resolved configuration, robot model and scene."""
         return self._open.session.setup
 

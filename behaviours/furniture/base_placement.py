@@ -11,7 +11,7 @@ from behaviours.furniture.close import BEFORE, FrontPush, pushes
 from behaviours.furniture.leaf import (
     UNKNOWN_ARTICULATION,
     FurnitureLeaf,
-    LeafWay,
+    LeafPath,
     find_leaf,
     find_stands,
     room_beside,
@@ -62,7 +62,7 @@ class FindCloseStand(FindBasePlacement):
     def _rank(self, leaf: FurnitureLeaf) -> Sequence[PathPlacement]:
         return find_stands(self.skills, leaf, self._ways(leaf))
 
-    def _ways(self, leaf: FurnitureLeaf) -> Iterator[LeafWay]:
+    def _ways(self, leaf: FurnitureLeaf) -> Iterator[LeafPath]:
         skills = self.skills
         is_base_free = None
         around: dict[tuple[float, ...], list[Pose2D]] = {}
@@ -71,7 +71,7 @@ class FindCloseStand(FindBasePlacement):
             is_base_free = is_base_free or room_beside(skills, leaf, positions)
             if point not in around:  # however the hand is held there
                 around[point] = [stand for stand in _around(push) if self._is_new(stand) and is_base_free(stand)]
-            yield LeafWay(around[point], [push.stations(BEFORE)[0], *push.stations()], positions, "fingers", skip=1)
+            yield LeafPath(around[point], [push.stations(BEFORE)[0], *push.stations()], positions, "fingers", skip=1)
 
 
 def _around(push: FrontPush) -> tuple[Pose2D, ...]:
@@ -172,7 +172,7 @@ class FindOpenStand(FindBasePlacement):
         """For all grasps."""
         return find_stands(self.skills, opening.leaf, self._ways(opening, belief))
 
-    def _ways(self, opening: Opening, belief: HandleBelief) -> Iterator[LeafWay]:
+    def _ways(self, opening: Opening, belief: HandleBelief) -> Iterator[LeafPath]:
         from bestman_bt.manipulation.base_placement import placements_around
 
         skills = self.skills
@@ -188,4 +188,4 @@ class FindOpenStand(FindBasePlacement):
             grasp, pre_grasp = skills.map_from_base @ candidate.grasp, skills.map_from_base @ candidate.pre_grasp
             tilts = opening.tilts(grasp)
             way = [before(opening, grasp, pre_grasp, tilts), *stations(opening, grasp, tilts)]
-            yield LeafWay(stands, way, opening.positions(), opening.touching, skip=1)
+            yield LeafPath(stands, way, opening.positions(), opening.touching, skip=1)

@@ -234,7 +234,7 @@ def swept_by(leaf: FurnitureLeaf, positions: Sequence[float]) -> NDArray[np.floa
 
 
 @dataclass(frozen=True, eq=False)
-class LeafWay:
+class LeafPath:
     """One way to move a leaf: the arm follows ``stations`` from one of ``stands``, both in the map frame.
 
     ``positions``: of the leaf at the stations. ``touching``, ``skip``: as in ``free_along``.
@@ -247,7 +247,7 @@ class LeafWay:
     skip: int = 0
 
 
-def find_stands(skills: SkillContext, leaf: FurnitureLeaf, ways: Iterable[LeafWay]) -> list[PathPlacement]:
+def find_stands(skills: SkillContext, leaf: FurnitureLeaf, ways: Iterable[LeafPath]) -> list[PathPlacement]:
     """Return the base placements from which the arm follows the whole of one of ``ways``, best first; may be empty.
 
     The arm's reachability map limits the candidates, so that few searches fail.
@@ -255,7 +255,7 @@ def find_stands(skills: SkillContext, leaf: FurnitureLeaf, ways: Iterable[LeafWa
     kinematics, current = skills.kinematics, skills.world.base.pose
     reachability = _reachability(skills)
     found: list[PathPlacement] = []
-    promising: list[LeafWay] = []
+    promising: list[LeafPath] = []
     worlds: LeafWorlds = {}
     for batch in BATCHES:
         for way in promising or ways:
@@ -275,7 +275,7 @@ def find_stands(skills: SkillContext, leaf: FurnitureLeaf, ways: Iterable[LeafWa
 def stands_along_leaf(
     skills: SkillContext,
     leaf: FurnitureLeaf,
-    way: LeafWay,
+    way: LeafPath,
     worlds: LeafWorlds,
     search: PathPlacements,
     reachability: ReachabilityMap | None = None,

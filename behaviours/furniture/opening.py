@@ -13,7 +13,7 @@ from behaviours.context import SkillContext
 from behaviours.furniture.leaf import (
     MEASURED,
     FurnitureLeaf,
-    LeafWay,
+    LeafPath,
     LeafWorlds,
     Touching,
     find_leaf,
@@ -254,7 +254,7 @@ def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> H
         grasp, pre_grasp = skills.map_from_base @ candidate.grasp, skills.map_from_base @ candidate.pre_grasp
         tilts = opening.tilts(grasp)
         way = [before(opening, grasp, pre_grasp, tilts), *stations(opening, grasp, tilts)]
-        along_leaf = LeafWay(here, way, opening.positions(), opening.touching, skip=1)
+        along_leaf = LeafPath(here, way, opening.positions(), opening.touching, skip=1)
         for stand in stands_along_leaf(skills, opening.leaf, along_leaf, worlds, from_here):
             arc = replace(stand.arc, path=stand.arc.path[1:], options=stand.arc.options[1:])
             if len(arc.path) < 2 or not free.is_free(stand.arc.path[0]):

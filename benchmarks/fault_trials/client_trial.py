@@ -18,7 +18,7 @@ from benchmarks.fault_trials.left_behind import LeftBehind
 from benchmarks.fault_trials.trial import GRACE, UR, XARM
 from benchmarks.fault_trials.truth import moves, rests_at
 from bestman_bt.messages import Pose, Pose2D, wrap_angle
-from bestman_bt.runtime.setup import Setup
+from bestman_bt.runtime.resolved_config import ResolvedConfig
 from hal.api import MobileBase
 from hal.hardware.isolated_robot import IsolatedRobot
 from hal.twins.process import TwinProcess
@@ -80,7 +80,7 @@ CLIENT_TRIALS = tuple(
 )
 
 
-def run_client_trial(trial: ClientTrial, twin: TwinProcess, setup: Setup) -> ClientReport:
+def run_client_trial(trial: ClientTrial, twin: TwinProcess, setup: ResolvedConfig) -> ClientReport:
     """``setup``: of the twin's robot. The base faces where it did at first afterwards, as sessions believe it does."""
     report = _end(trial, twin, setup)
     if trial.base:
@@ -88,7 +88,7 @@ def run_client_trial(trial: ClientTrial, twin: TwinProcess, setup: Setup) -> Cli
     return report
 
 
-def _end(trial: ClientTrial, twin: TwinProcess, setup: Setup) -> ClientReport:
+def _end(trial: ClientTrial, twin: TwinProcess, setup: ResolvedConfig) -> ClientReport:
     left = LeftBehind()
     with tempfile.TemporaryDirectory() as folder:
         tree, output = Path(folder) / "tree.xml", Path(folder) / "output"
@@ -117,7 +117,7 @@ def _end(trial: ClientTrial, twin: TwinProcess, setup: Setup) -> ClientReport:
         return ClientReport(rest, code, output.read_text()[-300:], tuple(left.after(GRACE)))
 
 
-def _turn_back(twin: TwinProcess, setup: Setup) -> None:
+def _turn_back(twin: TwinProcess, setup: ResolvedConfig) -> None:
     told = twin.judge("base_pose")
     heading = Pose(np.array(told["position"]), np.array(told["quaternion"])).to_pose2d().theta
     with IsolatedRobot(setup.robot_model) as robot:

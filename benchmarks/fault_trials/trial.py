@@ -19,8 +19,8 @@ from benchmarks.fault_trials.left_behind import LeftBehind
 from benchmarks.fault_trials.truth import place
 from bestman_bt.engine import Fallback, Node, Sequence, Sleep
 from bestman_bt.messages import Pose2D
+from bestman_bt.runtime.resolved_config import ResolvedConfig
 from bestman_bt.runtime.robot_session import RobotSession, open_session
-from bestman_bt.runtime.setup import Setup
 from hal.hardware.isolated_robot import IsolatedRobot
 from hal.twins.process import TwinProcess
 
@@ -113,7 +113,7 @@ TRIALS = (
 )  # fmt: skip
 
 
-def run_trial(trial: Trial, twin: TwinProcess, setup: Setup) -> Report:
+def run_trial(trial: Trial, twin: TwinProcess, setup: ResolvedConfig) -> Report:
     """A session of its own, and what is left of it."""
     left = LeftBehind()
     with open_session(setup) as session:

@@ -17,7 +17,7 @@ from bestman_bt.facts.goals.at_goal import AtGoalFields, drive_goal, true_costma
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning.grid_search import shortest_length
 from bestman_bt.runtime.algorithms import Algorithms
-from bestman_bt.runtime.setup import prepare
+from bestman_bt.runtime.resolved_config import prepare
 
 POSITION_TOLERANCE, YAW_TOLERANCE = 0.05, math.radians(3.0)
 REST = 0.5

@@ -22,7 +22,7 @@ from bestman_bt.navigation.global_planning.grid_search import areas_of_disc
 from bestman_bt.navigation.slam.base import SlamEstimate
 from bestman_bt.navigation.slam.pose_graph_slam import PoseGraphSlam
 from bestman_bt.runtime.executor import Executor
-from bestman_bt.runtime.setup import Setup, prepare
+from bestman_bt.runtime.resolved_config import ResolvedConfig, prepare
 from hal.api import Lidar
 
 TIME_LIMIT = 900.0
@@ -89,14 +89,14 @@ class Exploration:
     plans: list[tuple[Costmap, Path2D]]
 
 
-def apartment(seed: int, area: float, settings: list[str]) -> Setup:
+def apartment(seed: int, area: float, settings: list[str]) -> ResolvedConfig:
     """An apartment of ``area`` square metres, within 5 %, another for each seed."""
     about = f"scene.generator.apartment.area=[{0.95 * area:.1f} m², {1.05 * area:.1f} m²]"
     own = f"scene.generator.apartment.seed={seed}"
     return prepare(load_run("navigate_apartment", seed=seed, settings=[own, about, *settings]))
 
 
-def explore(setup: Setup, mean_slip: float) -> Exploration:
+def explore(setup: ResolvedConfig, mean_slip: float) -> Exploration:
     """Drive until the robot says that nothing is left to see."""
     seed, slam = setup.config.seed, RecordedSlam()
     with judged_session(setup, lambda robot: let_slip(robot, mean_slip, seed)) as judged:
@@ -138,7 +138,7 @@ def explore(setup: Setup, mean_slip: float) -> Exploration:
     )
 
 
-def reachable_floor(setup: Setup) -> NDArray[np.float64]:
+def reachable_floor(setup: ResolvedConfig) -> NDArray[np.float64]:
     """(N, 2) centres of the cells that the middle of the base can truly get to, turning as it likes."""
     costmap = true_costmap(setup.world, setup.robot_model)
     areas = areas_of_disc(costmap, costmap.footprint.circumscribed_radius)

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from bestman_bt.messages import Pose2D
+from bestman_bt.runtime.resolved_config import ResolvedConfig
 from bestman_bt.runtime.robot_session import RobotSession, open_session
-from bestman_bt.runtime.setup import Setup
 from hal.api import Robot
 from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
@@ -33,7 +33,9 @@ class JudgedSession:
 
 
 @contextmanager
-def judged_session(setup: Setup, before: Callable[[Robot], None] = lambda robot: None) -> Iterator[JudgedSession]:
+def judged_session(
+    setup: ResolvedConfig, before: Callable[[Robot], None] = lambda robot: None
+) -> Iterator[JudgedSession]:
     """Open a session; ``before`` is shown the robot before anything is started."""
     held: list[tuple[PyBulletRobot, GroundTruth]] = []
 

@@ -21,7 +21,7 @@ from bestman_bt.facts.goals.at_goal import base_footprint
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.localization.distance_field import DistanceField
-from bestman_bt.runtime.setup import START_HEADING_ERROR, START_POSITION_ERROR, Setup, prepare
+from bestman_bt.runtime.resolved_config import START_HEADING_ERROR, START_POSITION_ERROR, ResolvedConfig, prepare
 from bestman_bt.world_model.world_model import BasePose
 
 LOCALIZER = "scan_to_map"
@@ -144,7 +144,7 @@ def kidnap(seed: int, localizer: str, found: KnowingWhere) -> None:
         found.failures.append(f"seed {seed}, kidnap: {'; '.join(ran.told) or 'nothing was noticed'}")
 
 
-def somewhere(setup: Setup, rng: np.random.Generator) -> Pose2D:
+def somewhere(setup: ResolvedConfig, rng: np.random.Generator) -> Pose2D:
     """A pose in the building where the base can turn."""
     costmap = Costmap.from_map(setup.world_model.map, base_footprint(setup.robot_model))
     floor = DistanceField.of_map(setup.world_model.map)
@@ -154,7 +154,7 @@ def somewhere(setup: Setup, rng: np.random.Generator) -> Pose2D:
             return Pose2D(x, y, theta)
 
 
-def _prepared(seed: int, localizer: str, time_limit: float) -> tuple[Setup, np.random.Generator]:
+def _prepared(seed: int, localizer: str, time_limit: float) -> tuple[ResolvedConfig, np.random.Generator]:
     """A robot somewhere in a kitchen or an apartment."""
     scene = ("kitchen", "apartment")[seed % 2]
     settings = [f"robot.parts.lidar.set.noise={LIDAR_NOISE} m", f"time_limit={time_limit} s"]
@@ -165,13 +165,13 @@ def _prepared(seed: int, localizer: str, time_limit: float) -> tuple[Setup, np.r
     return replace(setup, world=replace(setup.world, robot_start=start)), rng
 
 
-def _told(setup: Setup, pose: Pose2D) -> Setup:
+def _told(setup: ResolvedConfig, pose: Pose2D) -> ResolvedConfig:
     """The robot believes to be at ``pose``."""
     believed = BasePose(pose, START_POSITION_ERROR, START_HEADING_ERROR, 0.0)
     return replace(setup, world_model=replace(setup.world_model, base=believed))
 
 
-def _run(setup: Setup, goal: Pose2D, found: KnowingWhere) -> Ran:
+def _run(setup: ResolvedConfig, goal: Pose2D, found: KnowingWhere) -> Ran:
     """Drive to ``goal`` with wheels that slip."""
     trace: list[tuple[float, float, float]] = []
     with judged_session(setup, lambda robot: let_slip(robot, MEAN_SLIP, setup.config.seed)) as judged:

@@ -27,8 +27,8 @@ from bestman_bt.runtime.calibration.simulate import Kind, Simulated, compare, si
 from bestman_bt.runtime.calibration.solve import plot_residuals, solve_hand_eye, solve_head, solve_intrinsics
 
 
-class What(StrEnum):
-    """What can be calibrated."""
+class CalibrationKind(StrEnum):
+    """The transform or lens to calibrate."""
 
     INTRINSICS = "intrinsics"
     HAND_EYE = "hand-eye"
@@ -66,7 +66,9 @@ class SimulatedViews:
 
 @grouped_options
 def command(
-    what: Annotated[What, typer.Argument(help="The lens of a camera, one on an arm, or one on a pan-tilt head.")],
+    what: Annotated[
+        CalibrationKind, typer.Argument(help="The lens of a camera, one on an arm, or one on a pan-tilt head.")
+    ],
     dataset: Annotated[
         Path | None, typer.Argument(metavar="[DATASET]", help="A folder with dataset.yaml and its images.")
     ] = None,

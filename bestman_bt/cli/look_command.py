@@ -18,7 +18,7 @@ from bestman_bt.extras import is_installed, require_extra
 from bestman_bt.perception.clouds import write_cloud
 from bestman_bt.registry import suggestion
 from bestman_bt.runtime.perception_preview import LookResult, furniture_to_look_at, look_at, standing_before, unseen
-from bestman_bt.runtime.setup import Setup, prepare
+from bestman_bt.runtime.resolved_config import ResolvedConfig, prepare
 from bestman_bt.scene.draw import SceneError
 from bestman_bt.visualization.annotated_image import annotated_image
 from bestman_bt.visualization.rerun.look import RecordedLook, write_look
@@ -59,7 +59,11 @@ def command(
         _make_folder(save)
         found = []
         for name, stand in stands.items():
-            look = look_at(known[name], stand, views) if isinstance(stand, Setup) else unseen(name, "no_room", stand)
+            look = (
+                look_at(known[name], stand, views)
+                if isinstance(stand, ResolvedConfig)
+                else unseen(name, "no_room", stand)
+            )
             files = _save(look, save, clouds) if look.views else []
             found.append(_document(look, files))
             if not as_json:
@@ -67,7 +71,9 @@ def command(
         tell({"scene": scene, "seed": where.seed, "looks": found})
 
 
-def _stands(known: Mapping[str, MapFurniture], at: Sequence[str], asked: RunRequest) -> dict[str, Setup | SceneError]:
+def _stands(
+    known: Mapping[str, MapFurniture], at: Sequence[str], asked: RunRequest
+) -> dict[str, ResolvedConfig | SceneError]:
     """Return the robot before each piece, everything checked; SceneError in place of one of all that has no room before
     it.
     """
@@ -78,7 +84,7 @@ def _stands(known: Mapping[str, MapFurniture], at: Sequence[str], asked: RunRequ
     ]
     if problems:
         raise ConfigurationError(problems)
-    stands: dict[str, Setup | SceneError] = {}
+    stands: dict[str, ResolvedConfig | SceneError] = {}
     for name in at or known:
         try:
             stands[name] = prepare(standing_before(known[name], asked))

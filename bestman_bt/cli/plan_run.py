@@ -18,7 +18,7 @@ from bestman_bt.task_planning.builders.plan_tree import PlanTree
 from bestman_bt.task_planning.symbolic.problem import PlanningProblem
 
 if TYPE_CHECKING:
-    from bestman_bt.runtime.setup import Setup
+    from bestman_bt.runtime.resolved_config import ResolvedConfig
 
 
 def run_plan(question: PlanRequest, problem: PlanningProblem, made: PlanTree, planner: str, runs: Path) -> RunResult:
@@ -38,7 +38,7 @@ def run_plan(question: PlanRequest, problem: PlanningProblem, made: PlanTree, pl
     return result
 
 
-def judged_by_goal(setup: Setup, problem: PlanningProblem, asked: FactsFields, tree: Path) -> RunConfig:
+def judged_by_goal(setup: ResolvedConfig, problem: PlanningProblem, asked: FactsFields, tree: Path) -> RunConfig:
     """Return the run's configuration with the plan's goal in place of the task's, if it has one; reports facts that
     cannot
 

@@ -51,8 +51,8 @@ from bestman_bt.extras import DEFAULT_SIMULATOR, EXTRA_OF_SIMULATOR, require_ext
 from bestman_bt.monitor.groot2.protocol import Groot2Error
 from bestman_bt.monitor.groot2.publisher import Groot2Publisher, check_servable
 from bestman_bt.records.writer import CONFIG_FILE, RESULT_FILE
+from bestman_bt.runtime.resolved_config import ResolvedConfig
 from bestman_bt.runtime.robot_session import RobotSession
-from bestman_bt.runtime.setup import Setup
 from bestman_bt.visualization.errors import ViewerError
 from bestman_bt.visualization.rerun.recorder import RECORDING_NAME
 from bestman_bt.visualization.rerun.viewer import Display, LiveFeed, RerunViewer, ViewerOptions, has_window_system
@@ -273,7 +273,7 @@ def command(
 
 
 def execute(
-    setup: Setup, runs: Path, view: ViewOptions = ViewOptions(), twin_judge: Path | None = None
+    setup: ResolvedConfig, runs: Path, view: ViewOptions = ViewOptions(), twin_judge: Path | None = None
 ) -> tuple[RunResult, Path]:
     """Run while it is shown, print the summary; returns the result and the run folder."""
     if view.live:

@@ -18,8 +18,8 @@ from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.records.described_tree import describe_changes, describe_tree
 from bestman_bt.records.events import MAIN_TREE
 from bestman_bt.records.palette import HALTED, LOOKS, Look
+from bestman_bt.runtime.resolved_config import ResolvedConfig
 from bestman_bt.runtime.robot_session import RobotSession
-from bestman_bt.runtime.setup import Setup
 from bestman_bt.visualization.terminal import LiveTree, style_of
 from hal.parts.simulated_clock import SimulatedClock
 
@@ -94,7 +94,7 @@ class RunView:
         follow(tree, MAIN_TREE)
         return after_tick
 
-    def summary(self, result: RunResult, setup: Setup, folder: Path) -> None:
+    def summary(self, result: RunResult, setup: ResolvedConfig, folder: Path) -> None:
         """Print how a run ended."""
         goals = setup.goals
         table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))

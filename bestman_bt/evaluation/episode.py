@@ -33,8 +33,8 @@ from bestman_bt.records.reader import RecordError, read_result
 from bestman_bt.records.writer import RESULT_FILE
 from bestman_bt.robot_model.model import GripperModel
 from bestman_bt.runtime.executor import Execution, ExecutionWatcher, Executor, TerminationReason
+from bestman_bt.runtime.resolved_config import ResolvedConfig, prepare
 from bestman_bt.runtime.robot_session import RobotSession, open_session
-from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.runtime.world_file import WORLD_NAME, write_world
 from bestman_bt.visualization.rerun.recorder import RECORDING_NAME
 from hal.api import Robot
@@ -174,7 +174,7 @@ def _last_tick_replayed(config: RunConfig) -> float | None:
     return float(result["sim_time_s"]) - 1.01 / config.task.tick_rate
 
 
-def prepare_episode(config: RunConfig, known_faults: Iterable[Problem] = ()) -> Setup:
+def prepare_episode(config: RunConfig, known_faults: Iterable[Problem] = ()) -> ResolvedConfig:
     """Check everything that a judged run needs, without starting anything.
 
     ``known_faults``: as for ``prepare``. Raises as ``prepare`` does, and TreeLoadError if the tree reads entries that
@@ -326,7 +326,7 @@ class JudgedSession:
 
 @contextmanager
 def open_judged(
-    config: RunConfig | Setup,
+    config: RunConfig | ResolvedConfig,
     folder: Path | None = None,
     pictures: bool = False,
     gui: bool = False,
@@ -346,7 +346,7 @@ def open_judged(
 
 
 def run_episode(
-    config: RunConfig | Setup,
+    config: RunConfig | ResolvedConfig,
     folder: Path | None = None,
     pictures: bool = False,
     watch: Watcher | None = None,
@@ -374,7 +374,9 @@ def run_episode(
     return replace(result, not_kept=dict(keeping.lost))
 
 
-def _recorder(stack: ExitStack, setup: Setup, folder: Path | None, keeping: Keeping) -> Callable[[Robot], Robot] | None:
+def _recorder(
+    stack: ExitStack, setup: ResolvedConfig, folder: Path | None, keeping: Keeping
+) -> Callable[[Robot], Robot] | None:
     """What writes down, for the driver ``replay``, all that skills read and command, or None if it was not
     requested.
     """
@@ -404,20 +406,20 @@ def _picture_of_the_grasp(session: RobotSession, pictures: Pictures) -> Callable
     return after_tick
 
 
-def _moved_by_others(setup: Setup, script: Collection[DisturbanceEvent], record: AuditRecord) -> list[str]:
+def _moved_by_others(setup: ResolvedConfig, script: Collection[DisturbanceEvent], record: AuditRecord) -> list[str]:
     """What the goal is about, a disturbance moved, and the robot, or what it held, never pressed on."""
     moved = {event.name for event in script}
     touched = {name for contact in record.contacts for name in (contact.first, contact.second, contact.leaf)}
     return [name for name in setup.subjects if name in moved - touched]
 
 
-def _audit(setup: Setup, observers: _Observers, record: AuditRecord) -> Audit:
+def _audit(setup: ResolvedConfig, observers: _Observers, record: AuditRecord) -> Audit:
     declared = observers.contacts.declared if observers.contacts is not None else ()
     models = {thing.name: thing.model.name for thing in setup.world.objects}
     return audit(record, setup.config.task.allowed_contacts, observers.script, declared, models, observers.began)
 
 
-def _object(setup: Setup) -> str | None:
+def _object(setup: ResolvedConfig) -> str | None:
     return setup.goals[0].object if setup.goals else None
 
 

@@ -26,7 +26,7 @@ from bestman_bt.facts.goals.goal import metric_names, read_goals
 from bestman_bt.registry import suggestion
 from bestman_bt.runtime.failure_lines import RENAMED_CODES
 from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.runtime.setup import Setup, tree_problems
+from bestman_bt.runtime.resolved_config import ResolvedConfig, tree_problems
 from bestman_bt.scene.draw import SceneError
 
 Count = Annotated[int, Field(strict=True, ge=1)]
@@ -265,7 +265,7 @@ def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...]
     entry = entered.entry
     faults, wrong = ProblemCollector(), list[Problem]()
     config: RunConfig | None = None
-    setup: Setup | None = None
+    setup: ResolvedConfig | None = None
     try:
         asked = RunRequest(
             beside(path, "task", entry.task or entered.key),
@@ -291,7 +291,7 @@ def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...]
     return config
 
 
-def _unmeasured(entered: Entered, config: RunConfig, setup: Setup | None) -> Iterator[Problem]:
+def _unmeasured(entered: Entered, config: RunConfig, setup: ResolvedConfig | None) -> Iterator[Problem]:
     """Metrics that the task's judge does not measure."""
     if setup is not None:
         known = metric_names(setup.asked, config.task.predicates)

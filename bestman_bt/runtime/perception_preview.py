@@ -17,8 +17,8 @@ from bestman_bt.configuration.errors import Problem
 from bestman_bt.configuration.run import RunConfig, RunRequest, run_of_options
 from bestman_bt.control.rgbd import RGBDView
 from bestman_bt.messages import Box, Pose, Pose2D
+from bestman_bt.runtime.resolved_config import ResolvedConfig
 from bestman_bt.runtime.robot_session import open_session
-from bestman_bt.runtime.setup import Setup
 from bestman_bt.scene.draw import SceneError, draw_world
 from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.map_of_world import semantic_map
@@ -54,7 +54,7 @@ def furniture_to_look_at(asked: RunRequest) -> dict[str, MapFurniture]:
     return dict(semantic_map(draw_world(load_scene(config.task.scene, config.scene_settings), asked.seed)).furniture)
 
 
-def look_at(furniture: MapFurniture, stand: RunConfig | Setup, views: int = 1) -> LookResult:
+def look_at(furniture: MapFurniture, stand: RunConfig | ResolvedConfig, views: int = 1) -> LookResult:
     """Run the tree ``look`` on a robot that is ``standing_before`` the furniture; raises as ``prepare`` does."""
     with open_session(stand) as session:
         under = session.skills.world.map.standing_under(furniture.name)

@@ -16,7 +16,7 @@ from bestman_bt.facts.located import UNSEEN
 from bestman_bt.facts.predicate import Beliefs
 from bestman_bt.registry import BUILDERS
 from bestman_bt.runtime.executor import Execution
-from bestman_bt.runtime.setup import Setup, prepare
+from bestman_bt.runtime.resolved_config import ResolvedConfig, prepare
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.builders.base import made_builder
 from bestman_bt.task_planning.builders.plan_tree import PlanTree
@@ -40,7 +40,7 @@ TIME_LIMIT = "1200 s"
 """For planning without a task: a search of a kitchen takes long."""
 
 
-def planning_state(asked: RunRequest, world: Path | None = None) -> tuple[Setup, WorldModel]:
+def planning_state(asked: RunRequest, world: Path | None = None) -> tuple[ResolvedConfig, WorldModel]:
     """Return the setup and the beliefs: at the start, or as in the file ``world``.
 
     The scene is that of the task or of ``world``; the default is the furnished kitchen with diff_panda. Raises
@@ -80,7 +80,7 @@ class PlanRequest:
     ``beliefs``: the knowledge at planning time. ``builder``: its name.
     """
 
-    def __init__(self, setup: Setup, beliefs: WorldModel, builder: str, limits: PlanLimits) -> None:
+    def __init__(self, setup: ResolvedConfig, beliefs: WorldModel, builder: str, limits: PlanLimits) -> None:
         self.setup = setup
         self.beliefs = beliefs
         self.builder = builder
@@ -256,7 +256,7 @@ class PlannedTree:
     assumption.
     """
 
-    setup: Setup
+    setup: ResolvedConfig
     problem: PlanningProblem
     plan: TaskPlan
     xml: str

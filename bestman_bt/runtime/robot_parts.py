@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from behaviours.parts import MissingPartError, PartKind, parts_by_kind
 from bestman_bt.control.arm.arm_controller import ArmController
-from bestman_bt.control.arm.arm_ways import ArmWays
+from bestman_bt.control.arm.arm_coordinator import ArmCoordinator
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
 from bestman_bt.control.inertial import FusedOdometry, GyroHeading
@@ -111,10 +111,10 @@ class RobotParts:
         return JointStateSensor(self.robot.parts, self.model)
 
     @cached_property
-    def arm_ways(self) -> ArmWays | None:
+    def arm_coordinator(self) -> ArmCoordinator | None:
         """Right of way between several arms, or None for one arm."""
         several = len(self.model.arm_names) > 1
-        return ArmWays(self.model, self.joints, self.world, self.robot.clock) if several else None
+        return ArmCoordinator(self.model, self.joints, self.world, self.robot.clock) if several else None
 
     @cached_property
     def forward(self) -> ForwardKinematics:
@@ -175,7 +175,7 @@ class _ArmParts:
             parts.robot.clock,
             kinematics=kinematics,
             wrist=self.wrist_wrench,
-            ways=parts.arm_ways,
+            coordinator=parts.arm_coordinator,
             confirm=parts.confirm,
             bodies=self._bodies_at if parts.confirm is not None else None,
         )

@@ -37,9 +37,9 @@ from bestman_bt.runtime.control_channel import ControlChannel
 from bestman_bt.runtime.executor import Execution, Executor
 from bestman_bt.runtime.picture_source import PictureSource
 from bestman_bt.runtime.policies import find_policy
+from bestman_bt.runtime.resolved_config import ResolvedConfig, load_for, prepare
 from bestman_bt.runtime.robot_parts import RobotParts
 from bestman_bt.runtime.robot_source import RobotSource
-from bestman_bt.runtime.setup import Setup, load_for, prepare
 from bestman_bt.runtime.telemetry import Telemetry
 from bestman_bt.runtime.tree_checks import unfilled_entries
 from hal.api import NotConnectedError, Robot, Sensor
@@ -48,7 +48,7 @@ from hal.parts.simulated_clock import SimulatedClock
 # The content of the first event of a run.
 
 
-def describe_run(setup: Setup, executor: Executor, folder: Path | None) -> RunEvent:
+def describe_run(setup: ResolvedConfig, executor: Executor, folder: Path | None) -> RunEvent:
     """Return the event that describes an execution of this process, at its start."""
     config = setup.config
     return RunEvent(
@@ -98,7 +98,7 @@ class RobotSession:
     ``telling``: the telemetry of the last execution that has one.
     """
 
-    setup: Setup
+    setup: ResolvedConfig
     robot: Robot
     skills: SkillContext
     entries: dict[str, Any]
@@ -197,14 +197,14 @@ class RobotSession:
         for problem in unfilled_entries(tree, entries, bool(self.entries)):
             _LOG.warning("%s", dataclasses.replace(problem, severity="warning"))
 
-    def setup_for(self, tree: str | Path | Behaviour | Tree | None) -> Setup:
+    def setup_for(self, tree: str | Path | Behaviour | Tree | None) -> ResolvedConfig:
         """Return the setup of the session; for a shipped tree in a session without a task, with its shipped task."""
         named = tree.file if isinstance(tree, Tree) else tree
         shipped = isinstance(named, (str, Path)) and not self.setup.config.task.tree
         task = task_of_tree(str(named)) if shipped else None
         return self.setup if task is None else self.setup.with_task(task)
 
-    def entries_of(self, setup: Setup) -> dict[str, Any]:
+    def entries_of(self, setup: ResolvedConfig) -> dict[str, Any]:
         """Return the root blackboard entries of a tree that is run with ``setup``."""
         return self.entries if setup is self.setup else dict(setup.entries)
 
@@ -242,7 +242,7 @@ def _missing(entries: Mapping[str, Any], tree: Tree) -> dict[str, Any]:
 
 @contextmanager
 def open_session(
-    config: RunConfig | Setup,
+    config: RunConfig | ResolvedConfig,
     prepare_robot: Callable[[Robot], None] | None = None,
     gui: bool = False,
     see_through: Callable[[Robot], Robot] | None = None,
@@ -344,7 +344,7 @@ def session(
     return UnopenedSession(opening())
 
 
-def _skills(setup: Setup, robot: Robot, confirmation: Confirmation | None) -> SkillContext:
+def _skills(setup: ResolvedConfig, robot: Robot, confirmation: Confirmation | None) -> SkillContext:
     config, model, world = setup.config, setup.robot_model, setup.world_model.as_at_the_start()
     confirm = None if confirmation is None else confirmation.confirm
     parts = RobotParts(robot, model, world, Algorithms(config, model, world.map), confirm)

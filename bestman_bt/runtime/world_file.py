@@ -14,7 +14,7 @@ from bestman_bt.configuration.data import beside
 from bestman_bt.configuration.document import Document, read_document
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.quantity import WholeNumber
-from bestman_bt.runtime.setup import Setup
+from bestman_bt.runtime.resolved_config import ResolvedConfig
 from bestman_bt.world_model.saved_beliefs import SavedBeliefs, restored, saved
 from bestman_bt.world_model.world_model import WorldModel
 
@@ -35,7 +35,7 @@ class WorldFile:
     beliefs: SavedBeliefs = field(default_factory=SavedBeliefs)
     written: Document = field(default_factory=lambda: Document({}), init=False, repr=False, compare=False)
 
-    def world_model(self, setup: Setup) -> WorldModel:
+    def world_model(self, setup: ResolvedConfig) -> WorldModel:
         """Return a world model with these beliefs, and the map and models of a setup.
 
         Raises ConfigurationError for names that these do not contain.
@@ -64,7 +64,7 @@ def read_world(path: Path) -> WorldFile:
     return file
 
 
-def write_world(path: Path, setup: Setup, world: WorldModel) -> None:
+def write_world(path: Path, setup: ResolvedConfig, world: WorldModel) -> None:
     """Write the robot's beliefs after a run."""
     config = setup.config
     document = {

@@ -15,7 +15,3 @@ class RecordingError(VisualizationError):
 
 class ViewerError(VisualizationError):
     """The viewer cannot be started."""
-
-
-class ScreenshotError(VisualizationError):
-    """No picture of a recording could be made."""

@@ -19,7 +19,7 @@ from bestman_bt.engine import RUNNING, ManualClock, Node, Tree, load_tree
 from bestman_bt.messages import MotionErrorCode, Pose, Pose2D
 from bestman_bt.robot_model.model import ArmModel, GripperModel
 from bestman_bt.runtime.algorithms import Algorithms
-from bestman_bt.runtime.setup import Setup, prepare
+from bestman_bt.runtime.resolved_config import ResolvedConfig, prepare
 from bestman_bt.world_model.world_model import BasePose
 from hal.api import Motion
 from tests.behaviours.at_the_table import PERIOD, tree_of
@@ -87,7 +87,7 @@ class ScriptedController:
 
 
 @cache
-def _prepared(task: str, seed: int, settings: tuple[str, ...]) -> tuple[Setup, Algorithms]:
+def _prepared(task: str, seed: int, settings: tuple[str, ...]) -> tuple[ResolvedConfig, Algorithms]:
     """What tests leave as it is."""
     setup = prepare(load_run(task, seed=seed, settings=settings))
     return setup, Algorithms(setup.config, setup.robot_model, setup.world_model.map)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from behaviours.furniture.close import ROOM, pushes
-from behaviours.furniture.leaf import BASE_GAP, FurnitureLeaf, LeafWay, room_beside, world_at_leaf
+from behaviours.furniture.leaf import BASE_GAP, FurnitureLeaf, LeafPath, room_beside, world_at_leaf
 from behaviours.furniture.leaf_motion import UNSURE, withdraw
 from behaviours.furniture.opening import plan_opening
 from behaviours.manipulation.base_placement import SAME_STAND
@@ -97,7 +97,7 @@ def test_asked_again_it_gives_another_stand(leaf_name: str, monkeypatch: pytest.
     skills, leaf, handle = standing_at(*DRAWER, 0.2)
 
     def first(skills_of_leaf: Any, leaf_of_way: FurnitureLeaf, ways: Any) -> list[SimpleNamespace]:
-        way: LeafWay = next(iter(ways))
+        way: LeafPath = next(iter(ways))
         return [SimpleNamespace(pose=way.stands[0])]
 
     monkeypatch.setattr("behaviours.furniture.base_placement.find_stands", first)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.engine import FAILURE
+from bestman_bt.runtime.resolved_config import load_for
 from bestman_bt.runtime.robot_session import RobotSession
-from bestman_bt.runtime.setup import load_for
 from tests.behaviours.at_the_table import failures_of, tick, tree_of
 
 

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.engine import SUCCESS
 from bestman_bt.evaluation.audit import Audit, audit
+from bestman_bt.runtime.resolved_config import load_for
 from bestman_bt.runtime.robot_session import RobotSession, open_session
-from bestman_bt.runtime.setup import load_for
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.robot import SimulatedRobot
 from tests.behaviours.at_the_table import failures_of, standing_at_a_table, tick, tree_of

@@ -17,7 +17,7 @@ from bestman_bt.configuration.run import load_run, read_run
 from bestman_bt.engine import IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.logs.btlog import read_btlog
 from bestman_bt.facts.predicate import Beliefs
-from bestman_bt.runtime.setup import load_for, prepare
+from bestman_bt.runtime.resolved_config import load_for, prepare
 from bestman_bt.runtime.world_file import read_world
 from bestman_bt.task_planning.state import read_state
 from bestman_bt.task_planning.symbolic.facts import parse_fact

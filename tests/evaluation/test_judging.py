@@ -24,8 +24,8 @@ from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.messages import Pose
 from bestman_bt.monitor.groot2.hooks import Groot2Hooks
 from bestman_bt.runtime.executor import Execution, TerminationReason
+from bestman_bt.runtime.resolved_config import ResolvedConfig
 from bestman_bt.runtime.robot_session import RobotSession
-from bestman_bt.runtime.setup import Setup
 from hal.simulation.audit_record import ContactIncident, DisturbanceEvent
 from hal.simulation.robot import SimulatedRobot
 
@@ -167,7 +167,7 @@ DRAWER = "drawer_chest/drawer_3"
 
 
 @cache
-def prepared(task: str) -> Setup:
+def prepared(task: str) -> ResolvedConfig:
     return episode.prepare_episode(load_run(task, seed=1))
 
 

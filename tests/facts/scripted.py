@@ -14,7 +14,7 @@ from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.facts.goals.goal import judged
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.robot_model.model import ArmModel
-from bestman_bt.runtime.setup import Setup, prepare
+from bestman_bt.runtime.resolved_config import ResolvedConfig, prepare
 
 
 class ScriptedTruth:
@@ -25,7 +25,7 @@ class ScriptedTruth:
     ``speeds``: object → m/s and rad/s.
     """
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: ResolvedConfig) -> None:
         self.poses = {thing.name: thing.pose for thing in setup.world.objects}
         self.on: dict[str, tuple[str, ...]] = {}
         self.touched: set[str] = set()
@@ -61,7 +61,7 @@ class ScriptedTruth:
 
 
 @cache
-def _prepared(task: str, seed: int, settings: tuple[str, ...]) -> Setup:
+def _prepared(task: str, seed: int, settings: tuple[str, ...]) -> ResolvedConfig:
     """What tests leave as it is."""
     return prepare(load_run(task, seed=seed, settings=settings))
 

@@ -14,7 +14,7 @@ from bestman_bt.facts.goals.at_goal import AtGoal, AtGoalFields, base_footprint,
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.robot_model.compose import load_robot_model
-from bestman_bt.runtime.setup import Setup, prepare
+from bestman_bt.runtime.resolved_config import ResolvedConfig, prepare
 from bestman_bt.scene.draw import SceneError, draw_world
 from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.map_of_world import semantic_map
@@ -25,11 +25,11 @@ DRIVE = {"scene": "kitchen", "predicate": "at_goal", "goals": [{"at_goal": {"dis
 
 
 @pytest.fixture(scope="module")
-def setups() -> list[Setup]:
+def setups() -> list[ResolvedConfig]:
     return [prepare(load_run("navigate_kitchen", seed=seed)) for seed in range(16)]
 
 
-def goal_of(setup: Setup) -> Pose2D:
+def goal_of(setup: ResolvedConfig) -> Pose2D:
     return next(goal.pose for goal in setup.asked if isinstance(goal, AtGoal))
 
 
@@ -98,7 +98,7 @@ def test_a_drive_is_measured_against_the_shortest_way(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_half_of_the_goals_are_close_before_furniture_and_the_others_have_room(setups: list[Setup]) -> None:
+def test_half_of_the_goals_are_close_before_furniture_and_the_others_have_room(setups: list[ResolvedConfig]) -> None:
     close = 0
     for setup in setups:
         goal = goal_of(setup)
@@ -111,7 +111,7 @@ def test_half_of_the_goals_are_close_before_furniture_and_the_others_have_room(s
 
 
 @pytest.mark.slow
-def test_the_seed_chooses_the_goal(setups: list[Setup]) -> None:
+def test_the_seed_chooses_the_goal(setups: list[ResolvedConfig]) -> None:
     again = goal_of(prepare(load_run("navigate_kitchen", seed=3)))
     assert again == goal_of(setups[3])
     assert len({(goal_of(setup).x, goal_of(setup).y) for setup in setups}) == len(setups)
@@ -142,7 +142,7 @@ def test_where_no_goal_can_be_drawn_it_is_told_of_which_kind_and_why(tmp_path: P
         )
 
 
-def test_the_truth_has_furniture_where_it_really_stands(setups: list[Setup]) -> None:
+def test_the_truth_has_furniture_where_it_really_stands(setups: list[ResolvedConfig]) -> None:
     setup = setups[0]
     costmap = true_costmap(setup.world, setup.robot_model)
     table = next(piece for piece in setup.world.furniture if piece.name == "table")
@@ -168,7 +168,7 @@ def test_a_goal_for_the_base_and_one_for_an_object_are_too_many(tmp_path: Path) 
 
 
 @pytest.mark.slow
-def test_drawn_headings_go_all_around(setups: list[Setup]) -> None:
+def test_drawn_headings_go_all_around(setups: list[ResolvedConfig]) -> None:
     assert max(abs(goal_of(setup).theta) for setup in setups) <= math.pi
     assert min(goal_of(setup).theta for setup in setups) < -1.0 < 1.0 < max(goal_of(setup).theta for setup in setups)
 

@@ -10,8 +10,8 @@ import pytest
 from bestman_bt.configuration.run import load_run
 from bestman_bt.facts.goals.placed import Placed
 from bestman_bt.messages import Pose
+from bestman_bt.runtime.resolved_config import prepare
 from bestman_bt.runtime.robot_session import RobotSession
-from bestman_bt.runtime.setup import prepare
 from tests.facts.scripted import ScriptedEnd, shifted, turned
 from tests.facts.staged import NOTHING, Staged, judged
 

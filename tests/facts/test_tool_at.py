@@ -8,7 +8,7 @@ import pytest
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
 from bestman_bt.messages import Pose
-from bestman_bt.runtime.setup import prepare
+from bestman_bt.runtime.resolved_config import prepare
 from tests.facts.scripted import ScriptedEnd
 from tests.facts.staged import Staged, judged, why
 

@@ -15,8 +15,8 @@ from bestman_bt.configuration.run import load_run
 from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.registry import CONNECTIONS, PARTS, SIMULATED_SENSORS, undone
 from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.runtime.resolved_config import prepare
 from bestman_bt.runtime.robot_session import session
-from bestman_bt.runtime.setup import prepare
 
 PAGE = (Path(__file__).parents[2] / "docs" / "add_a_part.md").read_text()
 BLOCKS = re.findall(r"^```(?:python|yaml|xml)\n((?:#|<!--) ([\w.]+)(?: -->)?\n.*?)^```", PAGE, re.MULTILINE | re.DOTALL)

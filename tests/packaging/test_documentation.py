@@ -23,8 +23,8 @@ from bestman_bt.registry import GOALS
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.runtime.algorithms import Algorithms
 from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.runtime.resolved_config import prepare
 from bestman_bt.runtime.robot_session import session
-from bestman_bt.runtime.setup import prepare
 from bestman_bt.runtime.tree_checks import TASK_ENTRIES
 from bestman_bt.world_model.world_model import ObjectBelief
 

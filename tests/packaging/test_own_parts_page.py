@@ -26,7 +26,7 @@ from bestman_bt.perception.grasp_pose.base import GraspTarget
 from bestman_bt.registry import ALGORITHMS, BUILDERS, PLANNERS, PREDICATES, undone
 from bestman_bt.robot_model.model import GripperModel
 from bestman_bt.runtime.algorithms import Algorithms
-from bestman_bt.runtime.setup import Setup, prepare
+from bestman_bt.runtime.resolved_config import ResolvedConfig, prepare
 from bestman_bt.task_planning.symbolic.facts import parse_literals
 from bestman_bt.task_planning.symbolic.problem import Fact, Operator, PlanningProblem, Unsolvable
 from bestman_bt.world_model.semantic_map import SemanticMap
@@ -55,7 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.fixture(scope="module")
-def setup(folder: Path) -> Setup:
+def setup(folder: Path) -> ResolvedConfig:
     """A run with all examples chosen."""
     settings = [f"algorithms.{slot}.algorithm={name}" for slot, name in CHOSEN.items()]
     settings.append("algorithms.global_planning.spacing=0.1")
@@ -64,7 +64,7 @@ def setup(folder: Path) -> Setup:
 
 
 @pytest.fixture(scope="module")
-def algorithms(setup: Setup) -> Any:
+def algorithms(setup: ResolvedConfig) -> Any:
     return Algorithms(setup.config, setup.robot_model)
 
 
@@ -80,7 +80,7 @@ def test_no_example_is_long() -> None:
     assert max(len(text.splitlines()) for text in EXAMPLES.values()) <= 33
 
 
-def test_the_tree_has_its_own_skill(setup: Setup) -> None:
+def test_the_tree_has_its_own_skill(setup: ResolvedConfig) -> None:
     tree = load_tree(Path(setup.config.task.tree), setup.registry)
     assert [node.name for node in tree.nodes] == ["greet", "Nod", "again"]
 
@@ -94,7 +94,7 @@ def test_the_global_planner_drives_straight_or_says_that_it_cannot(algorithms: A
     assert isinstance(planner.plan(Pose2D(0.0, -1.0, 0.0), Pose2D(4.0, -1.0, 0.0), costmap), PlanningFailure)
 
 
-def test_the_follower_ends_in_the_goal(setup: Setup, costmap: Costmap) -> None:
+def test_the_follower_ends_in_the_goal(setup: ResolvedConfig, costmap: Costmap) -> None:
     follower, dt = Algorithms(setup.config, setup.robot_model).local_planning, 0.05
     follower.configure(base_model(costmap.footprint.corners, max_vx=0.5, max_wz=1.0, max_acceleration=0.5))
     goal = Pose2D(2.0, 1.0, math.pi / 2)
@@ -128,7 +128,7 @@ def test_the_detector_finds_what_stands_on_the_table(algorithms: Any) -> None:
     assert {detection.name for detection in scene.detections} & {model.name for model in models}
 
 
-def test_the_grasp_planner_takes_a_box_across_its_smaller_side(setup: Setup, algorithms: Any) -> None:
+def test_the_grasp_planner_takes_a_box_across_its_smaller_side(setup: ResolvedConfig, algorithms: Any) -> None:
     (gripper,) = setup.robot_model.of(GripperModel).values()
     box = PlacedShape(Box((0.06, 0.04, 0.1)), Pose.from_xyz_rpy((0.5, 0.1, 0.8), (0.0, 0.0, 0.3)))
     best, other = algorithms.grasp_pose.plan(GraspTarget(box), gripper, 0.75)
@@ -166,7 +166,7 @@ def steps(goal: str) -> PlanningProblem:
     return PlanningProblem({}, frozenset({Fact("at0")}), parse_literals(goal), operators)
 
 
-def test_the_task_planner_plans_and_the_builder_retries_each_action(setup: Setup) -> None:
+def test_the_task_planner_plans_and_the_builder_retries_each_action(setup: ResolvedConfig) -> None:
     planner, builder = PLANNERS.resolve("shortest")(), BUILDERS.resolve("stubborn")()
     problem = steps("at2")
     plan = planner.plan(problem)
@@ -179,7 +179,7 @@ def test_the_task_planner_plans_and_the_builder_retries_each_action(setup: Setup
     assert tags[-1] == "Holds"
 
 
-def test_the_predicate_is_asked_of_beliefs(setup: Setup) -> None:
+def test_the_predicate_is_asked_of_beliefs(setup: ResolvedConfig) -> None:
     tall = PREDICATES.resolve("tall")
     heights = {name: np.ptp(model.bounds()[:, 2]) for name, model in setup.world_model.models.items()}
     beliefs = Beliefs(setup.world_model)

@@ -22,7 +22,7 @@ from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import ArmModel
 from bestman_bt.runtime.algorithms import Algorithms
 from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.runtime.setup import prepare
+from bestman_bt.runtime.resolved_config import prepare
 from bestman_bt.testing import TreeTester
 from bestman_bt.world_model.semantic_map import SemanticMap
 from tests.packaging.test_page_blocks import blocks

@@ -15,8 +15,8 @@ from bestman_bt.configuration.run import RunRequest, dump_run, load_run, read_ru
 from bestman_bt.registry import ALGORITHMS, BUILDERS, DRIVERS, PLANNERS, PREDICATES, undone
 from bestman_bt.runtime.algorithms import Algorithms, make_algorithm
 from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.runtime.resolved_config import prepare
 from bestman_bt.runtime.robot_session import session
-from bestman_bt.runtime.setup import prepare
 from bestman_bt.task_planning.planners import made_planner
 from bestman_bt.task_planning.state import known_predicates
 
@@ -221,7 +221,9 @@ def test_the_driver_guards_the_physics_before_a_plug_in_can_take_a_call_of_it(tm
     path.write_text(
         "from pybullet import resetJointState\nprint(resetJointState.__module__)\ndef register(registry): ...\n"
     )
-    program = "from bestman_bt.configuration.run import load_run\nfrom bestman_bt.runtime.setup import prepare\n"
+    program = (
+        "from bestman_bt.configuration.run import load_run\nfrom bestman_bt.runtime.resolved_config import prepare\n"
+    )
     program += f"prepare(load_run('fetch_cup', plugins=[{str(path)!r}]))\n"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ran.stdout.splitlines()[-1] == "hal.pybullet.client"

@@ -15,8 +15,8 @@ from bestman_bt.control.robot_stop import HELD
 from bestman_bt.engine import Sequence, TreeLoadError
 from bestman_bt.monitor.control_client import request, running_executors
 from bestman_bt.runtime.executor import TerminationReason
+from bestman_bt.runtime.resolved_config import prepare
 from bestman_bt.runtime.robot_session import open_session, session
-from bestman_bt.runtime.setup import prepare
 from hal.api import NotConnectedError
 
 HEAD = '<root BTCPP_format="4"><BehaviorTree ID="Main"><LookAt point="{goal}"/></BehaviorTree></root>'

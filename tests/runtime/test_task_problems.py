@@ -11,8 +11,8 @@ import pytest
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunRequest, load_run, run_of_options
 from bestman_bt.evaluation.episode import prepare_episode
+from bestman_bt.runtime.resolved_config import prepare
 from bestman_bt.runtime.robot_session import open_session
-from bestman_bt.runtime.setup import prepare
 
 TREE = '<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>'
 SET_TABLE = """\

@@ -17,8 +17,8 @@ from bestman_bt.robot_model.sensor_parts import LidarPart
 from bestman_bt.runtime.algorithms import algorithm_by_name
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.policies import policy_problems
+from bestman_bt.runtime.resolved_config import ResolvedConfig, load_for, prepare
 from bestman_bt.runtime.robot_session import RobotSession, session
-from bestman_bt.runtime.setup import Setup, load_for, prepare
 from bestman_bt.runtime.tree_checks import lacking_parts, unfilled_entries, unknown_names
 
 TAKE = (
@@ -28,7 +28,7 @@ TAKE = (
 
 
 @pytest.fixture(scope="module")
-def kitchen() -> Setup:
+def kitchen() -> ResolvedConfig:
     return prepare(load_run("fetch_cup"))
 
 
@@ -38,7 +38,7 @@ def text_of(body: str, more: str = "") -> str:
     )
 
 
-def unknown(kitchen: Setup, body: str, more: str = "") -> list[str]:
+def unknown(kitchen: ResolvedConfig, body: str, more: str = "") -> list[str]:
     return [str(problem) for problem in unknown_names(load_for(kitchen, text_of(body, more)), kitchen.names)]
 
 
@@ -54,7 +54,9 @@ def unknown(kitchen: Setup, body: str, more: str = "") -> list[str]:
         ('<Holds fact="on({object}, {place})" object="cup" place="tble"/>', "port 'place': there is no surface 'tble'"),
     ],
 )
-def test_a_name_that_nothing_bears_is_told_with_its_line_and_the_closest(kitchen: Setup, node: str, told: str) -> None:
+def test_a_name_that_nothing_bears_is_told_with_its_line_and_the_closest(
+    kitchen: ResolvedConfig, node: str, told: str
+) -> None:
     (message,) = unknown(kitchen, f"\n{node}")
     assert message.startswith(f"<text>:4: <{node[1:].split()[0]}> {told.replace(chr(39) + 'did', 'did')}")
 
@@ -70,17 +72,17 @@ def test_a_name_that_nothing_bears_is_told_with_its_line_and_the_closest(kitchen
         '<Sequence><SetBlackboard value="no surface" output_key="word"/><Script code="word := \'x\'"/></Sequence>',
     ],
 )
-def test_names_that_are_or_may_be_there_pass(kitchen: Setup, node: str) -> None:
+def test_names_that_are_or_may_be_there_pass(kitchen: ResolvedConfig, node: str) -> None:
     assert unknown(kitchen, node) == []
 
 
-def test_a_name_that_a_subtree_is_given_is_told_once_in_the_subtrees_line(kitchen: Setup) -> None:
+def test_a_name_that_a_subtree_is_given_is_told_once_in_the_subtrees_line(kitchen: ResolvedConfig) -> None:
     body = '<Sequence>\n<SubTree ID="Take" object="cup" surface="countr"/></Sequence>'
     (message,) = unknown(kitchen, body, TAKE)
     assert message.startswith("<text>:4: <SubTree> port 'surface': there is no surface 'countr'")
 
 
-def test_a_name_that_setblackboard_writes_is_told_there(kitchen: Setup) -> None:
+def test_a_name_that_setblackboard_writes_is_told_there(kitchen: ResolvedConfig) -> None:
     writer = '<SetBlackboard value="countr" output_key="place"/>'
     (message,) = unknown(kitchen, f'<Sequence>\n{writer}\n<LookAt surface="{{place}}"/></Sequence>')
     assert message.startswith("<text>:4: <SetBlackboard> port 'value': there is no surface 'countr'")
@@ -126,7 +128,7 @@ def test_entries_that_nobody_fills_keep_a_run_from_starting(tmp_path: Path) -> N
     prepare_episode(load_run("fetch_cup", tree=path))
 
 
-def test_a_policy_that_a_subtree_is_given_is_told_in_the_subtrees_line(kitchen: Setup) -> None:
+def test_a_policy_that_a_subtree_is_given_is_told_in_the_subtrees_line(kitchen: ResolvedConfig) -> None:
     leaf = '<RunPolicy policy="{which}" goal="1;0;1"/>'
     inner = f'<BehaviorTree ID="Try"><Fallback>{leaf}{leaf}</Fallback></BehaviorTree>'
     tree = load_for(kitchen, text_of('<Sequence>\n<SubTree ID="Try" which="policy_rech"/></Sequence>', inner))
@@ -164,7 +166,7 @@ def test_where_code_may_write_unseen_an_empty_entry_is_a_warning(tmp_path: Path)
 
 
 def test_a_session_without_a_task_warns_of_keys_that_only_tasks_fill(
-    kitchen: Setup, caplog: pytest.LogCaptureFixture
+    kitchen: ResolvedConfig, caplog: pytest.LogCaptureFixture
 ) -> None:
     tree = text_of('<CheckHeld object="{object}"/>')
     told = []
@@ -179,7 +181,7 @@ def test_a_session_without_a_task_warns_of_keys_that_only_tasks_fill(
     assert told[1] == []
 
 
-def test_a_session_refuses_names_that_nothing_bears(kitchen: Setup) -> None:
+def test_a_session_refuses_names_that_nothing_bears(kitchen: ResolvedConfig) -> None:
     session = RobotSession(kitchen, None, None, dict(kitchen.entries), None)
     with pytest.raises(TreeLoadError, match="there is no surface 'countr'"):
         session.check(load_for(kitchen, text_of('<LookAt surface="countr"/>')), session.entries)
@@ -218,7 +220,7 @@ def tree_beside_planners(folder: Path, name: str) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["planners.py:Mine", "planners:Mine"])
 def test_trees_and_what_they_include_find_the_planners_beside_them_and_no_others(
-    name: str, kitchen: Setup, tmp_path: Path
+    name: str, kitchen: ResolvedConfig, tmp_path: Path
 ) -> None:
     words = []
     for folder in ("one", "two"):
@@ -235,7 +237,7 @@ def test_trees_and_what_they_include_find_the_planners_beside_them_and_no_others
     assert "default.yaml" not in problem.message
 
 
-def test_an_own_planner_that_fails_is_told_with_its_line_and_the_trees(kitchen: Setup, tmp_path: Path) -> None:
+def test_an_own_planner_that_fails_is_told_with_its_line_and_the_trees(kitchen: ResolvedConfig, tmp_path: Path) -> None:
     tree = tree_beside_planners(tmp_path / "one", "planners.py:Mine")
     (tmp_path / "one/planners.py").write_text("import math\nmath.sqrt(-1)\n")
     (problem,) = kitchen.missing_in(load_for(kitchen, tree))
@@ -286,6 +288,6 @@ def test_parts_behind_no_connection_are_told_as_such_with_the_node_that_needs_th
     assert not lacking_parts(tree, robot, ())  # the robot's file is at fault
 
 
-def test_a_number_in_a_tree_made_in_python_is_no_name(kitchen: Setup) -> None:
+def test_a_number_in_a_tree_made_in_python_is_no_name(kitchen: ResolvedConfig) -> None:
     (problem,) = unknown_names(load_for(kitchen, MoveArm(posture=3)), kitchen.names)
     assert "port 'posture': there is no posture '3'" in str(problem)

@@ -17,8 +17,8 @@ from bestman_bt.evaluation.audit import audit
 from bestman_bt.manipulation.collision.planning_scene import PlanningScene
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.runtime.resolved_config import prepare
 from bestman_bt.runtime.robot_session import RobotSession, session
-from bestman_bt.runtime.setup import prepare
 from bestman_bt.world_model.world_model import HeldObject
 
 TREE = """<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence>

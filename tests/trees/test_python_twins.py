@@ -6,7 +6,7 @@ import pytest
 
 from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import Node, Tree
-from bestman_bt.runtime.setup import load_for, prepare
+from bestman_bt.runtime.resolved_config import load_for, prepare
 
 
 def told(tree: Tree) -> list[tuple[str, str, dict[str, str]]]:

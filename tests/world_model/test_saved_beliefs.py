@@ -12,7 +12,7 @@ from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
 from bestman_bt.facts.predicate import Beliefs
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, PointCloud, Pose, Pose2D, YawSet
-from bestman_bt.runtime.setup import Setup, prepare
+from bestman_bt.runtime.resolved_config import ResolvedConfig, prepare
 from bestman_bt.runtime.world_file import read_world, write_world
 from bestman_bt.task_planning.state import read_state
 from bestman_bt.world_model.world_model import HeldObject, ObjectBelief, ObjectChange, WorldModel
@@ -21,7 +21,7 @@ NASTY = 'mug", {on: fire}\n- SYSTEM: "open" the fridge'
 
 
 @pytest.fixture(scope="module")
-def setup() -> Setup:
+def setup() -> ResolvedConfig:
     settings = ["scene.clearance=9 cm"]
     return prepare(
         load_run(tree="plan_and_execute", scene="kitchen_furnished", robot="diff_panda", seed=2, settings=settings)
@@ -29,7 +29,7 @@ def setup() -> Setup:
 
 
 @pytest.fixture
-def world(setup: Setup) -> WorldModel:
+def world(setup: ResolvedConfig) -> WorldModel:
     """Beliefs of each kind."""
     world = setup.world_model.as_at_the_start()
     table = world.map.furniture["table"]
@@ -57,7 +57,7 @@ def world(setup: Setup) -> WorldModel:
     return world
 
 
-def test_what_is_read_is_believed_as_it_was_written(setup: Setup, world: WorldModel, tmp_path: Path) -> None:
+def test_what_is_read_is_believed_as_it_was_written(setup: ResolvedConfig, world: WorldModel, tmp_path: Path) -> None:
     write_world(tmp_path / "world.yaml", setup, world)
     file = read_world(tmp_path / "world.yaml")
     assert (file.scene, file.robot, file.seed) == ("kitchen_furnished", "diff_panda", 2)
@@ -79,12 +79,14 @@ def test_what_is_read_is_believed_as_it_was_written(setup: Setup, world: WorldMo
     assert read.map.furniture["counter"] is setup.world_model.map.furniture["counter"]
 
 
-def test_a_search_from_before_a_thing_was_lost_is_not_kept(setup: Setup, world: WorldModel, tmp_path: Path) -> None:
+def test_a_search_from_before_a_thing_was_lost_is_not_kept(
+    setup: ResolvedConfig, world: WorldModel, tmp_path: Path
+) -> None:
     write_world(tmp_path / "world.yaml", setup, world)
     assert read_world(tmp_path / "world.yaml").beliefs.searched == {"cup": {"table/top": 30.0}}
 
 
-def test_measurements_stay_out_of_the_file(setup: Setup, world: WorldModel, tmp_path: Path) -> None:
+def test_measurements_stay_out_of_the_file(setup: ResolvedConfig, world: WorldModel, tmp_path: Path) -> None:
     write_world(tmp_path / "world.yaml", setup, world)
     text = (tmp_path / "world.yaml").read_text()
     assert "cloud" not in text
@@ -108,7 +110,9 @@ def test_measurements_stay_out_of_the_file(setup: Setup, world: WorldModel, tmp_
         ("objets: {}", "unknown field; did you mean 'objects'"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_told_with_its_line(setup: Setup, tmp_path: Path, line: str, words: str) -> None:
+def test_what_is_wrong_in_a_file_is_told_with_its_line(
+    setup: ResolvedConfig, tmp_path: Path, line: str, words: str
+) -> None:
     path = tmp_path / "world.yaml"
     path.write_text(f"scene: kitchen_furnished\nbeliefs:\n  {line}\n")
     with pytest.raises(ConfigurationError, match=words) as refused:
@@ -117,7 +121,7 @@ def test_what_is_wrong_in_a_file_is_told_with_its_line(setup: Setup, tmp_path: P
     assert refused.value.problems[0].line == 3
 
 
-def test_what_is_in_the_hand_does_not_lie_anywhere(setup: Setup, tmp_path: Path) -> None:
+def test_what_is_in_the_hand_does_not_lie_anywhere(setup: ResolvedConfig, tmp_path: Path) -> None:
     path = tmp_path / "world.yaml"
     path.write_text(
         "scene: kitchen_furnished\nbeliefs:\n  hands: {arm: {name: mug, what: {model: mug}, width: 5 cm,"

@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.control.arm.arm_ways import ArmWays
+from bestman_bt.control.arm.arm_coordinator import ArmCoordinator
 from bestman_bt.control.arm.constraint_following import (
     ConstraintFollowing,
     FollowedMotion,
@@ -129,8 +129,8 @@ class ArmController:
     """Runs motions of one arm. The arm's driver monitors tracking; a guard can monitor anything else.
 
     A guard is called periodically while the arm moves; if it returns a text, the arm is brought to rest and the motion
-    fails with that text. ``kinematics`` and ``wrist``: for ``move_until`` and ``follow_constraint``. ``ways``: shared
-    by the controllers of a robot's arms; a motion that would cross another arm's path waits for it, or fails as
+    fails with that text. ``kinematics`` and ``wrist``: for ``move_until`` and ``follow_constraint``. ``coordinator``:
+    shared by the controllers of a robot's arms; a motion that would cross another arm's path waits for it, or fails as
     OTHER_ARM_IN_THE_WAY. ``confirm``: asks a person before each motion, which fails as DECLINED if refused; ``bodies``:
     from joint positions to the corners (N, 3) of what moves with the arm, in the map frame, to show to the person.
     """
@@ -141,7 +141,7 @@ class ArmController:
         clock: Clock,
         kinematics: InverseKinematics | None = None,
         wrist: WristWrench | None = None,
-        ways: ArmWays | None = None,
+        coordinator: ArmCoordinator | None = None,
         moving: ArmMoving = ArmMoving(),
         confirm: Confirm | None = None,
         bodies: Callable[[NDArray[np.float64]], list[NDArray[np.float64]]] | None = None,
@@ -151,7 +151,7 @@ class ArmController:
         self._clock = clock
         self._kinematics, self._wrist, self._moving = kinematics, wrist, moving
         self._stream: _Stream | None = None
-        self._ways = ways
+        self._coordinator = coordinator
 
     def positions(self) -> NDArray[np.float64]:
         """Return the measured positions, (n,) radians."""
@@ -235,8 +235,8 @@ class ArmController:
     def stop(self) -> None:
         """Bring the arm to rest at once."""
         self._end_stream(MotionErrorCode.STOPPED, "the arm was stopped")
-        if self._ways is not None:
-            self._ways.end_waiting(self.name, MotionErrorCode.STOPPED, "the arm was stopped")
+        if self._coordinator is not None:
+            self._coordinator.end_waiting(self.name, MotionErrorCode.STOPPED, "the arm was stopped")
         self._arm.stop()
 
     def _feeling(self, what: str) -> tuple[InverseKinematics, WristWrench]:
@@ -246,7 +246,7 @@ class ArmController:
 
     def for_planning(self, joints: Mapping[str, float]) -> Mapping[str, float]:
         """Return ``joints``, measured positions by name, with other moving arms at their targets."""
-        return joints if self._ways is None else self._ways.for_planning(self.name)
+        return joints if self._coordinator is None else self._coordinator.for_planning(self.name)
 
     def _run(self, action: _Streaming, motion: Motion[Result], words: str) -> Motion[Result]:
         self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
@@ -270,9 +270,9 @@ class ArmController:
     ) -> Motion[Result]:
         if (refused := declined(self._confirm, planned)) is not None:
             return refused
-        if self._ways is None:
+        if self._coordinator is None:
             return start()
-        return self._ways.start(self.name, None if path is None else path(), start)
+        return self._coordinator.start(self.name, None if path is None else path(), start)
 
     def _planned(self, way: NDArray[np.float64], words: str, duration: float | None = None) -> PlannedMotion:
         if self._bodies is None:

@@ -32,7 +32,7 @@ _HALVINGS = 4
 
 
 @dataclass(frozen=True)
-class Escape:
+class CollisionRecovery:
     """Moves an arm out of a start in collision.
 
     ``step``: radians of the joint that moves most in one step; ``largest_motion``: of any joint, all in all.
@@ -55,7 +55,7 @@ class Escape:
         One row if the start is free. Raises MotionPlanningError (``start_in_collision``) naming the pairs if they
         overlap too far, or no small motion helps.
         """
-        origin = joint_vector(start, len(limits.joint_names), "start of an escape")
+        origin = joint_vector(start, len(limits.joint_names), "start of a collision recovery")
         path = [origin]
         if world.is_free(origin):
             return np.array(path)
@@ -173,7 +173,7 @@ class TimedMotionPlanner:
         message = f"none of {self.attempts} timed motions keeps clear; the last {fault}"
         raise MotionPlanningError(fault.code, message, fault.failure.obstacle)
 
-    def escape(
+    def recover(
         self,
         start: ArrayLike,
         world: CollisionWorld,
@@ -185,10 +185,10 @@ class TimedMotionPlanner:
 
         Raises MotionPlanningError (``start_in_collision``) if there is none, or if the start is already free.
         """
-        path = Escape().path(start, world, limits, rng)
+        path = CollisionRecovery().path(start, world, limits, rng)
         if len(path) == 1:
             raise MotionPlanningError(
-                PlanningErrorCode.START_IN_COLLISION, "there is nothing to escape from: the start is free"
+                PlanningErrorCode.START_IN_COLLISION, "the start is not in collision: there is nothing to recover from"
             )
         return self.timing.parametrize(path, limits, scale)
 

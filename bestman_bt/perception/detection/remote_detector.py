@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError
 
-from bestman_bt.bounded_post import AnswerRefusedError, NoAnswerError, PostLimits, ask_again, post_json
+from bestman_bt.http_client import AnswerRefusedError, NoAnswerError, PostLimits, ask_again, post_json
 from bestman_bt.messages import RGBDImage
 from bestman_bt.perception.detection.from_image import FromImage, ImageDetection
 from bestman_bt.perception.errors import DetectorReplyError, DetectorUnreachableError

@@ -14,7 +14,7 @@ from typing import Any
 import httpx
 from pydantic import BaseModel, Field, ValidationError
 
-from bestman_bt.bounded_post import (
+from bestman_bt.http_client import (
     Answer,
     AnswerRefusedError,
     NoAnswerError,

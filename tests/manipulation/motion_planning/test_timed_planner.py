@@ -122,7 +122,7 @@ def test_a_motion_that_breaks_the_constraint_between_its_samples_is_refused():
 
 
 @pytest.mark.slow
-def test_the_speed_that_is_asked_for_is_that_of_planned_followed_and_escaping_motions():
+def test_the_speed_that_is_asked_for_is_that_of_planned_followed_and_recovering_motions():
     planner, slow, rng = TimedMotionPlanner(Corner(), Toppra()), SpeedScale(0.1, 0.1), np.random.default_rng(0)
 
     class Shallow(JointWorld):
@@ -135,15 +135,15 @@ def test_the_speed_that_is_asked_for_is_that_of_planned_followed_and_escaping_mo
     motions = {
         "planned": lambda scale: planner.plan(START, [GOAL], FREE, TWO, rng, scale).trajectory,
         "followed": lambda scale: planner.follow_path(PATH, FREE, TWO, scale),
-        "escaping": lambda scale: planner.escape(np.zeros(2), shallow, TWO, rng, scale),
+        "recovering": lambda scale: planner.recover(np.zeros(2), shallow, TWO, rng, scale),
     }
     for motion in motions.values():
         fast, slowed = motion(SpeedScale(1.0, 1.0)), motion(slow)
         assert slowed.duration > 3.0 * fast.duration
         assert np.array_equal(slowed.positions[[0, -1]], fast.positions[[0, -1]])
         assert limit_usage(slowed, TWO).within(0.103)
-    with pytest.raises(MotionPlanningError, match="nothing to escape from"):
-        planner.escape(np.ones(2), shallow, TWO, rng)
+    with pytest.raises(MotionPlanningError, match="nothing to recover from"):
+        planner.recover(np.ones(2), shallow, TWO, rng)
 
 
 @pytest.mark.parametrize(("tilt", "satisfied", "tolerated"), [(24.9, 1, 1), (25.1, 0, 1), (26.9, 0, 1), (27.1, 0, 0)])

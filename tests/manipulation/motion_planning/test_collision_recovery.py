@@ -10,7 +10,7 @@ import pytest
 from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
-from bestman_bt.manipulation.motion_planning.timed_planner import Escape
+from bestman_bt.manipulation.motion_planning.timed_planner import CollisionRecovery
 from bestman_bt.messages import Box, PlacedShape, Pose
 from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld
 from tests.manipulation.table_and_shelf import FINGERS
@@ -37,7 +37,7 @@ def fingertips(collision_model, ready) -> float:
 
 
 def test_a_free_start_needs_no_motion(collision_model, arm, ready, rng) -> None:
-    assert Escape().path(ready, collision_model.world(scene()), arm, rng).tolist() == [ready.tolist()]
+    assert CollisionRecovery().path(ready, collision_model.world(scene()), arm, rng).tolist() == [ready.tolist()]
 
 
 @pytest.mark.parametrize("overlap", [0.001, 0.006, 0.016])
@@ -46,7 +46,7 @@ def test_the_clearance_grows_from_step_to_step_until_the_arm_is_free(
 ) -> None:
     world = collision_model.world(scene(slab(fingertips + overlap)))
     assert not world.is_free(ready)
-    path = Escape().path(ready, world, arm, rng)
+    path = CollisionRecovery().path(ready, world, arm, rng)
     clearances = [world.clearance(positions) for positions in path]
     assert all(after > before for before, after in pairwise(clearances))
     assert clearances[0] < 0.0 < clearances[-1]
@@ -59,7 +59,7 @@ def test_the_clearance_grows_from_step_to_step_until_the_arm_is_free(
 
 def test_the_same_generator_gives_the_same_way_out(collision_model, arm, ready, fingertips) -> None:
     world = collision_model.world(scene(slab(fingertips + 0.01)))
-    first, second = (Escape().path(ready, world, arm, np.random.default_rng(3)) for _ in range(2))
+    first, second = (CollisionRecovery().path(ready, world, arm, np.random.default_rng(3)) for _ in range(2))
     assert first.tolist() == second.tolist()
 
 
@@ -68,7 +68,7 @@ def test_what_overlaps_too_far_is_refused_with_the_pair_and_the_depth(
 ) -> None:
     world = collision_model.world(scene(slab(fingertips + 0.08, thickness=0.3)))
     with pytest.raises(MotionPlanningError, match=r"slab.*mm, too far to move out of it") as caught:
-        Escape().path(ready, world, arm, rng)
+        CollisionRecovery().path(ready, world, arm, rng)
     assert caught.value.code is PlanningErrorCode.START_IN_COLLISION
 
 
@@ -82,7 +82,7 @@ def test_a_hand_that_is_wedged_in_is_refused(collision_model, arm, ready, rng, k
     world = collision_model.world(scene(*walls))
     assert not world.is_free(ready)
     with pytest.raises(MotionPlanningError, match="lead out of it|too far"):
-        Escape(largest_motion=0.05).path(ready, world, arm, rng)
+        CollisionRecovery(largest_motion=0.05).path(ready, world, arm, rng)
 
 
 class Slope(JointWorld):
@@ -97,7 +97,7 @@ class Slope(JointWorld):
 
 
 def out_of(world, start, rng, **changes):
-    return Escape(**changes).path(np.array(start), world, TWO, rng)
+    return CollisionRecovery(**changes).path(np.array(start), world, TWO, rng)
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
@@ -151,5 +151,5 @@ def test_no_joint_is_moved_beyond_its_limit_nor_farther_beyond_it(rng) -> None:
 def test_nan_and_wrong_dimensions_are_refused(collision_model, arm, ready, rng) -> None:
     world = collision_model.world(scene())
     for start in (np.full(7, np.nan), ready[:6]):
-        with pytest.raises(ManipulationError, match="start of an escape"):
-            Escape().path(start, world, arm, rng)
+        with pytest.raises(ManipulationError, match="start of a collision recovery"):
+            CollisionRecovery().path(start, world, arm, rng)

@@ -42,7 +42,7 @@ class _UnderWay:
     reached: int = 0
 
 
-class ArmWays:
+class ArmCoordinator:
     """The motions of a robot's arms under way, and which arms have to wait.
 
     An arm that starts while another moves waits until the rest of the other's path is clear of its own. It fails as
@@ -145,21 +145,25 @@ class _Turn(Motion[Result]):
     """A motion that starts once the way is free; ``started``: from then on."""
 
     def __init__(
-        self, ways: ArmWays, arm: str, path: NDArray[np.float64] | None, command: Callable[[], Motion[Result]]
+        self,
+        coordinator: ArmCoordinator,
+        arm: str,
+        path: NDArray[np.float64] | None,
+        command: Callable[[], Motion[Result]],
     ) -> None:
         super().__init__(arm, self._cancel_started)
-        self._ways, self._arm, self._command = ways, arm, command
-        self._way = None if path is None else ways.swept(arm, path)
+        self._coordinator, self._arm, self._command = coordinator, arm, command
+        self._way = None if path is None else coordinator.swept(arm, path)
         self._timer: Timer | None = None
         self.started: Motion[Result] | None = None
 
     def attempt(self, left: float) -> None:
         """Start, if nothing is in the way; fail if that lasts, or in ``left`` seconds no longer."""
         try:
-            obstacle = self._ways.obstacle(self._arm, self._way)
+            obstacle = self._coordinator.obstacle(self._arm, self._way)
             if obstacle is None:
                 self.started = self._command()
-                self._ways.began(self._arm, self.started, self._way)
+                self._coordinator.began(self._arm, self.started, self._way)
                 return
         except READING_ERRORS as error:
             self.end(MotionStatus.FAILED, replace(error.failure, code=MotionErrorCode.DISCONNECTED))

@@ -76,7 +76,7 @@ UNKNOWN_START = BasePose(Pose2D(), position_std=1.0, heading_std=math.pi, stamp=
 
 
 @dataclass(frozen=True)
-class Setup(DrawnTask):
+class ResolvedConfig(DrawnTask):
     """A configuration with everything that it names."""
 
     registry: NodeRegistry
@@ -147,7 +147,7 @@ class Setup(DrawnTask):
         ]
         return sorted(found, key=lambda one: (one.file, one.line))
 
-    def with_task(self, task: str) -> Setup:
+    def with_task(self, task: str) -> ResolvedConfig:
         """Return the same robot and world with the goal of a task.
 
         Raises ConfigurationError if the goal does not exist here.
@@ -166,7 +166,7 @@ def prepare(  # noqa: C901 - one check after the other
     all_entries: bool = False,
     known_faults: Iterable[Problem] = (),
     check: Callable[[RunConfig], object] | None = None,
-) -> Setup:
+) -> ResolvedConfig:
     """Load and check everything that a run needs, without starting anything.
 
     ``all_entries``: whether the tree may only read entries that it, or the task, has filled. ``known_faults``: faults
@@ -229,7 +229,7 @@ def _setup(
     scene: SceneConfig | None,
     world: World | None,
     registry: NodeRegistry | None,
-) -> Setup:
+) -> ResolvedConfig:
     """Return a setup of the parts that could be read; access to the others raises UnreadError."""
     there, known = robot or UNREAD, UNREAD
     if scene is not None and world is not None:
@@ -238,7 +238,7 @@ def _setup(
     absent = scene.absent if scene is not None else ()
     # A setup without nodes has no tree to check: kinds of goals that need nodes are left out.
     nodes: Any = registry
-    return Setup(config, there, world or UNREAD, known, nodes, absent=absent)
+    return ResolvedConfig(config, there, world or UNREAD, known, nodes, absent=absent)
 
 
 def _at_its_entry(config: RunConfig, problem: Problem) -> Problem:
@@ -250,7 +250,7 @@ def _at_its_entry(config: RunConfig, problem: Problem) -> Problem:
     return problem
 
 
-def _check_tree(setup: Setup, all_entries: bool, certain: bool) -> None:
+def _check_tree(setup: ResolvedConfig, all_entries: bool, certain: bool) -> None:
     """Check the tree of a setup; ``certain``: the configuration has no fault, so the entries of the task are known."""
     wrong: list[TreeProblem] = []
     tree = load_for(setup, faults=wrong)
@@ -270,7 +270,7 @@ def _unfilled(tree: Tree, given: Collection[str], has_task: bool, known: Iterabl
     return [one for one in found if (one.file, one.line, one.field) not in told]
 
 
-def _prepare_algorithms(setup: Setup, faults: ProblemCollector) -> None:
+def _prepare_algorithms(setup: ResolvedConfig, faults: ProblemCollector) -> None:
     config, robot = setup.config, setup.robot_model
     with faults.step():
         Algorithms(config, robot)
@@ -294,7 +294,7 @@ def tree_problems(error: TreeLoadError) -> list[Problem]:
     ]
 
 
-def load_for(setup: Setup, tree: str | Path | Behaviour | None = None, **options: Any) -> Tree:
+def load_for(setup: ResolvedConfig, tree: str | Path | Behaviour | None = None, **options: Any) -> Tree:
     """Load a tree with the nodes of a setup. Raises TreeLoadError or ConfigurationError."""
     source = setup.config.task.tree if tree is None else tree
     if source == "":

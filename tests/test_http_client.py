@@ -8,8 +8,8 @@ from typing import Any
 import httpx
 import pytest
 
-from bestman_bt import bounded_post
-from bestman_bt.bounded_post import (
+from bestman_bt import http_client
+from bestman_bt.http_client import (
     Answer,
     AnswerRefusedError,
     NoAnswerError,
@@ -32,7 +32,7 @@ def post(way: Way, limits: PostLimits = LIMITS, **headers: str) -> Answer:
 def waits(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """What was waited, without waiting."""
     found: list[float] = []
-    monkeypatch.setattr(bounded_post.time, "sleep", found.append)
+    monkeypatch.setattr(http_client.time, "sleep", found.append)
     return found
 
 

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bestman_bt.control.arm.arm_controller import ArmController
-from bestman_bt.control.arm.arm_ways import ArmWays, Passing
+from bestman_bt.control.arm.arm_coordinator import ArmCoordinator, Passing
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.messages import MotionErrorCode
 from bestman_bt.robot_model.model import ArmModel, RobotModel
@@ -31,7 +31,7 @@ class Scene:
 
     robot: RobotModel
     arms: dict[str, ScriptedArm]
-    ways: ArmWays
+    coordinator: ArmCoordinator
     clock: object
     started: list[str] = field(default_factory=list)
 
@@ -53,7 +53,7 @@ class Scene:
             self.started.append(side)
             return self.arms[side].move_to(self.arms[side].at)
 
-        return self.ways.start(side, path, begin)
+        return self.coordinator.start(side, path, begin)
 
     def under_way(self, side: str) -> ScriptedMotion:
         """The motion that the arm itself carries out."""
@@ -67,7 +67,7 @@ def scene() -> Scene:
     for side, arm in arms.items():
         arm.model = robot.of(ArmModel)[side]
     sensor = JointStateSensor(arms, robot)
-    return Scene(robot, arms, ArmWays(robot, sensor, WorldModel(SemanticMap((), {})), clock, PASSING), clock)
+    return Scene(robot, arms, ArmCoordinator(robot, sensor, WorldModel(SemanticMap((), {})), clock, PASSING), clock)
 
 
 def right_sweeps_outwards(scene: Scene) -> None:
@@ -125,7 +125,7 @@ def test_what_is_cancelled_while_it_waits_never_starts(scene: Scene) -> None:
 def test_an_arm_that_is_stopped_while_it_waits_never_starts(scene: Scene) -> None:
     scene.put("left", 0.0)
     right_sweeps_outwards(scene)
-    arm = ArmController(scene.arms["left"], scene.clock, ways=scene.ways)
+    arm = ArmController(scene.arms["left"], scene.clock, coordinator=scene.coordinator)
     motion = arm.move_to(scene.at("left", INWARD))
     assert not motion.done
     arm.stop()
@@ -156,7 +156,7 @@ def test_another_path_is_needed_at_once_where_the_other_arm_rests_in_the_way(sce
     motion = scene.go("left", 0.0, INWARD)
     assert (motion.failure.code, motion.failure.text) == (IN_THE_WAY, "arm right rests in its way")
     assert scene.started == before
-    planned_with = scene.ways.for_planning("left")
+    planned_with = scene.coordinator.for_planning("left")
     where = [planned_with[name] for name in scene.robot.of(ArmModel)["right"].joint_names]
     np.testing.assert_allclose(where, scene.at("right", ACROSS), atol=1e-9)
     if not ends:  # the planner has judged the arm where it rests: its path counts, not the hulls around it
@@ -166,7 +166,7 @@ def test_another_path_is_needed_at_once_where_the_other_arm_rests_in_the_way(sce
 
 def test_what_was_planned_with_the_other_arm_elsewhere_does_not_count(scene: Scene) -> None:
     scene.put("right", ASIDE)
-    scene.ways.for_planning("left")
+    scene.coordinator.for_planning("left")
     scene.put("right", ACROSS)
     assert scene.go("left", 0.0, INWARD).failure.code is IN_THE_WAY
 
