@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from bestman_bt.engine.core.status import RUNNING
+from bestman_bt.engine.status import RUNNING
 from bestman_bt.evaluation.film.filmed_run import read_filmed_run
 from bestman_bt.evaluation.film.replay_scene import ReplayScene
 from bestman_bt.evaluation.film.shot import plan_shot

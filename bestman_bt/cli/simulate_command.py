@@ -19,11 +19,11 @@ from bestman_bt.cli.options import Json, MonitorOptions, OtherFiles, Seed, group
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, EngineError, Node, Tree, WallClock, render_svg
-from bestman_bt.engine.core.status import STATUS_NAMES
 from bestman_bt.engine.coverage import Coverage
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.scenario import Scenario, fits
 from bestman_bt.engine.simulation import LIMIT, SimulatedRun, simulate
+from bestman_bt.engine.status import STATUS_NAMES
 from bestman_bt.records.events import RunEvent
 from bestman_bt.runtime.control_channel import ControlChannel
 from bestman_bt.runtime.executor import Executor, TerminationReason

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 from py_trees.ports import PortInformation
 
 import bestman_bt.engine.catalogue  # noqa: F401 - fills the table of built-in nodes
-from bestman_bt.engine.authoring import build_tree, load_python_tree
+from bestman_bt.engine.authoring import build_tree
 from bestman_bt.engine.blackboard import Blackboard, Entry
 from bestman_bt.engine.bounds import BoundedPort, NotZero, OneOf
+from bestman_bt.engine.building import NoMainTree
 from bestman_bt.engine.clock import EngineClock, ManualClock, WakeableClock, WallClock
 from bestman_bt.engine.controls import (
     AsyncFallback,
@@ -39,15 +40,6 @@ from bestman_bt.engine.conversion import ConverterRegistry
 from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import In, InOut, Out, Port
 from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry, RegistryError
-from bestman_bt.engine.core.status import (
-    FAILURE,
-    IDLE,
-    RUNNING,
-    SKIPPED,
-    SUCCESS,
-    NodeStatus,
-    status_name,
-)
 from bestman_bt.engine.core.tree import Listener, StateChanges, Tree
 from bestman_bt.engine.dataflow import EntryUse, entry_uses, render_ports
 from bestman_bt.engine.decorators import (
@@ -95,10 +87,19 @@ from bestman_bt.engine.leaves.coroutine import CoroutineAction, ThreadedAction
 from bestman_bt.engine.leaves.function import Context, FunctionLeafError, Output, action, condition
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
 from bestman_bt.engine.leaves.script import Script, ScriptCondition, TestNode, TestNodeConfig
-from bestman_bt.engine.loading import NoMainTree, load_tree
+from bestman_bt.engine.loading import load_python_tree, load_tree
 from bestman_bt.engine.own_files import raise_no_such_name
 from bestman_bt.engine.simulation import SimulatedRun, simulate
 from bestman_bt.engine.snapshot import BlackboardBackup, backup, from_json, restore, to_json
+from bestman_bt.engine.status import (
+    FAILURE,
+    IDLE,
+    RUNNING,
+    SKIPPED,
+    SUCCESS,
+    NodeStatus,
+    status_name,
+)
 from bestman_bt.engine.substitution import SubstitutionError, SubstitutionRules
 from bestman_bt.engine.validation import ineffective_parts, tree_warnings, validate_file
 from bestman_bt.engine.xml.document import XmlDocument, XmlElement

@@ -1,4 +1,4 @@
-"""Trees in Python: nodes that read like the XML, and the same loader behind them.
+"""Trees in Python: nodes that read like the XML, and the same builder behind them.
 
     Sequence("fetch", [
         NavigateTo(goal="{stand}"),
@@ -11,22 +11,14 @@ Ports are keyword arguments: a literal as a Python value, or ``"{key}"``. Script
 
 from __future__ import annotations
 
-import sys
 from functools import cache
 from pathlib import Path
-from types import FunctionType
 from typing import TYPE_CHECKING, Any, Unpack
 
 from py_trees.behaviour import Behaviour
 
-from bestman_bt.engine.blackboard import SharedEntries, forget_dropped_trees
-from bestman_bt.engine.core.node import Node, NodePlace
-from bestman_bt.engine.core.registry import NodeRegistry
-from bestman_bt.engine.core.tree import Tree
-from bestman_bt.engine.decorators.subtree import SubTree
-from bestman_bt.engine.errors import TreeLoadError, TreeProblem
-from bestman_bt.engine.leaves.native import PyTreesBehaviour, adapted, is_taken, lines_noted, take_over
-from bestman_bt.engine.loading import (
+from bestman_bt.engine.blackboard import SharedEntries
+from bestman_bt.engine.building import (
     MAX_NODES,
     Builder,
     LoadOptions,
@@ -36,7 +28,13 @@ from bestman_bt.engine.loading import (
     raise_if_any,
     words_of,
 )
-from bestman_bt.engine.own_files import described, importable, load_file
+from bestman_bt.engine.core.node import Node, NodePlace
+from bestman_bt.engine.core.py_trees_face import PyTreesFace
+from bestman_bt.engine.core.registry import NodeRegistry
+from bestman_bt.engine.core.tree import Tree
+from bestman_bt.engine.decorators.subtree import SubTree
+from bestman_bt.engine.errors import TreeLoadError, TreeProblem
+from bestman_bt.engine.leaves.native import PyTreesBehaviour, adapted, is_taken, take_over
 from bestman_bt.engine.scripting.compiler import ScriptCompiler
 from bestman_bt.engine.xml.checking import check_values
 from bestman_bt.engine.xml.documents import read_documents
@@ -82,41 +80,7 @@ def build_tree(
     return tree
 
 
-def load_python_tree(path: Path) -> Behaviour:
-    """Return the result of ``build()`` of a Python file: a node, a native py_trees behaviour, or a loaded tree.
-
-    While it runs, the modules in the same folder can be imported.
-
-    Raises:
-        TreeLoadError: the file does not exist, fails to run or ends the program, or defines no ``build()``.
-    """
-
-    def fail(message: str, line: int = 0) -> TreeLoadError:
-        return TreeLoadError([TreeProblem(str(path), line, "", "", message)])
-
-    if not path.is_file():
-        raise fail("the tree file does not exist")
-    name = f"bestman_bt_tree_{path.stem}"
-    forget_dropped_trees()
-    try:
-        with importable(path.parent), lines_noted():
-            build = getattr(load_file(path, name), "build", None)
-            if not callable(build):
-                raise fail("it defines no function build() that returns the root node")
-            root = build()
-    except TreeLoadError:
-        raise
-    except (Exception, SystemExit) as error:
-        file, line, words = described(error, path)
-        raise TreeLoadError([TreeProblem(file, line, "", "", f"it fails with {words}")]) from error
-    finally:
-        sys.modules.pop(name, None)
-    if isinstance(root, Tree):
-        return root.as_subtree()
-    if not isinstance(root, Behaviour):
-        line = build.__code__.co_firstlineno if isinstance(build, FunctionType) else 0
-        raise fail(f"its build() returned {root!r}; a node is expected", line)
-    return root
+PyTreesFace.build_own_tree = staticmethod(build_tree)
 
 
 @cache

@@ -16,8 +16,8 @@ import typing
 from collections.abc import Callable
 from typing import Any
 
-from bestman_bt.engine.core.status import STATUS_NAMES, NodeStatus
 from bestman_bt.engine.errors import ConversionError
+from bestman_bt.engine.status import STATUS_NAMES, NodeStatus
 
 Converter = Callable[[str], Any]
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 from bestman_bt.engine.controls import Fallback, ReactiveFallback, RecoveryNode, TryCatch
 from bestman_bt.engine.core.node import Node
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.reachability import possible_results
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
 
 _FALLBACKS = (Fallback, ReactiveFallback, RecoveryNode, TryCatch)
 

@@ -11,11 +11,11 @@ from typing import Any, Final
 
 from bestman_bt.engine.conversion import text_of
 from bestman_bt.engine.core.node import Node
-from bestman_bt.engine.core.status import IDLE, STATUS_NAMES
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.palette import STATE_COLORS, STATE_MARKS
+from bestman_bt.engine.status import IDLE, STATUS_NAMES
 
 # A tree as text, with the nodes' states where they are known.
 

@@ -9,7 +9,7 @@ import json
 from pathlib import Path
 from typing import Final
 
-from bestman_bt.engine.core.status import STATUS_NAMES
+from bestman_bt.engine.status import STATUS_NAMES
 
 PALETTE: Final[dict[str, dict[str, str]]] = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
 _OF_STATES: Final = [PALETTE[name.lower()] for name in STATUS_NAMES]

@@ -7,10 +7,10 @@ from typing import Final
 
 from bestman_bt.engine import controls, decorators
 from bestman_bt.engine.core.node import Node
-from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.leaves.base import AlwaysFailure, AlwaysSuccess, Leaf
 from bestman_bt.engine.leaves.script import Script, TestNode
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 _ALL: Final = frozenset((RUNNING, SUCCESS, FAILURE, SKIPPED))
 _DONE: Final = frozenset((SUCCESS, FAILURE))

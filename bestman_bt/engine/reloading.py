@@ -9,9 +9,9 @@ from typing import Any
 
 from bestman_bt.engine.authoring import build_tree
 from bestman_bt.engine.core.node import Node
-from bestman_bt.engine.core.status import IDLE, RUNNING
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.leaves.base import StatefulAction
+from bestman_bt.engine.status import IDLE, RUNNING
 from bestman_bt.errors import Error
 
 _LOG = logging.getLogger(__name__)

@@ -13,7 +13,6 @@ from bestman_bt.engine.clock import EngineClock, ManualClock
 from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.registry import NodeRegistry
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.core.tree import StateChanges, Tree
 from bestman_bt.engine.errors import EngineError, NodeError
 from bestman_bt.engine.leaves.blackboard import WasEntryUpdated
@@ -21,6 +20,7 @@ from bestman_bt.engine.loading import load_tree
 from bestman_bt.engine.models.foreign import open_tree
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.scenario import Scenario, SimulatedLeaves, stand_in
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.substitution import SubstitutionRules
 from bestman_bt.engine.unwritten import unwritten_reads
 from bestman_bt.engine.xml.writer import tree_to_xml

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from bestman_bt.engine.core.node import Node
-from bestman_bt.engine.core.status import STATUS_NAMES
 from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.leaves.script import TestNode, TestNodeConfig
+from bestman_bt.engine.status import STATUS_NAMES
 
 if TYPE_CHECKING:
     from bestman_bt.engine.core.registry import NodeInfo

@@ -12,6 +12,7 @@ from types import FunctionType
 from typing import Any
 
 from bestman_bt.engine import controls, decorators
+from bestman_bt.engine.building import main_tree_of
 from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.registry import NodeRegistry
@@ -22,7 +23,7 @@ from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import TreeLoadError, TreeProblem
 from bestman_bt.engine.leaves.base import Condition, StatefulAction
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
-from bestman_bt.engine.loading import load_tree, main_tree_of
+from bestman_bt.engine.loading import load_tree
 from bestman_bt.engine.models.foreign import Placeholders, main_of, open_documents
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.placeholders import is_placeholder

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from bestman_bt.engine.core.status import FAILURE, STATUS_NAMES, SUCCESS
 from bestman_bt.engine.spelling import closest
+from bestman_bt.engine.status import FAILURE, STATUS_NAMES, SUCCESS
 from bestman_bt.monitor.run import MonitoredRun, RunError
 from bestman_bt.records.events import MAIN_TREE, EventError
 from bestman_bt.records.nodes import NodeList

@@ -15,8 +15,8 @@ from py_trees.composites import Composite
 from py_trees.decorators import Decorator
 from py_trees.trees import BehaviourTree
 
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.models.node_models import LIKE_CONDITIONS
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.errors import Error
 from bestman_bt.monitor.control_socket import Request, RequestRefusedError
 from bestman_bt.monitor.watched import WatchedExecution

@@ -12,8 +12,8 @@ from importlib.metadata import version
 from itertools import islice, zip_longest
 from typing import Any
 
-from bestman_bt.engine.core.status import FAILURE, STATUS_NAMES, SUCCESS
 from bestman_bt.engine.logs.btlog import Transition
+from bestman_bt.engine.status import FAILURE, STATUS_NAMES, SUCCESS
 from bestman_bt.monitor.controls import CONTROLS, control
 from bestman_bt.monitor.run import MonitoredRun, RunError
 from bestman_bt.monitor.run_list import RunList

@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.engine.core.status import IDLE, RUNNING, STATUS_NAMES
+from bestman_bt.engine.status import IDLE, RUNNING, STATUS_NAMES
 from bestman_bt.errors import Error
 from bestman_bt.monitor.control_socket import Request, RequestRefusedError, serve, topics_of
 from bestman_bt.monitor.event_stream import EventStream

@@ -1,7 +1,7 @@
 """The events of an execution, on the control channel and in run folders.
 
 An event is one JSON object per line; ``event`` names its kind. Times are seconds of the robot's clock since the run's
-start, poses and points are in the map frame, states as in ``bestman_bt.engine.core.status``, nodes are given by uid: 1
+start, poses and points are in the map frame, states as in ``bestman_bt.engine.status``, nodes are given by uid: 1
 is the root, in pre-order. ``tree`` 0 is the main tree; others are trees ticked by one of its leaves.
 """
 

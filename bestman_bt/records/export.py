@@ -14,7 +14,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, STATUS_NAMES, SUCCESS
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, STATUS_NAMES, SUCCESS
 from bestman_bt.records.history import RunHistory
 from bestman_bt.records.states import NO
 

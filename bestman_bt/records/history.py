@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.engine.core.status import FAILURE, SKIPPED
 from bestman_bt.engine.logs.btlog import Transitions
+from bestman_bt.engine.status import FAILURE, SKIPPED
 from bestman_bt.records.events import (
     MAIN_TREE,
     BlackboardEvent,

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.engine.core.status import FAILURE, SUCCESS
 from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.logs.btlog import BtLog, Transitions, read_btlog
 from bestman_bt.engine.logs.segmented_file import first_segment, read_regular, read_segment, read_segments
 from bestman_bt.engine.logs.sqlite_log import is_sqlite, read_sqlite
+from bestman_bt.engine.status import FAILURE, SUCCESS
 from bestman_bt.errors import InputError
 from bestman_bt.records.described_tree import describe_xml
 from bestman_bt.records.events import (

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.logs.btlog import Transitions
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
 
 NO = 5
 """Beside the engine's states: FAILURE of a condition, which has answered no, unless its tree ended by it."""

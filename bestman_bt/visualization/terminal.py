@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.text import Text
 
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.records.events import MAIN_TREE, DescribedNode, StatesEvent, TreeEvent
 from bestman_bt.records.history import RunHistory
 from bestman_bt.records.nodes import NodeList

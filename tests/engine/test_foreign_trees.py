@@ -8,11 +8,11 @@ import pytest
 
 from bestman_bt.engine import NodeError, SyncAction, TreeLoadError, load_tree, render_dot, render_svg, render_text
 from bestman_bt.engine.core.registry import NodeRegistry
-from bestman_bt.engine.core.status import SUCCESS
 from bestman_bt.engine.models.foreign import Placeholders, missing_nodes, open_tree
 from bestman_bt.engine.models.node_models import GUESS
 from bestman_bt.engine.models.overview import overview_dot, overview_svg, overview_text
 from bestman_bt.engine.models.package import Package
+from bestman_bt.engine.status import SUCCESS
 from bestman_bt.engine.validation import validate_file
 from bestman_bt.engine.xml.writer import full_tree_xml
 

@@ -12,8 +12,8 @@ from py_trees.parsers.behaviour_tree_xml import parse_behaviour_tree_xml
 from py_trees.ports import PortInformation, PortsMixin
 
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, NodeRegistry, load_tree, render_text
-from bestman_bt.engine.core.status import TO_PY_TREES
 from bestman_bt.engine.models.foreign import open_tree
+from bestman_bt.engine.status import TO_PY_TREES
 from bestman_bt.engine.validation import validate_file
 
 RESULTS = {"S": (SUCCESS, Status.SUCCESS), "F": (FAILURE, Status.FAILURE), "R": (RUNNING, Status.RUNNING)}

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.engine.logs.btlog import Transitions
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.records.timeline import WorkOfNode, activities, work_of_nodes
 
 A, B = 1, 2

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.records.palette import LOOKS, css_variables, look_of
 from bestman_bt.records.states import NO, NodeStates, StateHistory
 

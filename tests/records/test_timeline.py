@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.logs.btlog import Transitions
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.records.timeline import Timeline
 
 

@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 
 from bestman_bt.engine.controls.base import Control
 from bestman_bt.engine.core.node import Node, odd_status, wrapped
-from bestman_bt.engine.core.status import IDLE, RUNNING, SKIPPED
 from bestman_bt.engine.errors import NodeError
+from bestman_bt.engine.status import IDLE, RUNNING, SKIPPED
 
 
 class Indexed(Control):

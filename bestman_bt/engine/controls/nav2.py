@@ -10,7 +10,7 @@ from py_trees.ports import PortInformation
 
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.engine.controls.base import Control
-from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 
 class PipelineSequence(Control, composites.Sequence):

@@ -10,7 +10,7 @@ from py_trees.ports import PortInformation
 
 from bestman_bt.engine.controls.base import NATIVE_POLICY, Control
 from bestman_bt.engine.core.ports import key_of
-from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 
 def _threshold(count: int, children: int) -> int:

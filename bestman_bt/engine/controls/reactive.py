@@ -14,8 +14,8 @@ from py_trees import composites
 from bestman_bt.engine.controls.base import Control
 from bestman_bt.engine.core.around_tick import Tick
 from bestman_bt.engine.core.node import Node, odd_status, wrapped
-from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.engine.errors import NodeError
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 
 def _reactive_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901 - it holds a tick, which is one function: each call in it costs

@@ -6,7 +6,7 @@ from py_trees import composites
 
 from bestman_bt.engine.controls.base import Control
 from bestman_bt.engine.controls.indexed import Indexed, indexed_tick_bare, indexed_tick_traced
-from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 # IfThenElse and WhileDoElse: a first child decides which of the others is ticked.
 

@@ -10,8 +10,8 @@ from py_trees.ports import PortInformation
 
 from bestman_bt.engine.controls.base import Control
 from bestman_bt.engine.conversion import number_from_text
-from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.engine.scripting.operations import EPSILON
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 # ManualSelector: a person at the terminal chooses which child is ticked.
 

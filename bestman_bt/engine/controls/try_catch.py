@@ -6,7 +6,7 @@ from py_trees import composites
 from py_trees.ports import PortInformation
 
 from bestman_bt.engine.controls.base import Control
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 
 class TryCatch(Control, composites.Sequence):

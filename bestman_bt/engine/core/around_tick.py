@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 if TYPE_CHECKING:
     from bestman_bt.engine.core.node import Node

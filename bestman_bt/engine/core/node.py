@@ -31,10 +31,10 @@ from bestman_bt.engine.core.around_tick import (
 )
 from bestman_bt.engine.core.ports import declare_typed_ports, make_reader, make_writer
 from bestman_bt.engine.core.py_trees_face import PyTreesFace
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS
 from bestman_bt.engine.core.strict_order import Order, in_order, upwards
 from bestman_bt.engine.errors import NodeError
 from bestman_bt.engine.own_files import in_words
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS
 
 if TYPE_CHECKING:
     from bestman_bt.engine.blackboard import Blackboard

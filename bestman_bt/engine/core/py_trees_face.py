@@ -5,14 +5,14 @@ from __future__ import annotations
 import typing
 import uuid
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import py_trees
 from py_trees.behaviour import Behaviour
 from py_trees.common import BlackBoxLevel
 from py_trees.common import Status as PyTreesStatus
 
-from bestman_bt.engine.core.status import IDLE, RUNNING, TO_PY_TREES, from_py_trees
+from bestman_bt.engine.status import IDLE, RUNNING, TO_PY_TREES, from_py_trees
 
 # An attribute that is created on first access, and is an ordinary attribute afterwards.
 
@@ -57,6 +57,8 @@ class PyTreesFace(_Base):
     _s: int
     feedback_message: str = ""
     blackbox_level: BlackBoxLevel = BlackBoxLevel.NOT_A_BLACKBOX
+    build_own_tree: ClassVar[staticmethod[[Behaviour], Tree]]
+    """``build_tree``, which ``authoring`` sets, since it is built on the nodes."""
     if not TYPE_CHECKING:
         current_child = None
         memory = True
@@ -87,10 +89,8 @@ class PyTreesFace(_Base):
         """Return the node's tree; a node below a native py_trees composite, which has none, gets its own."""
         node = self._node
         if node.tree is None:
-            from bestman_bt.engine.authoring import build_tree
-
             parent = node.parent
-            build_tree(node)
+            self.build_own_tree(node)
             node.parent = parent
         return node.owner
 

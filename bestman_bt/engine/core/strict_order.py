@@ -11,7 +11,7 @@ import logging
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Final, Protocol, runtime_checkable
 
-from bestman_bt.engine.core.status import IDLE, RUNNING
+from bestman_bt.engine.status import IDLE, RUNNING
 
 if TYPE_CHECKING:
     from bestman_bt.engine.core.around_tick import Tick

@@ -18,9 +18,9 @@ from py_trees.visitors import VisitorBase
 from bestman_bt.engine.blackboard import Blackboard
 from bestman_bt.engine.clock import EngineClock, WakeableClock, WallClock
 from bestman_bt.engine.core.node import Node, wrapped
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, NodeStatus
 from bestman_bt.engine.core.strict_order import Stopping, set_order
 from bestman_bt.engine.errors import EngineError, NodeError
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, NodeStatus
 
 if TYPE_CHECKING:
     from bestman_bt.engine.blackboard import SharedEntries
@@ -73,6 +73,7 @@ class Tree:
     the file or text that it was loaded from, and the search path of its includes; None for a tree made in Python.
     ``left_out``: entries and other names that appear in the faults of a tree that was loaded in spite of them.
     ``replaces``: while it is built, the tree whose blackboards it continues to use.
+    ``to_xml``, ``to_svg``: write it, and draw it with the nodes' states.
     """
 
     def __init__(
@@ -84,12 +85,15 @@ class Tree:
         tree_id: str,
         context: Any = None,
         clock: EngineClock | None = None,
+        to_xml: Callable[[Tree], str],
+        to_svg: Callable[[Tree, dict[int, int]], str],
     ) -> None:
         self.registry = registry
         self.compiler = compiler
         self.tree_id = tree_id
         self.context = context
         self.clock: EngineClock = clock if clock is not None else WallClock()
+        self._to_xml, self._to_svg = to_xml, to_svg
         self.nodes: list[Node] = []
         self.blackboard = blackboard
         self.blackboards: dict[str, Blackboard] = {"": blackboard}
@@ -179,17 +183,11 @@ class Tree:
     @property
     def xml(self) -> str:
         """The tree as XML: its source text, or the writer's output for a tree built in Python."""
-        if self.source:
-            return self.source
-        from bestman_bt.engine.xml.writer import tree_to_xml
-
-        return tree_to_xml(self)
+        return self.source or self._to_xml(self)
 
     def _repr_svg_(self) -> str:
         """Return the tree, coloured by the last results, for display in notebooks."""
-        from bestman_bt.engine.graphics import current_states, render_svg
-
-        return render_svg(self, current_states(self))
+        return self._to_svg(self, {node.uid: node.last_result for node in self.nodes})
 
     def _repr_html_(self) -> str:
         """Return the same, which scrolls where the tree is wider than the notebook."""
@@ -197,9 +195,7 @@ class Tree:
 
     def as_subtree(self) -> Node:
         """Return a SubTree node of this tree, for the children of a node made in Python."""
-        from bestman_bt.engine.decorators.subtree import SubTree
-
-        return SubTree(self)
+        return self.registry.info("SubTree").cls(self)
 
     def bind(self, context: Any, clock: EngineClock) -> None:
         """Replace context and clock of the nodes; not while the tree is running."""

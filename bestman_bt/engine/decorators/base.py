@@ -8,7 +8,7 @@ import py_trees
 
 from bestman_bt.engine.core.around_tick import Tick
 from bestman_bt.engine.core.node import Node
-from bestman_bt.engine.core.status import SKIPPED
+from bestman_bt.engine.status import SKIPPED
 
 
 class Decorator(Node, py_trees.decorators.Decorator):

@@ -9,9 +9,9 @@ from py_trees.ports import PortInformation
 
 from bestman_bt.engine.conversion import cast
 from bestman_bt.engine.core.ports import key_of
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, NodeStatus
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.errors import ConversionError
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, NodeStatus
 
 # ForEach: the child once for each item of a list of any type.
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from py_trees.ports import PortInformation
 
 from bestman_bt.engine.core.ports import key_of
-from bestman_bt.engine.core.status import FAILURE, SUCCESS, NodeStatus
 from bestman_bt.engine.decorators.base import Decorator
+from bestman_bt.engine.status import FAILURE, SUCCESS, NodeStatus
 
 
 class Precondition(Decorator):

@@ -7,8 +7,8 @@ from typing import ClassVar
 from py_trees.ports import PortInformation
 
 from bestman_bt.engine.core.ports import key_of
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.engine.decorators.base import Decorator
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 # RunOnce: the child is executed only once.
 

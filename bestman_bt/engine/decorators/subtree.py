@@ -10,9 +10,9 @@ from py_trees.behaviour import Behaviour
 from py_trees.ports import PortInformation
 
 from bestman_bt.engine.core.node import Node, odd_status, wrapped
-from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.errors import NodeError
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 if TYPE_CHECKING:
     from bestman_bt.engine.core.tree import Tree

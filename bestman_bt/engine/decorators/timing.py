@@ -7,8 +7,8 @@ from typing import Annotated
 from annotated_types import Ge, Gt
 
 from bestman_bt.engine.bounds import BoundedPort
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.decorators.base import Decorator
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
 
 # RateController of Nav2: the child at most so many times a second.
 

@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 from py_trees.ports import PortInformation
 
 from bestman_bt.engine.core.ports import key_of
-from bestman_bt.engine.core.status import RUNNING, SKIPPED
 from bestman_bt.engine.decorators.base import Decorator
+from bestman_bt.engine.status import RUNNING, SKIPPED
 
 
 class _WhenUpdated(Decorator):

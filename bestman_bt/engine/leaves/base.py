@@ -9,7 +9,7 @@ from py_trees.behaviour import Behaviour
 
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.engine.core.node import Node
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
 
 
 class Leaf(Node, Behaviour):

@@ -9,9 +9,9 @@ from py_trees.ports import PortInformation
 
 from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import key_of
-from bestman_bt.engine.core.status import FAILURE, SUCCESS
 from bestman_bt.engine.errors import BlackboardError
 from bestman_bt.engine.leaves.base import SyncAction
+from bestman_bt.engine.status import FAILURE, SUCCESS
 
 
 class SetBlackboard(SyncAction):

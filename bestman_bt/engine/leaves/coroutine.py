@@ -6,8 +6,8 @@ import threading
 from collections.abc import Awaitable, Callable, Coroutine, Generator
 from typing import Any
 
-from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.engine.leaves.base import StatefulAction
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 # ThreadedAction: work that would hold up the tick, in a thread of its own.
 

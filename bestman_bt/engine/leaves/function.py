@@ -23,9 +23,9 @@ from typing import Any, Generic, TypeVar, overload
 from py_trees.ports import PortInformation
 
 from bestman_bt.engine.core.node import Node
-from bestman_bt.engine.core.status import FAILURE, RUNNING, SUCCESS
 from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.leaves.base import Condition, Leaf, SyncAction
+from bestman_bt.engine.status import FAILURE, RUNNING, SUCCESS
 
 T = TypeVar("T")
 

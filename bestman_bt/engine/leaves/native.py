@@ -21,7 +21,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status as PyTreesStatus
 
 from bestman_bt.engine.core.node import Node, line_that_makes
-from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, SUCCESS, TO_PY_TREES, from_py_trees
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS, TO_PY_TREES, from_py_trees
 
 if TYPE_CHECKING:
     from bestman_bt.engine.clock import EngineClock

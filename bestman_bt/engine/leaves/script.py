@@ -10,9 +10,9 @@ from py_trees.ports import PortInformation
 
 from bestman_bt.engine.core.around_tick import Tick
 from bestman_bt.engine.core.ports import key_of
-from bestman_bt.engine.core.status import FAILURE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS
 from bestman_bt.engine.leaves.base import Condition, StatefulAction, SyncAction
 from bestman_bt.engine.scripting.compiler import ScriptCompiler
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS
 
 # TestNode: a leaf with a scripted result and delay, put in the place of a real one by a substitution rule.
 

@@ -18,10 +18,10 @@ from typing import overload
 import numpy as np
 import numpy.typing as npt
 
-from bestman_bt.engine.core.status import IDLE, SKIPPED
 from bestman_bt.engine.core.tree import StateChanges, Tree
 from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.logs.segmented_file import SegmentedFile, read_segments
+from bestman_bt.engine.status import IDLE, SKIPPED
 from bestman_bt.engine.xml.writer import full_tree_xml
 
 # The state changes of a log, stored as arrays and accessed one by one.

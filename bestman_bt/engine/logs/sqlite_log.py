@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bestman_bt.engine.core.status import SKIPPED
 from bestman_bt.engine.logs.btlog import BtLog, LogError, Transitions
 from bestman_bt.engine.logs.segmented_file import open_regular
+from bestman_bt.engine.status import SKIPPED
 
 MAGIC = b"SQLite format 3\x00"
 MOST_CHANGES = 15_000_000

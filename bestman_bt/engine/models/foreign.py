@@ -10,11 +10,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
+from bestman_bt.engine.building import Gaps, LoadOptions, load_documents, without_garbage_collection
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.errors import TreeProblem
-from bestman_bt.engine.loading import Gaps, LoadOptions, load_documents, load_tree, without_garbage_collection
+from bestman_bt.engine.loading import load_tree
 from bestman_bt.engine.models.node_models import Models, seen_ports, with_foreign
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.placeholders import is_placeholder, placeholder

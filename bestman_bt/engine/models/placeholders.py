@@ -10,9 +10,9 @@ from bestman_bt.engine.controls import Sequence
 from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import Port
 from bestman_bt.engine.core.registry import NodeInfo, make_info
-from bestman_bt.engine.core.status import RUNNING
 from bestman_bt.engine.decorators import Decorator
 from bestman_bt.engine.leaves.base import Leaf
+from bestman_bt.engine.status import RUNNING
 
 
 def _refused(node: Node) -> int:

@@ -15,7 +15,6 @@ from bestman_bt.engine.catalogue import EXTENSIONS
 from bestman_bt.engine.conversion import UNTYPED, cast, partly_read, type_name
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
-from bestman_bt.engine.core.status import NodeStatus
 from bestman_bt.engine.core.strict_order import STRICT
 from bestman_bt.engine.errors import ConversionError, ScriptError, TreeProblem
 from bestman_bt.engine.leaves.blackboard import names_entry
@@ -23,6 +22,7 @@ from bestman_bt.engine.leaves.function import class_name
 from bestman_bt.engine.scripting.compiler import ScriptCompiler
 from bestman_bt.engine.scripting.parser import assigns_to_no_key
 from bestman_bt.engine.spelling import closest
+from bestman_bt.engine.status import NodeStatus
 from bestman_bt.engine.xml.documents import Documents, TreeDefinition
 from bestman_bt.engine.xml.elements import Element
 

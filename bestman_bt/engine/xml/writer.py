@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from bestman_bt.engine.conversion import UNTYPED, text_of, type_name
-from bestman_bt.engine.core.status import NodeStatus
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
+from bestman_bt.engine.status import NodeStatus
 
 if TYPE_CHECKING:
     from bestman_bt.engine.core.node import Node

@@ -16,7 +16,7 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.evaluation.audit import CHEATS
 from bestman_bt.evaluation.report.run_report import ReportPicture, RunReport, setting_words
 from bestman_bt.evaluation.summary import summarize

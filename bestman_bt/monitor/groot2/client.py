@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.engine import IDLE
-from bestman_bt.engine.core.status import SKIPPED
 from bestman_bt.engine.logs.btlog import Transitions
+from bestman_bt.engine.status import SKIPPED
 from bestman_bt.monitor.groot2.protocol import PROTOCOL, Groot2Error, Request, RequestError, RequestKind, import_zmq
 from bestman_bt.monitor.groot2.zmtp import ZmtpConnection
 

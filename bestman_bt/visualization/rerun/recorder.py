@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.engine.core.status import FAILURE, IDLE, RUNNING, SUCCESS
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.extras import require_extra
 from bestman_bt.messages import LaserScan, Path2D, PointCloud, Pose, RGBDImage
 from bestman_bt.records.events import StatesEvent

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from bestman_bt.engine.core.status import IDLE
 from bestman_bt.engine.logs.btlog import Transition
+from bestman_bt.engine.status import IDLE
 from bestman_bt.records.nodes import NodeList
 from bestman_bt.records.palette import LOOKS, STATE_NAMES
 from bestman_bt.visualization.node_labels import node_label

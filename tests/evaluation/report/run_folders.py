@@ -10,7 +10,7 @@ from PIL import Image
 from behaviours.failure import NodeFailure
 from bestman_bt.engine import load_tree
 from bestman_bt.engine.clock import EngineClock
-from bestman_bt.engine.core.status import RUNNING
+from bestman_bt.engine.status import RUNNING
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.records.events import EndEvent, Event, ImageEvent, LogEvent, RunEvent, StatesEvent
 from bestman_bt.records.writer import RunLogWriter

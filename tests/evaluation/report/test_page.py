@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.engine import load_tree
-from bestman_bt.engine.core.status import FAILURE, SUCCESS
 from bestman_bt.engine.logs.btlog import Transitions
+from bestman_bt.engine.status import FAILURE, SUCCESS
 from bestman_bt.evaluation.report.page import MAX_BARS, MAX_ROWS, WIDTH, gantt, groups_by_name, report_page
 from bestman_bt.evaluation.report.run_reader import read_story
 from bestman_bt.evaluation.result import Outcome
