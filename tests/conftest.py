@@ -6,7 +6,7 @@ import gc
 import os
 import shutil
 import tempfile
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
@@ -36,11 +36,21 @@ def file_of(item: pytest.Item) -> str:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> Generator[None]:
     """Refuses tests against real-time clocks that ``make test`` would not find; in workers, longest files come first.
 
-    So no worker begins a long file when the others have nothing left to do.
+    So no worker begins a long file when the others have nothing left to do. Of a test with ``quick_cases(n)``, ``n``
+    cases stay quick, spread evenly from the first to the last.
     """
+    cases: defaultdict[str, list[pytest.Item]] = defaultdict(list)
     for item in items:
         if item.get_closest_marker("real_time") and not item.nodeid.startswith(REAL_TIME_FOLDERS):
             raise pytest.UsageError(f"{item.nodeid}: real_time tests belong to {' or '.join(REAL_TIME_FOLDERS)}")
+        if item.get_closest_marker("quick_cases"):
+            cases[item.nodeid.split("[", 1)[0]].append(item)
+    for same_test in cases.values():
+        (count,) = same_test[0].get_closest_marker("quick_cases").args
+        quick = {round(index * (len(same_test) - 1) / max(count - 1, 1)) for index in range(count)}
+        for index, item in enumerate(same_test):
+            if index not in quick:
+                item.add_marker("slow")
     yield
     if hasattr(config, "workerinput"):
         length: Counter[str] = Counter()

@@ -67,6 +67,7 @@ def test_it_gives_up_when_it_is_stopped_again_and_again(at_table: RobotSession) 
     assert not at_home(at_table)
 
 
+@pytest.mark.slow
 def test_without_the_leaf_a_stop_stays(at_table: RobotSession) -> None:
     retry = f'<RetryUntilSuccessful num_attempts="3">{MOVE}</RetryUntilSuccessful>'
     assert stopped_on_the_way(at_table, tree_of(retry)) == FAILURE

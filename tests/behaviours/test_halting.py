@@ -38,6 +38,7 @@ def assert_rests(robot: RobotSession) -> None:
         clock.sleep(0.1)
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
     ("leaf", "body", "moving_for"),
     [
@@ -55,6 +56,7 @@ def test_a_skill_that_is_halted_in_motion_comes_to_rest(
     assert_rests(at_table)
 
 
+@pytest.mark.slow
 def test_a_reactive_parent_that_halts_its_child_stops_the_robot(at_table: RobotSession) -> None:
     body = """<ReactiveSequence>
       <ScriptCondition code="go"/>

@@ -34,6 +34,7 @@ def asked(opened: RobotSession, believed: float, **limits: float) -> tuple[int, 
     return status, [(failure.error_code, failure.why) for failure in opened.skills.failures[before:]]
 
 
+@pytest.mark.slow
 def test_the_limits_themselves_hold(furnished: RobotSession) -> None:
     assert asked(furnished, 0.5, at_least=0.5, at_most=0.5) == (SUCCESS, [])
     assert asked(furnished, 0.5, at_least=0.51) == (FAILURE, [("not_open", f"{DOOR} is open by 0.50 rad only")])

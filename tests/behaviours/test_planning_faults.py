@@ -51,6 +51,7 @@ def test_an_arm_that_is_believed_to_touch_something_moves_out_of_it_first(arm: R
     assert np.abs(arm.skills.arm_positions() - before).max() > 0.3
 
 
+@pytest.mark.slow
 def test_an_arm_deep_in_what_is_believed_refuses_and_stays(arm: RobotSession) -> None:
     assert succeeds(arm, '<MoveArm posture="home"/>')
     before = arm.skills.arm_positions()

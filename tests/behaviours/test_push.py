@@ -95,6 +95,7 @@ def test_what_was_never_seen_is_not_pushed(seen) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_goal_out_of_reach_is_refused_before_anything_moves(seen) -> None:
     session, truth = seen
     before = session.skills.arm_positions()

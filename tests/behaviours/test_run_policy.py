@@ -103,6 +103,7 @@ def test_the_shipped_policy_brings_the_tool_to_the_goal(robot: RobotSession) -> 
     assert np.linalg.norm(error[3:]) < 0.1
 
 
+@pytest.mark.slow
 def test_it_does_not_stop_where_one_chunk_meets_the_next(robot: RobotSession) -> None:
     """By encoders: once it has gathered speed the arm keeps moving, several chunks long, until it is near its goal."""
     tree = load(robot, FAR, policy="reach_diff_panda")
@@ -148,6 +149,7 @@ def test_a_policy_that_dithers_runs_into_the_timeout(robot: RobotSession) -> Non
     assert 4.0 <= robot.skills.clock.now() - started < 6.0
 
 
+@pytest.mark.slow
 def test_time_that_is_up_stops_the_arm_in_the_middle_of_a_chunk(robot: RobotSession) -> None:
     Scripted(robot, deltas(0.004, count=100))
     started = robot.skills.clock.now()

@@ -59,6 +59,7 @@ def test_a_command_that_only_reads_loads_no_algorithm(tmp_path: Path, arguments:
     assert not loaded & (HEAVY | {"pydantic"})
 
 
+@pytest.mark.slow
 def test_a_failure_is_explained_without_the_simulator_and_without_algorithms(tmp_path: Path) -> None:
     write_run(tmp_path / "run", success=False)
     out, loaded = answer("explain", "run", folder=tmp_path)

@@ -59,6 +59,7 @@ def test_words_become_a_checked_tree_with_cost_and_goal_told_and_the_key_nowhere
     assert len([json.loads(line) for line in written[1].splitlines()]) == 2
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("planner", "answered"), [("language", PROPOSED), ("symbolic", {**PROPOSED, "plan": None})])
 def test_a_mug_is_looked_for_where_the_instruction_says_that_it_is(
     bestman_bt: Callable[..., Answer], at: Callable[[Server], None], planner: str, answered: dict[str, object]

@@ -71,6 +71,7 @@ def test_a_tree_goes_the_same_way_over_its_recording(bestman_bt: Answers, folder
     assert float(told[1]) + 0.9 < end < float(told[1]) + 1.1
 
 
+@pytest.mark.slow
 def test_the_replay_of_a_run_that_was_cancelled_ends_where_that_did(bestman_bt: Answers, folder: Path) -> None:
     tree = folder / "look_around.xml"
     tree.write_text(TREE)

@@ -59,6 +59,7 @@ def only_folder(parent: Path) -> Path:
     return found
 
 
+@pytest.mark.slow
 def test_nothing_odd_is_said_of_a_tree_that_includes_shipped_subtrees(bestman_bt: Command, folder: Path) -> None:
     body = '<Fallback><AlwaysSuccess/><SubTree ID="Pick" object="cup" surface="table"/></Fallback>'
     (folder / "mine.xml").write_text(
@@ -75,6 +76,7 @@ def test_a_tree_in_place_of_a_tasks_own_names_the_run() -> None:
     assert run_of_options(RunRequest(task="fetch_cup", tree="bring_two", name="mine")).name == "mine"
 
 
+@pytest.mark.slow
 def test_what_is_odd_about_a_tree_is_printed_before_it_runs_and_does_not_stop_it(
     bestman_bt: Command, folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -114,6 +116,7 @@ def test_a_tree_that_succeeds_without_reaching_the_goal_is_no_success(bestman_bt
     assert result == json.loads((only_folder(folder / "elsewhere") / "result.json").read_text())
 
 
+@pytest.mark.slow
 def test_a_node_that_raises_is_an_error_in_the_result(bestman_bt: Command, folder: Path) -> None:
     (folder / "break.py").write_text(
         "from bestman_bt.engine import SyncAction\n\n\n"

@@ -36,6 +36,7 @@ def test_goals_that_are_places_are_marked_and_others_are_not() -> None:
     np.testing.assert_array_equal(points["where"], [3.0, 4.0, 0.0])
 
 
+@pytest.mark.slow
 def test_a_task_whose_goal_is_no_place_is_recorded_with_what_the_robot_knows(tmp_path: Path) -> None:
     shown = entities_of("plan_fetch_cup", tmp_path / "run.rrd")
     assert {"/world/markers/belief", "/world/map", "/blackboard"} <= shown

@@ -59,6 +59,7 @@ def test_every_episode_is_run_by_exactly_one_shard(of: int, seconds: Sequence[fl
     assert all(part == sorted(part) for part in parts)
 
 
+@pytest.mark.slow
 def test_known_durations_balance_the_shards(suite: Suite, keys: Sequence[EpisodeKey], tmp_path: Path) -> None:
     write(tmp_path / "before", keys[:1], wall_time_s=90.0)
     write(tmp_path / "before", keys[1:4], wall_time_s=10.0)

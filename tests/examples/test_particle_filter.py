@@ -40,6 +40,7 @@ def errors(estimates, truths) -> np.ndarray:
 START = Pose2D(0.3, -1.3, 0.2)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("made_of", [lambda kitchen: kitchen, grid_of], ids=["walls", "grid"])
 def test_slipping_wheels_and_a_noisy_lidar_leave_it_within_3_cm(kitchen, made_of):
     localizer = ParticleFilter(made_of(kitchen))
@@ -52,6 +53,7 @@ def test_slipping_wheels_and_a_noisy_lidar_leave_it_within_3_cm(kitchen, made_of
     assert (START @ odometry).distance_to(truths[-1]) > 0.1  # the wheels alone do not know
 
 
+@pytest.mark.slow
 def test_it_finds_itself_from_an_unknown_start_and_needs_fewer_particles_then(kitchen):
     localizer = ParticleFilter(kitchen)
     localizer.reset(Pose2D(), Pose2D(), 1.0, math.pi)
@@ -73,6 +75,7 @@ def test_it_notices_that_it_was_carried_off_and_finds_itself_again(kitchen):
     assert errors(estimates, truths)[-10:, 0].max() < 0.05
 
 
+@pytest.mark.slow
 def test_where_it_may_be_in_several_places_it_says_so(kitchen):
     localizer = ParticleFilter(kitchen, independent_beams=0.5)
     localizer.reset(Pose2D(), Pose2D(), 1.0, math.pi)
@@ -105,6 +108,7 @@ def test_a_blind_lidar_is_refused(kitchen):
     assert "0 beams" in localizer.correct(blind, BASE_FROM_LIDAR).match.reason
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_estimates_and_others_do_not(kitchen):
     ends = []
     for seed in (1, 1, 2):
@@ -119,6 +123,7 @@ def test_before_the_first_reset_there_is_no_estimate(kitchen):
         ParticleFilter(kitchen).predict(Pose2D())
 
 
+@pytest.mark.slow
 def test_after_another_reset_it_is_as_if_nothing_had_been(kitchen):
     ends = []
     localizer = ParticleFilter(kitchen)

@@ -26,6 +26,7 @@ CUP = ObjectModel("cup", (1, 0, 0), 0.2, 0.8, (PlacedShape(Cylinder(0.035, 0.1),
 TABLE = MapFurniture("table", Pose2D(3.0, 1.0), (0.8, 1.6), 0.72, (), False)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_a_cup_is_reached_lifted_and_carried_upright(diff_panda, seed):
     rng = np.random.default_rng(seed)

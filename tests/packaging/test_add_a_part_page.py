@@ -79,5 +79,6 @@ def test_a_kind_that_nobody_has_registered_is_refused_with_those_there_are(folde
         load_robot_model("warm_robot.yaml")
 
 
+@pytest.mark.slow
 def test_the_law_holds_for_a_gripper_of_a_vendor_that_a_plug_in_brings(folder: Path) -> None:
     assert script("try_acme.py") == "succeeded True 40 mm\n"

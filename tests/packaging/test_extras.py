@@ -85,6 +85,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, ...], t
     return {tuple(command): tuple(answer) for command, answer in zip(commands, answers, strict=True)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", WORKS, ids=" ".join)
 def test_a_command_that_starts_no_robot_needs_no_extra(
     results: dict[tuple[str, ...], tuple[int, str, str]], command: list[str]

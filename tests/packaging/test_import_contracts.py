@@ -78,6 +78,7 @@ def test_every_package_below_the_command_line_has_an_allow_list_or_stands_above_
     assert packages() - listed - free == set()
 
 
+@pytest.mark.slow
 def test_the_page_shows_what_the_contracts_allow() -> None:
     script = runpy.run_path(str(CHECKOUT / "scripts" / "import_table.py"))
     assert script["PAGE"].read_text() == script["table"](), "run scripts/import_table.py"

@@ -42,6 +42,7 @@ def applied(mutants: ModuleType, faults: Any, index: Any) -> Any:
     return mutants.check(faults, index)
 
 
+@pytest.mark.slow
 def test_every_seeded_fault_applies_to_exactly_one_place(faults: Any, applied: Any) -> None:
     assert len(applied) == len(faults)
     sentences = [fault.fault for fault in faults]

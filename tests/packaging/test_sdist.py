@@ -47,10 +47,12 @@ def wheel_contents(wheel: Path) -> dict[str, bytes]:
         return {name: opened.read(name) for name in opened.namelist()}
 
 
+@pytest.mark.slow
 def test_the_archive_is_small(archive: Path) -> None:
     assert archive.stat().st_size <= LARGEST
 
 
+@pytest.mark.slow
 def test_neither_pictures_nor_films_nor_packages_of_the_page_are_in_it(unpacked: Path) -> None:
     names = files_below(unpacked)
     assert not {name for name in names if name.endswith((".png", ".jpg", ".webp", ".gif", ".mp4", ".rrd"))}

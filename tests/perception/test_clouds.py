@@ -27,6 +27,7 @@ def cloud() -> PointCloud:
     return PointCloud(SHEET, RNG.integers(0, 256, SHEET.shape).astype(np.uint8))
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("suffix", [".ply", ".pcd"])
 @pytest.mark.parametrize("coloured", [True, False])
 def test_a_cloud_is_read_as_it_was_written(cloud: PointCloud, tmp_path: Path, suffix: str, coloured: bool) -> None:

@@ -42,6 +42,7 @@ def connected(start, goal, obstacles):
     return one == other != 0
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("planner", PLANNERS)
 @examples(25)
 @given(discs, places, places, st.booleans(), st.integers(0, 2**32 - 1))

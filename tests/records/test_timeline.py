@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from bestman_bt.engine.logs.btlog import Transitions
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
@@ -42,6 +43,7 @@ def test_a_span_of_its_own_is_not_called_merged() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_timeline_with_too_many_spans_gets_coarser_and_keeps_failures() -> None:
     timeline = Timeline(max_spans=200)
     timeline.add_node(1)

@@ -20,6 +20,7 @@ ARMS = ("panda_arm", "iiwa_arm", "xarm6_arm", "ur5e_arm", "ur5_arm", "ur10_arm",
 HANDS = ("panda_hand", "wsg50", "xarm_gripper", "pr2_gripper", "suction", "allegro_hand")
 
 
+@pytest.mark.quick_cases(12)
 @pytest.mark.parametrize(("base", "arm", "hand"), list(itertools.product(BASES, ARMS, HANDS)))
 def test_the_three_become_one_urdf_with_unique_names_and_real_meshes(base: str, arm: str, hand: str) -> None:
     robot = combine(base, arm, hand)

@@ -44,6 +44,7 @@ def gap(robot: RobotModel, width: float) -> float:
     return abs(places[0] - places[1])
 
 
+@pytest.mark.quick_cases(5)
 @pytest.mark.parametrize("share", [0.1, 0.4, 0.7, 1.0])
 def test_the_fingers_are_as_far_apart_as_the_width_says(robot: RobotModel, gripper: GripperModel, share: float) -> None:
     width = share * gripper.max_width

@@ -84,6 +84,7 @@ def unpacked(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("name", data_names("robot"))
 def test_every_shipped_robot_loads_without_pybullet_as_with_it(
     name: str, no_pybullet: Path, unpacked: Path, monkeypatch: pytest.MonkeyPatch

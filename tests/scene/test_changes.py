@@ -79,6 +79,7 @@ def test_a_chair_of_an_apartment_may_have_been_moved_while_the_map_has_it_where_
     assert np.median(far) > 0.15
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", [21006, 21011])
 def test_a_chair_that_stood_in_a_narrow_place_is_moved_and_cuts_off_no_more_than_before(seed: int) -> None:
     world = draw_world(load_scene("apartment_walkers"), seed)

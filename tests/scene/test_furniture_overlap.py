@@ -74,6 +74,7 @@ def test_a_drawer_that_stands_open_at_the_start_is_where_it_has_gone(tmp_path: P
     assert "in 'table'" in problem
 
 
+@pytest.mark.quick_cases(10)
 @pytest.mark.parametrize("name", data_names("scene"))
 def test_no_shipped_scene_has_furniture_in_furniture(name: str) -> None:
     assert load_scene(name).name == name

@@ -61,6 +61,7 @@ def test_a_shipped_object_has_its_frame_in_the_middle_and_looks_as_large_as_it_i
     np.testing.assert_allclose(seen_bounds(model), model.bounds(), atol=6e-4)
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("name", [*SHIPPED, "random_000", "random_999"])
 def test_what_collides_is_convex_and_what_is_seen_turns_outwards(name: str) -> None:
     model = read_object(name)

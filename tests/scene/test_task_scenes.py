@@ -29,6 +29,7 @@ SCENES = (
 SEEDS = range(20)
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("name", SCENES)
 def test_twenty_seeds_give_worlds_whose_things_lie_on_their_surfaces(name: str) -> None:
     scene = load_scene(name)

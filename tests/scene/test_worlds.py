@@ -68,6 +68,7 @@ def test_other_seeds_draw_other_worlds(worlds: dict[str, list[World]]) -> None:
     assert len({tuple(sorted(o.name for o in world.objects)) for world in worlds["kitchen"]}) >= 8
 
 
+@pytest.mark.slow
 def test_objects_leave_room_for_a_hand(worlds: dict[str, list[World]]) -> None:
     for world in worlds["kitchen"]:
         for a, b in itertools.combinations(world.objects, 2):
@@ -177,6 +178,7 @@ def test_without_the_cup_everything_else_stays_where_it_is(worlds: dict[str, lis
     assert same > 0.5 * len(SEEDS)
 
 
+@pytest.mark.slow
 def test_no_disc_of_twelve_centimetres_is_free_on_the_covered_counter(worlds: dict[str, list[World]]) -> None:
     world = worlds["kitchen_covered_counter"][0]
     counter = next(f for f in world.furniture if f.name == "counter")

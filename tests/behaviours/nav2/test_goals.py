@@ -15,6 +15,7 @@ def here(session) -> Pose2D:
     return pose
 
 
+@pytest.mark.slow
 def test_a_goal_is_reached_within_its_tolerance_whichever_way_the_base_faces(driver) -> None:
     pose = here(driver)
     assert succeeds(driver, f'<GoalReached goal="{pose.x + 0.2};{pose.y};{pose.theta + 2.0}"/>')

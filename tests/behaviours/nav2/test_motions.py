@@ -45,6 +45,7 @@ def test_driving_straight_goes_so_far_and_no_faster(driver, motion, moved) -> No
     assert 0.1 < max(speeds) < 0.23
 
 
+@pytest.mark.slow
 def test_what_takes_longer_than_its_time_is_stopped_and_told(driver) -> None:
     assert why_not(driver, '<Spin spin_dist="3.0" time_allowance="0.5"/>')[0] == "timeout"
     driver.robot.clock.sleep(1.0)

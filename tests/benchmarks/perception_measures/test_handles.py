@@ -29,6 +29,7 @@ def moved(handle: Handle, shift: np.ndarray) -> Handle:
     return replace(handle, position_std=0.005, pose=Pose(handle.pose.position + shift, handle.pose.quaternion))
 
 
+@pytest.mark.slow
 def test_the_truth_itself_scores_full_marks(scenes: list[HandleView]) -> None:
     report = tallied(scenes, lambda scene: tuple(moved(true.handle, np.zeros(3)) for true in scene.handles))
     assert report["handles"] == sum(true.counted for scene in scenes for true in scene.handles)

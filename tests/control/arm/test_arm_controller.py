@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from bestman_bt.messages import JointTrajectory, MotionErrorCode
 from hal.api import MotionStatus
@@ -25,6 +26,7 @@ def test_a_trajectory_ends_where_it_should(simulate):
     np.testing.assert_allclose(simulated.arm.positions(), trajectory.positions[-1], atol=0.005)
 
 
+@pytest.mark.slow
 def test_moving_point_to_point_ends_where_it_should(simulate):
     simulated = simulate()
     goal = np.add(simulated.arm.positions(), [0.2, 0.1, 0, 0, 0, 0, -0.3])
@@ -33,6 +35,7 @@ def test_moving_point_to_point_ends_where_it_should(simulate):
     np.testing.assert_allclose(simulated.arm.positions(), goal, atol=0.005)
 
 
+@pytest.mark.slow
 def test_a_trajectory_that_starts_elsewhere_fails_without_moving(simulate):
     simulated = simulate()
     trajectory = swing(simulated.arm, 0.4)

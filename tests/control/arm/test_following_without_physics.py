@@ -81,6 +81,7 @@ def test_what_does_not_give_way_is_told_within_the_force_limit(jam, end, words):
         assert np.linalg.norm(it.wrist.force(it.tool)) < 0.9 * handle.result.peak_pull
 
 
+@pytest.mark.slow
 def test_where_an_end_stop_may_be_met_it_moves_slowly_and_presses_less():
     for stop, most in ((math.inf, 0.06), (0.1, 0.01)):
         it, handle = follow(drawer(jam=0.15), max_pull=30.0, end_stop=stop)
@@ -168,6 +169,7 @@ def door(side: float = 1.0, friction: float = 5.0, stiffness: float = 10000.0):
     return force, opened
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("turn", [1.0, 0.0])
 def test_a_door_is_followed_about_its_hinge_either_way_and_the_hand_turns_with_it_as_asked(side, turn):
@@ -195,6 +197,7 @@ def test_of_an_angle_and_a_distance_the_one_that_comes_first_ends_it():
         assert opened[0] == pytest.approx(reached, abs=0.15)
 
 
+@pytest.mark.slow
 def test_a_guide_tells_hand_and_posture_on_the_way_and_what_is_held_need_not_be_the_tool():
     force, _ = door()
     held_at = np.array([0.05, 0.0, 0.02])

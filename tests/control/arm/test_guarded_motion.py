@@ -60,6 +60,7 @@ def test_a_guarded_move_ends_at_once_where_the_wrist_falls_silent(stand_before):
     sensor.fault = None
 
 
+@pytest.mark.slow
 def test_a_guarded_move_ends_at_once_where_joints_of_another_controller_fall_silent(stand_before, monkeypatch):
     scene = tared(stand_before(*DRAWER, flip=True))
 

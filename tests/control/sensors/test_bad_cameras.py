@@ -51,6 +51,7 @@ class Playback(Camera):
         return self.image
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
     ("fault", "code", "words"),
     [

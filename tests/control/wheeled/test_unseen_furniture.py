@@ -70,6 +70,7 @@ def test_the_upper_body_is_what_reaches_well_above_the_lidar_within_the_outline(
     assert Footprint(np.array(CORNERS)).reaching_above(LIDAR, [CHASSIS], 0.02).upper is None
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
     ("start", "twist"),
     [

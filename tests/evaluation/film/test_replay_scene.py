@@ -21,6 +21,7 @@ def _looking_at(point: np.ndarray) -> Viewpoint:
     return Viewpoint((x - 0.5, y, z + 0.6), (x, y, z))
 
 
+@pytest.mark.slow
 def test_the_robot_stands_where_it_stood_with_its_arm_as_it_was(run: FilmedRun, stage: ReplayScene) -> None:
     start = run.motion.at(0.0)
     joints = dict(start.joint_positions) | {"panda_joint1": 0.4, "panda_joint4": -1.1}

@@ -55,6 +55,7 @@ def run(folder: Path, *options: str) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_a_driver_beside_the_command_passes(folder: Path) -> None:
     code, said = run(folder, "--driver", "memory_robot:MemoryRobot", "--seed", "7")
     assert code == 0, said

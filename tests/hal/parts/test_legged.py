@@ -159,6 +159,7 @@ def test_no_joint_of_a_leg_gets_more_than_its_effort(gait: TrotGait) -> None:
     assert np.abs(torques(gait, (0.0, 0.0, 0.0), 1, off=1.0))[:, 1] == pytest.approx(most[:, 1])
 
 
+@pytest.mark.slow
 def test_what_the_legs_lack_of_the_velocity_is_made_up_for_within_bounds_and_forgotten_at_rest(gait: TrotGait) -> None:
     torques(gait, (0.3, 0.0, -0.4), 480)  # legs that do not move
     assert gait._correction[[0, 2]] == pytest.approx([gait.most_correction[0], -gait.most_correction[2]])

@@ -89,6 +89,7 @@ def test_a_pause_brakes_on_the_way_and_the_same_motion_goes_on_to_its_end(
     check_limits(places)
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_whatever_an_operator_sets_trajectories_keep_to_their_path_and_limits(
     robot_model: RobotModel, seed: int

@@ -87,6 +87,7 @@ def pull(robot: PyBulletRobot, articulation: Articulation, name: str, share: flo
         robot.clock.sleep(1 / 240)
 
 
+@pytest.mark.slow
 def test_what_stands_open_at_the_start_stays_so_without_a_reset_on_record(
     robot_model: RobotModel, world: World
 ) -> None:
@@ -109,6 +110,7 @@ def test_a_piece_may_be_named_like_its_door(robot_model: RobotModel, empty_world
         assert GroundTruth(robot).articulation_position("door/door") == pytest.approx(0.5, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_all_stays_closed_while_nobody_pulls(robot: PyBulletRobot, truth: GroundTruth) -> None:
     assert set(truth.articulation_names) == set(LEAVES)
     robot.clock.sleep(2.0)
@@ -178,6 +180,7 @@ def push_sideways(robot: PyBulletRobot, articulation: Articulation, name: str, f
         robot.clock.sleep(1 / 240)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", ["dishwasher/door", "room_door/door"])
 def test_a_latch_takes_a_harder_first_pull_and_nothing_afterwards(
     robot_model: RobotModel, world: World, name: str
@@ -198,6 +201,7 @@ def test_a_latch_takes_a_harder_first_pull_and_nothing_afterwards(
         assert "setJointMotorControl2" not in robot.simulation.ledger.calls
 
 
+@pytest.mark.slow
 def test_a_recording_sees_the_door_turn(robot_model: RobotModel, world: World) -> None:
     with PyBulletRobot(robot_model, world) as robot:
         recorder, truth = SceneRecorder(robot), GroundTruth(robot)
@@ -210,6 +214,7 @@ def test_a_recording_sees_the_door_turn(robot_model: RobotModel, world: World) -
         assert turned > 0.1
 
 
+@pytest.mark.slow
 def test_what_lies_in_a_drawer_comes_along(robot_model: RobotModel, world: World) -> None:
     chest = next(p for p in world.furniture if p.name == "drawer_chest")
     drawer = leaf(world, "drawer_chest/drawer_3")

@@ -37,6 +37,7 @@ def after_two_seconds(robot_model, empty_world: World) -> Iterator[GroundTruth]:
         yield truth
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("name", NAMES)
 def test_an_object_stands_still_on_the_floor_for_two_seconds(after_two_seconds: GroundTruth, name: str) -> None:
     put = place(NAMES.index(name), read_object(name))
@@ -47,6 +48,7 @@ def test_an_object_stands_still_on_the_floor_for_two_seconds(after_two_seconds: 
     assert stands.yaw == pytest.approx(put.yaw, abs=math.radians(1.0))
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_camera_sees_an_object_as_large_as_its_bounding_box(name: str) -> None:
     model = read_object(name)

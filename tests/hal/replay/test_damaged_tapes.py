@@ -45,6 +45,7 @@ def test_a_whole_one_is_read(tmp_path: Path) -> None:
     assert not tape.cut
 
 
+@pytest.mark.slow
 def test_what_unfolds_to_more_than_its_size_explains_is_not_read(tmp_path: Path) -> None:
     whole = text_of() + b'{"t": 300.0, "part": "arm", "read": "positions", "value": "' + bytes(70 << 20) + b'"}\n'
     assert "unfolds to more" in refusal(tmp_path, gzip.compress(whole))

@@ -49,6 +49,7 @@ def same(one: Story, other: Story) -> None:
         assert np.array_equal(a.depth, b.depth)
 
 
+@pytest.mark.slow
 def test_the_same_program_sees_the_same(replay: ReplayRobot, recorded: tuple[Path, Story]) -> None:
     with replay:
         same(act(replay), recorded[1])

@@ -33,6 +33,7 @@ def robot(request: pytest.FixtureRequest, empty_world):
         yield made
 
 
+@pytest.mark.quick_cases(1)
 def test_it_stands_still_while_its_arm_moves(robot) -> None:
     start = robot.truth.base_pose()
     robot.clock.sleep(1.0)
@@ -45,6 +46,7 @@ def test_it_stands_still_while_its_arm_moves(robot) -> None:
     assert math.dist(robot.truth.base_pose().position, start.position) < 0.005
 
 
+@pytest.mark.quick_cases(1)
 def test_it_drives_straight_and_its_odometry_agrees(robot) -> None:
     start, before = robot.truth.base_pose(), robot.part("base", MobileBase).odometry()
     drive(robot, (0.4, 0.0, 0.0), 2.0)
@@ -69,6 +71,7 @@ def test_only_steered_wheels_go_sideways(robot) -> None:
     assert abs(moved.yaw) < 0.02
 
 
+@pytest.mark.quick_cases(1)
 def test_it_turns_on_the_spot_skidding_where_it_has_to(robot) -> None:
     start, before = robot.truth.base_pose(), robot.part("base", MobileBase).odometry().theta
     drive(robot, (0.0, 0.0, 0.6), 2.0)

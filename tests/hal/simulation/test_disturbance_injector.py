@@ -75,6 +75,7 @@ def slip(robot_model, table_worlds, operator) -> Iterator[tuple[dict[str, float]
         yield seen, audit(robot.audit_record(), ALLOWED, [event])
 
 
+@pytest.mark.slow
 def test_what_is_held_slips_out_of_the_hand_and_is_as_it_was_then(slip: tuple[dict[str, float], Audit]) -> None:
     seen, judged = slip
     assert seen["slips held"]
@@ -153,6 +154,7 @@ def shut(robot_model) -> Iterator[tuple[list[float], Audit]]:
         yield seen, audit(robot.audit_record(), script=[event])
 
 
+@pytest.mark.slow
 def test_a_drawer_is_pushed_shut_at_the_speed_of_a_hand(shut: tuple[list[float], Audit]) -> None:
     seen, judged = shut
     assert seen[4] == pytest.approx(OPEN - 0.5 * 0.3, abs=0.02)

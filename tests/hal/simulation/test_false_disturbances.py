@@ -69,6 +69,7 @@ def run(robot_model, table_worlds) -> Iterator[Run]:
         yield Run(robot)
 
 
+@pytest.mark.slow
 def test_what_the_monitor_is_told_by_others_than_the_script_is_tampering(run: Run) -> None:
     """The cheat reaches the monitor's own ear, and tells it of a teleport as somebody would who disturbs."""
     run.teleport(run.aside)
@@ -83,6 +84,7 @@ def test_what_the_monitor_is_told_by_others_than_the_script_is_tampering(run: Ru
     assert any("not by the task's script: a person moves the can" in finding for finding in judged.findings)
 
 
+@pytest.mark.slow
 def test_nobody_listens_to_who_asks_for_the_monitors_ear_during_a_run(run: Run) -> None:
     run.teleport(run.aside)
     now = run.robot.clock.now()
@@ -116,6 +118,7 @@ def test_a_deed_that_the_monitor_was_kept_from_is_tampering(run: Run) -> None:
     assert any("hidden from the monitor" in finding for finding in judged.findings)
 
 
+@pytest.mark.slow
 def test_reads_with_a_stolen_reader_are_counted(run: Run) -> None:
     thief_reads = run.stolen_injector()._reader.body_pose(run.can)
     assert thief_reads[0] == pytest.approx(run.truth.object_pose("can").position)
@@ -128,6 +131,7 @@ def test_the_script_itself_and_the_evaluation_read_for_nothing(run: Run) -> None
     assert run.judged(event).ground_truth_reads == 0
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("friction", "lighter"), [(50.0, False), (None, True), (0.0, True)])
 def test_what_slips_by_the_script_may_lose_its_friction_and_nothing_else(
     run: Run, friction: float | None, lighter: bool
@@ -150,6 +154,7 @@ def test_what_slips_by_the_script_is_not_accused_of_having_no_friction(run: Run)
     assert run.judged(event).honest
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("off", [(0.0, 0.1, 0.0), (0.0, 0.0, 0.02)])
 def test_what_the_script_has_put_down_has_to_be_where_it_was_put(run: Run, off: tuple[float, ...]) -> None:
     event = run.somebody.move_object("can", Pose(run.aside), "table/top")
@@ -158,6 +163,7 @@ def test_what_the_script_has_put_down_has_to_be_where_it_was_put(run: Run, off: 
     assert judged.teleports == 1
 
 
+@pytest.mark.slow
 def test_what_has_slipped_long_ago_is_watched_as_ever(run: Run) -> None:
     event = replace(run.slip(), until=run.robot.clock.now() + 0.2)
     run.robot._monitor.disturbance_log.announce(event)

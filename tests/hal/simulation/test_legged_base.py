@@ -125,6 +125,7 @@ def test_what_legs_cannot_do_is_declared_by_the_names_of_the_checks(walk: Walk) 
     assert set(walk.robot.unsupported) <= {check.name for check in BASE_CHECKS}
 
 
+@pytest.mark.slow
 def test_nothing_but_its_joints_moved_it_and_that_cost_energy(walk: Walk) -> None:
     walk.drive(0.3, 0.0, 0.0, 4.0)
     record = walk.robot.audit_record()

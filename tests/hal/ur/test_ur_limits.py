@@ -31,6 +31,7 @@ def connected(twin: TwinProcess, **settings: Any) -> Iterator[tuple[HardwareRobo
         yield robot, robot.part("arm", URArm)
 
 
+@pytest.mark.slow
 def test_motions_of_the_controller_are_held_to_the_limits_above_it(twin: TwinProcess) -> None:
     with connected(twin) as (robot, arm):
         ended(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
@@ -52,6 +53,7 @@ def test_motions_of_the_controller_are_held_to_the_limits_above_it(twin: TwinPro
         assert ToolLimits(robot.model, "arm", robot.model.safety).tool(arm.positions())[2] < place[2] + 0.12
 
 
+@pytest.mark.slow
 def test_nothing_goes_on_after_the_robot_is_disconnected(twin: TwinProcess) -> None:
     before = set(threading.enumerate())
     with connected(twin) as (robot, _):

@@ -37,6 +37,7 @@ ROBOT = Path(__file__).parent / "xarm6_on_a_base.yaml"
 swing = partial(swing_arm, speed_scale=0.2)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("fault", "code", "number"),
     [("protective_stop", MotionErrorCode.COLLISION, "C31"), ("joint_limit", MotionErrorCode.FAULT, "C23")],

@@ -42,6 +42,7 @@ def test_between_voxels_and_between_directions_scores_are_shared(small) -> None:
     assert small.score([[0.99, 2.15, 3.15], [9.0, 9.0, 9.0]], np.repeat(DOWN, 2, axis=0)) == pytest.approx([0.0, 0.0])
 
 
+@pytest.mark.slow
 def test_many_samples_of_one_cell_are_counted_up_to_what_fits(kinematics, arm) -> None:
     one_cell = ReachabilitySampling(voxel=5.0, directions=1, samples=70_000)
     assert one_cell.build(kinematics, arm).counts.tolist() == [[[[65535]]]]

@@ -42,6 +42,7 @@ def plan(planner, world, arm):
     return planner.plan(start, [goal], world, arm, np.random.default_rng(1))
 
 
+@pytest.mark.quick_cases(2)
 def test_a_shelf_problem_is_solved_free_of_touch_for_pybullet_too(plan, referee, arm):
     start, goal = problems()[SHELF]
     assert np.array_equal(plan.path[[0, -1]], [start, goal])
@@ -50,6 +51,7 @@ def test_a_shelf_problem_is_solved_free_of_touch_for_pybullet_too(plan, referee,
     assert max(referee.depth(q) for q in dense_points(plan.path, 0.01)) < 1e-4
 
 
+@pytest.mark.quick_cases(2)
 def test_the_same_generator_gives_the_same_plan(planner, plan, world, arm):
     start, goal = problems()[SHELF]
     again = type(planner)().plan(start, [goal], world, arm, np.random.default_rng(1))
@@ -91,6 +93,7 @@ def test_a_wall_limit_aborts_with_an_error(world, arm, rng):
     assert aborted.value.code is PlanningErrorCode.TIMEOUT
 
 
+@pytest.mark.slow
 def test_planning_never_touches_a_simulated_world(world, arm, referee):
     """The whole state of the simulator, contacts and joints, before and after all planners have planned in it."""
 
@@ -120,6 +123,7 @@ def test_every_planner_has_a_registered_name():
     assert set(ALL) - {PRM} <= registered
 
 
+@pytest.mark.slow
 def test_a_portfolio_of_the_best_is_no_longer_than_any_of_its_planners(world, arm):
     start, goal = problems()[SHELF]
     both = Portfolio(planners=("rrt_connect", "kpiece"), take="best")

@@ -44,6 +44,7 @@ def heights(picker: PickingExpert, state: PickState, steps: int = 10) -> list[fl
     return found
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("seed", range(8))
 def test_from_anywhere_in_the_box_it_has_the_object_lifted_within_five_seconds(
     picker: PickingExpert, seed: int

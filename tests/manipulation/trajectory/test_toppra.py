@@ -24,6 +24,7 @@ CORNERS = np.array(
 )
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("scale", [SpeedScale(0.5, 0.35), SpeedScale(1.0, 1.0), SpeedScale(0.1, 1.0)])
 @pytest.mark.parametrize("min_grid", [40, 200])
 def test_the_executed_motion_keeps_three_percent_of_every_limit(arm, scale, min_grid):

@@ -76,6 +76,7 @@ def test_a_wall_is_high_and_furniture_as_high_as_the_map_has_it(kitchen):
     assert Costmap.from_map(higher, ARM).clearance_at(beside_the_table) < 0.0
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_an_arm_that_reaches_across_a_thin_wall_is_noticed_wherever_the_cells_lie(seed):
     rng = np.random.default_rng(seed)
@@ -137,6 +138,7 @@ def test_a_field_for_the_arm_belongs_to_a_footprint_with_one():
         replace(costmap, tall=None)
 
 
+@pytest.mark.quick_cases(2)
 def test_a_doorway_that_is_wide_enough_for_base_and_arm_is_passed_clear_of_both(planner):
     costmap = two_rooms(1.5, 0.9)
     path = planner.plan(START, GOAL, costmap)
@@ -144,6 +146,7 @@ def test_a_doorway_that_is_wide_enough_for_base_and_arm_is_passed_clear_of_both(
     assert costmap.footprint_clearance(swept(path)).min() > 0.0
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("name", ["grid_astar", "theta_star"])
 @pytest.mark.parametrize("there_and_back", [1, -1])
 def test_where_the_arm_leaves_no_room_in_the_middle_the_base_passes_beside_it(name, there_and_back):
@@ -154,6 +157,7 @@ def test_where_the_arm_leaves_no_room_in_the_middle_the_base_passes_beside_it(na
     assert costmap.footprint_clearance(swept(path)).min() > 0.0
 
 
+@pytest.mark.quick_cases(2)
 def test_a_doorway_between_low_screens_is_as_wide_as_without_an_arm(planner):
     costmap = two_rooms(0.8, 0.6)
     path = planner.plan(START, GOAL, costmap)
@@ -203,6 +207,7 @@ def test_a_goal_that_only_the_arm_would_touch_is_told_apart(planner):
     assert "at the goal (4.00, 2.00) m" in failure.text
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("deep", [0.02, 0.15])
 def test_an_arm_that_is_inside_the_outline_of_something_high_is_driven_out_of_it_straight(planner, deep):
     reaching = BASE.carrying([BESIDE[:, [1, 0, 2]] + (0.2, 0.0, 0.0)], 0.01)

@@ -27,6 +27,7 @@ def is_at(pose: Pose2D, truth: Pose2D, position: float = 0.02, heading: float = 
     return pose.distance_to(truth) < position and abs(wrap_angle(pose.theta - truth.theta)) < heading
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("truth", PLACES)
 def test_one_scan_tells_where_on_the_map_the_base_is(kitchen, truth):
     scan = scan_at(truth, kitchen.lidar_segments(), np.random.default_rng(1), noise=0.02)
@@ -56,6 +57,7 @@ def test_places_that_look_alike_share_the_probability_and_are_half_a_turn_apart(
     assert sum(place.probability for place in places) <= 1.0 + 1e-9
 
 
+@pytest.mark.slow
 def test_what_a_turn_brings_into_view_decides_between_two_rooms():
     rooms = rooms_alike()
     rng = np.random.default_rng(4)
@@ -88,6 +90,7 @@ def test_a_blind_scan_finds_nothing_and_no_scan_is_an_error(kitchen):
         search.locate(kitchen, [], BASE_FROM_LIDAR)
 
 
+@pytest.mark.slow
 def test_equal_scans_are_found_at_the_same_place_to_the_last_bit(kitchen):
     scan = scan_at(PLACES[2], kitchen.lidar_segments(), np.random.default_rng(6))
     first, second = (

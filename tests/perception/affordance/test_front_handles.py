@@ -63,6 +63,7 @@ def test_each_handle_is_found_once_and_measured(
             assert got.length == pytest.approx(one.length, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_drawer_is_pulled_straight_out_by_the_bar_in_its_middle(front_view: FrontView) -> None:
     view, true = front_view("drawer_chest", handle=BAR)
     for one in true:
@@ -77,6 +78,7 @@ def test_a_drawer_is_pulled_straight_out_by_the_bar_in_its_middle(front_view: Fr
         np.testing.assert_allclose(got.panel.position, one.panel.position, atol=0.012)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("hinge", ["left", "right"])
 def test_a_door_turns_about_the_border_opposite_to_its_handle(front_view: FrontView, hinge: str) -> None:
     view, (true,) = front_view("cupboard", doors=1, hinge=hinge, handle=UPRIGHT)
@@ -126,6 +128,7 @@ def test_bars_are_found_where_a_third_of_their_depth_drops_out(front_view: Front
         assert np.linalg.norm(nearest(one, found).pose.position - one.pose.position) < 0.010
 
 
+@pytest.mark.slow
 def test_furniture_whose_handles_are_taken_away_has_none(front_view: FrontView) -> None:
     view, _ = front_view("drawer_chest", handle=BAR, handles=False)
     scene = detect(view)
@@ -134,6 +137,7 @@ def test_furniture_whose_handles_are_taken_away_has_none(front_view: FrontView) 
     assert "no handle on the" in scene.reason
 
 
+@pytest.mark.slow
 def test_the_setting_knobs_of_a_microwave_open_nothing(front_view: FrontView) -> None:
     view, (true,) = front_view("microwave", seed=4, distance=0.9, handle=UPRIGHT)
     (got,) = detect(view).handles

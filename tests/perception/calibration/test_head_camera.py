@@ -94,6 +94,7 @@ def test_a_board_that_any_view_shows_elsewhere_is_held(moved: int | None):
     assert found.free == (("camera", "board") if moved is None else ("mount", "camera", "board"))
 
 
+@pytest.mark.slow
 def test_offsets_of_the_encoders_are_told():
     rng = np.random.default_rng(6)
     pan, tilt = math.radians(1.5), math.radians(-2.0)

@@ -79,6 +79,7 @@ def test_equal_colours_are_told_apart_by_shape() -> None:
         assert [d.name for d in found.detections if shares_place(d, item)] == [item.model.name]
 
 
+@pytest.mark.slow
 def test_equal_shapes_are_told_apart_by_colour() -> None:
     colors = {"red": (0.8, 0.2, 0.2), "green": (0.2, 0.7, 0.3), "white": (0.9, 0.9, 0.9), "black": (0.15, 0.15, 0.15)}
     models = [solid(name, Box((0.05, 0.07, 0.09)), color, 2) for name, color in colors.items()]
@@ -95,6 +96,7 @@ def bottle(name: str, cap: tuple[float, float, float]) -> ObjectModel:
     return ObjectModel(name, green, 0.2, 0.8, parts, parts, 0, (green, cap))
 
 
+@pytest.mark.slow
 def test_things_of_two_colours_are_told_from_things_of_one() -> None:
     models = [bottle("capped", (0.9, 0.2, 0.2)), bottle("plain", (0.2, 0.5, 0.3))]
     for model in models:
@@ -120,6 +122,7 @@ def test_things_of_another_shape_or_another_colour_stay_unknown() -> None:
     assert len(found.unknown) == 3
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", range(40, 43))
 def test_unknown_things_beside_known_ones_stay_unknown(table: Tables, seed: int) -> None:
     scene = table(seed, palette=1)

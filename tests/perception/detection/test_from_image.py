@@ -57,6 +57,7 @@ def detect(scene: RenderedTable, detector: FromImage, models: Sequence[ObjectMod
     return detector.detect(scene.view, scene.region, models, np.random.default_rng(0))
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("mask", [True, False], ids=["masks", "boxes"])
 def test_named_boxes_become_objects_with_poses_and_the_others_stay_unknown(mask: bool) -> None:
     scene = on_table((BOX, -0.1, -0.2, 0.5), (CAN, -0.1, 0.0, 0.0), (TIN, 0.1, 0.2, 1.0))
@@ -90,6 +91,7 @@ def test_a_label_that_the_shape_contradicts_has_no_pose() -> None:
     assert found.labelled("can") is not None
 
 
+@pytest.mark.slow
 def test_masks_part_what_the_segmentation_could_not() -> None:
     twin = solid("twin", Box((0.04, 0.06, 0.10)), (0.2, 0.4, 0.8), 2)
     scene = on_table((BOX, -0.1, 0.0, 0.0), (twin, -0.1, 0.0605, 0.0))

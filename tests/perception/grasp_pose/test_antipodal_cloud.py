@@ -79,6 +79,7 @@ def test_grasps_are_sorted_and_different(of_brick) -> None:
     assert len(candidates) > 5
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     "model", [solid("ball", Sphere(0.03), (1, 1, 1), 0), solid("tube", Cylinder(0.025, 0.12), (1, 1, 1), 0)]
 )

@@ -79,6 +79,7 @@ def test_a_mug_is_taken_by_its_rim_and_by_its_handle(of_mug: tuple[ObjectGrasp, 
             assert 0.045 - tool.position[2] < 0.031, "the palm stays above the rim"
 
 
+@pytest.mark.slow
 def test_the_open_hand_stays_clear_of_the_model(of_mug: tuple[ObjectGrasp, ...]) -> None:
     # Sampled anew and finer than the search does.
     points = solid_surface(MUG, 0.003).points

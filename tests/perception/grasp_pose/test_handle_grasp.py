@@ -100,6 +100,7 @@ def test_a_knob_is_taken_from_all_directions() -> None:
     assert turns == {0, 30, 60, 90, 120, 150}
 
 
+@pytest.mark.slow
 def test_a_bar_near_the_front_is_taken_from_further_out_and_one_too_near_not_at_all() -> None:
     assert plan(handle(standoff=0.025))[0].grasp.position[0] == pytest.approx(0.975)
     near = plan(handle(standoff=0.010, radius=0.006))

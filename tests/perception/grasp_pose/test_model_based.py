@@ -68,6 +68,7 @@ def test_from_the_side_the_hand_keeps_room_below_it_for_camera_and_wrist_where_t
     assert heights["low"] == pytest.approx(0.06), "a pad's half width below its top"
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("model", [CUP, BOX, TIN, CUBE, BALL, TUB], ids=lambda m: m.name)
 def test_both_pads_touch_the_object_when_the_hand_closes(model: ObjectModel) -> None:
     pose = standing(model)

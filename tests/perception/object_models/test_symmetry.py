@@ -33,6 +33,7 @@ def seen(name: str) -> Mesh:
     )
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("sides", [12, 13, 16, 32, 97])
 def test_a_cylinder_of_twelve_sides_or_more_looks_the_same_at_any_angle(sides: int) -> None:
     assert SymmetrySearch().order(mesh_of(create.cylinder(0.033, 0.1, sections=sides))) == 0
@@ -42,11 +43,13 @@ def test_of_turns_that_look_alike_the_exact_one_is_told() -> None:
     assert SymmetrySearch().order(mesh_of(create.cylinder(0.028, 0.09, sections=8))) == 8  # tenth turns: 1.36 mm off
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(("sides", "order"), [(3, 1), (4, 4), (5, 1), (6, 6), (8, 8), (10, 10)])
 def test_a_prism_turns_as_often_as_it_has_sides_and_not_at_all_for_an_odd_number(sides: int, order: int) -> None:
     assert SymmetrySearch().order(mesh_of(create.cylinder(0.05, 0.1, sections=sides))) == order
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
     ("extents", "order"),
     [
@@ -63,6 +66,7 @@ def test_a_box_turns_by_quarters_only_if_its_sides_agree_within_three_millimetre
     assert SymmetrySearch().order(mesh_of(create.box(extents))) == order
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("subdivisions", [0, 3])
 def test_the_triangles_do_not_matter(subdivisions: int) -> None:
     for shape, order in ((create.box((0.06, 0.1, 0.12)), 2), (create.cylinder(0.03, 0.1, sections=6), 6)):

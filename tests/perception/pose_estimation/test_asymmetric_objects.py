@@ -27,6 +27,7 @@ def seen(name: str, yaw: float, seed: int = 0) -> tuple[TrueObject, PoseHypothes
     return item, ESTIMATOR.estimate(cluster_of(view, item), [item.model], view)[0]
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("yaw", [1.6, -1.6, 2.6])
 def test_the_yaw_of_a_mug_is_known_where_its_handle_is_seen(yaw: float) -> None:
     item, found = seen("mug", yaw)
@@ -37,6 +38,7 @@ def test_the_yaw_of_a_mug_is_known_where_its_handle_is_seen(yaw: float) -> None:
     assert np.linalg.norm(found.pose.position - item.pose.position) < 0.004
 
 
+@pytest.mark.slow
 def test_a_mug_says_what_it_hides_where_its_handle_is_behind_it() -> None:
     item, found = seen("mug", AWAY)
     assert found.ambiguous_yaw

@@ -52,6 +52,7 @@ def test_known_objects_are_named_and_placed_although_all_have_one_colour(table: 
         assert yaw_error(best, item) < math.radians(4.0)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", range(20, 23))
 def test_a_wrong_model_gets_a_low_confidence(table: Tables, seed: int) -> None:
     scene = table(seed, palette=ALIKE, known=4, unknown=0)

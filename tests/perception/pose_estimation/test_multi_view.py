@@ -84,6 +84,7 @@ def test_several_views_name_the_object_and_narrow_its_place() -> None:
     assert len(both[0].yaw_set.arcs) == 1
 
 
+@pytest.mark.slow
 def test_one_observation_is_the_single_view_s_estimate() -> None:
     item, first, _ = looks("can", 0.0)
     alone = FUSION.estimate([first], [item.model])[0]

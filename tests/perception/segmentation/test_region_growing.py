@@ -33,6 +33,7 @@ def on_table(*placed: tuple[ObjectModel, float, float, float], seed: int = 0) ->
     return render_table(items, TABLE, (0.8, 1.2), np.random.default_rng(seed))
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_each_object_is_a_cluster_of_its_own(table: Tables, seed: int) -> None:
     scene = table(seed)
@@ -41,6 +42,7 @@ def test_each_object_is_a_cluster_of_its_own(table: Tables, seed: int) -> None:
     assert judge(clusters, scene.objects) == (len(scene.objects), 0, 0)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("gap", "side"), [(0.0, 0.0), (0.0, math.pi / 2), (0.005, 0.0), (0.005, math.pi / 2)])
 def test_things_that_touch_or_stand_millimetres_apart_come_apart_where_dbscan_joins_them(
     gap: float, side: float

@@ -29,6 +29,7 @@ def boards(scene: RenderedShelf) -> tuple[SupportPlane, ...]:
 SHELVES = [(0, 1.2), (1, 1.6), (2, 2.0)]
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("seed", "distance"), SHELVES)
 def test_every_board_is_found_at_its_height_though_seen_nearly_edge_on(seed: int, distance: float) -> None:
     scene = shelf(seed, distance)
@@ -55,6 +56,7 @@ def test_x_points_away_from_the_camera_and_the_front_is_a_rim() -> None:
         assert surface.sides[0] == "rim"
 
 
+@pytest.mark.slow
 def test_a_back_panel_is_a_wall_and_an_open_back_a_rim() -> None:
     assert {surface.sides[1] for surface in boards(shelf(5, 1.4, back=True))} == {"wall"}
     assert {surface.sides[1] for surface in boards(shelf(5, 1.4, back=False))} == {"rim"}
@@ -80,6 +82,7 @@ def test_regions_end_below_the_board_above() -> None:
     np.testing.assert_allclose([region.height for region in regions], [0.35, 0.35, 0.25, 0.40], atol=0.01)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_table_with_things_on_it_is_one_surface(table: Tables, seed: int) -> None:
     scene = table(seed)

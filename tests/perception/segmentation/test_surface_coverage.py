@@ -43,6 +43,7 @@ def test_a_crowded_counter_has_no_free_disc_of_twelve_centimetres(crowded: Surfa
     assert crowded.free_discs(0.06, np.array([0.6, 0.0])).shape == (0, 3)
 
 
+@pytest.mark.slow
 def test_a_crowded_counter_still_has_small_free_places(crowded: SurfaceCoverage) -> None:
     assert len(crowded.free_discs(0.015, np.array([0.6, 0.0]))) > 0
 

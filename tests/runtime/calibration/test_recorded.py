@@ -31,6 +31,7 @@ def found_pose(part: dict[str, Any]) -> Pose:
     return Pose.from_xyz_rpy(part["xyz"], part["rpy"])
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("setup", ["eye_in_hand", "eye_to_hand"])
 @pytest.mark.parametrize("method", ["park_martin", "daniilidis"])
 def test_a_camera_is_found_from_images_and_poses_of_any_arm(dataset: Write, setup: str, method: str) -> None:
@@ -64,6 +65,7 @@ def test_the_picture_of_the_residuals_is_drawn(dataset: Write, tmp_path: Path) -
     assert 0.5 < (picture == 255).mean() < 0.98
 
 
+@pytest.mark.slow
 def test_views_without_the_board_are_noted(dataset: Write) -> None:
     folder = dataset()
     cv2.imwrite(str(folder / "3.png"), np.full((480, 640, 3), 90, np.uint8))
@@ -161,6 +163,7 @@ def test_a_camera_without_a_head_is_no_head_camera(dataset: Write) -> None:
         solve_head(load_dataset(dataset()), silent)
 
 
+@pytest.mark.slow
 def test_eight_views_in_the_middle_do_not_make_a_lens(dataset: Write) -> None:
     with pytest.raises(CalibrationError, match=r"cover \d+% of the image"):
         solve_intrinsics(load_dataset(dataset()), IntrinsicsCalibration(), silent)

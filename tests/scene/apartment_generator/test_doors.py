@@ -55,6 +55,7 @@ def test_every_doorway_has_a_door_as_wide_as_its_opening_and_some_stand_half_ope
     assert all(90.0 <= position <= 100.0 for position in openings if position >= 85.0)
 
 
+@pytest.mark.slow
 def test_leaves_stand_in_nothing_and_leave_a_way_into_every_room(apartments: list[Apartment]) -> None:
     for apartment in apartments:
         walls, doors = walls_of(apartment), [as_standing(door) for door in apartment.doors]

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -23,6 +24,7 @@ def laid_out(tree):
     return labels, tidy_layout(tree, labels)
 
 
+@pytest.mark.slow
 @BUSY
 @given(trees())
 def test_no_two_labels_overlap(tree):
@@ -34,6 +36,7 @@ def test_no_two_labels_overlap(tree):
             assert abs(x - other_x) >= half + other_half or abs(y - other_y) >= sizes.row_height - 1e-6
 
 
+@pytest.mark.slow
 @BUSY
 @given(trees())
 def test_parents_stand_left_of_and_midway_between_their_outer_children(tree):
