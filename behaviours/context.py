@@ -37,9 +37,8 @@ if TYPE_CHECKING:
     from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
     from bestman_bt.manipulation.policy.base import Policy
     from bestman_bt.navigation.global_planning.base import GlobalPlanner
-    from bestman_bt.navigation.global_planning.costmap import Costmap
+    from bestman_bt.navigation.global_planning.costmap import Costmap, LayeredCostmap
     from bestman_bt.navigation.global_planning.footprint import Footprint
-    from bestman_bt.navigation.global_planning.layered_costmap import LayeredCostmap
     from bestman_bt.navigation.local_planning.base import PathFollower
     from bestman_bt.navigation.localization.base import GlobalLocalizer, Localizer
     from bestman_bt.navigation.localization.ekf import OdometryFilter

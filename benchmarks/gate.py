@@ -32,7 +32,7 @@ from hal.parts.gate import ToolLimits
 from hal.parts.stop_latch import StopLatch
 from hal.parts.streamed_arm import StreamedArm
 from hal.parts.streamed_joints import StreamedJointGroup
-from hal.rosbridge.channels import RosJoints
+from hal.rosbridge.connection import RosJoints
 from hal.rosbridge.options import RosbridgeOptions
 from hal.ur.connection import URJoints
 from hal.ur.sdk_process import Report

@@ -193,7 +193,7 @@ ALGORITHMS = Registry(
         "detection/remote": "bestman_bt.perception.detection.remote_detector:RemoteDetector",
         "global_planning/grid_astar": "bestman_bt.navigation.global_planning.polyline_planner:GridAStar",
         "global_planning/hybrid_astar": "bestman_bt.navigation.global_planning.hybrid_astar:HybridAStar",
-        "global_planning/layered": "bestman_bt.navigation.global_planning.layered_costmap:LayeredCostmap",
+        "global_planning/layered": "bestman_bt.navigation.global_planning.costmap:LayeredCostmap",
         "global_planning/theta_star": "bestman_bt.navigation.global_planning.theta_star:ThetaStar",
         "grasp_pose/antipodal_cloud": "bestman_bt.perception.grasp_pose.antipodal_cloud:AntipodalCloud",
         "grasp_pose/anygrasp": "bestman_bt.perception.grasp_pose.anygrasp:AnyGraspAdapter",

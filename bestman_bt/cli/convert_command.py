@@ -10,8 +10,7 @@ import typer
 
 from bestman_bt.cli.options import writable_file
 from bestman_bt.engine.models.conversion import convert
-from bestman_bt.engine.xml.canonical import canonical
-from bestman_bt.engine.xml.document import XmlDocument
+from bestman_bt.engine.xml.document import XmlDocument, canonical
 from bestman_bt.engine.xml.documents import read_file
 
 

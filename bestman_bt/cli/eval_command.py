@@ -26,9 +26,9 @@ from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunRequest
 from bestman_bt.evaluation.comparison import within
 from bestman_bt.evaluation.evaluation import Evaluation
+from bestman_bt.evaluation.interval import Precision
 from bestman_bt.evaluation.launchers.launcher import Launcher, LaunchOptions
 from bestman_bt.evaluation.markdown import accuracy_words, markdown, own_targets, verdict
-from bestman_bt.evaluation.precision import Precision
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.evaluation.shards import KnownDurations, Shard
 from bestman_bt.evaluation.suite import Suite, SuiteEntry, make_suite

@@ -40,7 +40,7 @@ from bestman_bt.configuration.data import data_names, find_data, shipped_trees
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunConfig, RunRequest, read_run, run_of_options
 from bestman_bt.configuration.task import task_of_tree
-from bestman_bt.control.planned_motion import PlannedMotion
+from bestman_bt.control.motion import PlannedMotion
 from bestman_bt.engine import Tree
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.validation import validate_file

@@ -1,30 +1,85 @@
-"""Tasks: tree, scene, robot, goal, success criteria and allowed contacts."""
+"""Tasks: tree, scene, robot, goal, success criteria, allowed contacts and scripted disturbances."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import yaml
 from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
-from bestman_bt.configuration.checked import salvage
+from bestman_bt.configuration.checked import numbered, salvage
 from bestman_bt.configuration.data import beside, data_names, find_data
-from bestman_bt.configuration.disturbance import DisturbanceConfig, disturbance_faults
-from bestman_bt.configuration.document import Document, read_document
-from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.document import Document, FieldPath, read_document
+from bestman_bt.configuration.errors import ConfigurationError, Problem, as_far_as_read
 from bestman_bt.configuration.quantity import (
     Frequency,
     PositiveAngle,
     PositiveLength,
     PositiveTime,
+    SmallerFirst,
     Time,
 )
 from bestman_bt.registry import suggestion
+
+DisturbanceKind = Literal["moved", "elsewhere", "slips", "shut"]
+
+_NEEDED: Mapping[DisturbanceKind, str] = {
+    "moved": "object",
+    "elsewhere": "object",
+    "slips": "object",
+    "shut": "articulation",
+}
+_POSSIBLE: Mapping[DisturbanceKind, tuple[str, ...]] = {
+    "moved": ("distance",),
+    "elsewhere": ("surface",),
+    "slips": (),
+    "shut": ("object",),
+}
+_OF_ALL = ("kind", "after")
+
+
+@dataclass(frozen=True)
+class DisturbanceConfig:
+    """One intervention in a run, triggered by an event; the seed draws time and place.
+
+    ``kind``: ``moved``: after ``object`` was seen and before it is in the hand, it is put ``distance`` metres away on
+    its surface. ``elsewhere``: it is put on ``surface``, by default one that the seed chooses. ``slips``: after
+    ``object`` was lifted, it falls out of the hand. ``shut``: after the door or drawer ``articulation`` was opened, it
+    is pushed shut; with ``object`` only before that is in the hand. ``after``: the delay, seconds.
+    """
+
+    kind: DisturbanceKind
+    object: str | None = None
+    articulation: str | None = None
+    surface: str | None = None
+    distance: Annotated[tuple[PositiveLength, PositiveLength], SmallerFirst] = (0.10, 0.30)
+    after: Annotated[tuple[Time, Time], SmallerFirst] = (0.0, 0.3)
+
+
+def disturbance_faults(asked: Sequence[DisturbanceConfig], document: Document) -> Iterator[Problem]:
+    """Yield the faults of a task's ``disturbances`` that types cannot express: missing or superfluous fields of a
+    kind.
+    """
+    for index, disturbance in numbered(asked):
+        yield from _faults_of_one(disturbance, document, ("disturbances", index))
+
+
+@as_far_as_read
+def _faults_of_one(disturbance: DisturbanceConfig, document: Document, path: FieldPath) -> Iterator[Problem]:
+    kind, written = disturbance.kind, document.data["disturbances"][path[-1]]
+    needed = _NEEDED[kind]
+    if written.get(needed) is None:
+        yield document.problem(path, f"{needed!r} is missing: what kind {kind!r} is done to")
+    known = (*_OF_ALL, needed, *_POSSIBLE[kind])
+    for name, unset in ((one.name, one.default) for one in fields(disturbance)):  # the file of a run has all fields
+        if name not in known and getattr(disturbance, name) != unset:
+            yield document.problem((*path, name), f"kind {kind!r} has no {name!r}; it has {', '.join(known)}")
+
 
 _TEN_DEGREES = math.radians(10.0)
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bestman_bt.control.motion import start_motion
-from bestman_bt.control.planned_motion import Confirm, PlannedMotion, declined
+from bestman_bt.control.motion import Confirm, PlannedMotion, declined, start_motion
 from hal.api import Gripper, Motion
 
 

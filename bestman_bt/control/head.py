@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from bestman_bt.control.joint_state import JointStateSensor
-from bestman_bt.control.motion import start_motion
-from bestman_bt.control.planned_motion import Confirm, PlannedMotion, declined
+from bestman_bt.control.motion import Confirm, PlannedMotion, declined, start_motion
 from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import MotionErrorCode
 from hal.api import JointGroup, Motion

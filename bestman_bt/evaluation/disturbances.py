@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bestman_bt.configuration.disturbance import DisturbanceConfig, DisturbanceKind
+from bestman_bt.configuration.task import DisturbanceConfig, DisturbanceKind
 from bestman_bt.facts.evidence import Evidence
 from bestman_bt.facts.standing import is_over, surface_pose
 from bestman_bt.messages import JointKind, Pose, Pose2D

@@ -1,9 +1,13 @@
-"""Confidence intervals of success rates and medians, and the number of digits that they allow."""
+"""Confidence intervals of success rates and medians: the digits that they allow, the episodes that they need."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass
+
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
@@ -44,3 +48,58 @@ def decimals_of(value: float, width: float | None) -> int:
     if not math.isfinite(size) or size == 0:
         return 0
     return min(max(0, 1 - math.floor(math.log10(size))), 4)
+
+
+# How many episodes a success rate needs: until its interval is narrow enough.
+
+
+_TEXT = re.compile(r"95\s*%?\s*(?:±|\+-|\+/-)\s*(\d+(?:\.\d+)?)\s*%?")
+_Z = 1.959964
+_GROWTH = 50
+"""A larger number is looked for in steps of this fraction of it."""
+
+
+@dataclass(frozen=True)
+class Precision:
+    """``95%±3``: the 95 % interval (Wilson) of a success rate is at most 3 percentage points wide to either side."""
+
+    half_width: float
+
+    @classmethod
+    def parse(cls, text: str) -> Precision:
+        """Raises ConfigurationError if the text is none."""
+        match = _TEXT.fullmatch(text.strip())
+        points = float(match[1]) if match else 0.0
+        if not 0.5 <= points <= 50:
+            why = f"should be 95%±N with N from 0.5 to 50 percentage points, such as 95%±3, got '{text}'"
+            raise ConfigurationError([Problem("--until", None, "", why)])
+        return cls(points / 100)
+
+    def __str__(self) -> str:
+        return f"95%±{100 * self.half_width:g}"
+
+    def episodes(self, successes: Sequence[bool], most: int) -> int:
+        """Return how many episodes are to be run in all, at most ``most``; the number of ``successes`` if they suffice.
+
+        Rounds: the first has as many as suffice if all succeed; each other ends where the rate so far would. The number
+        follows from the results in the order of their seeds alone, so it does not depend on who runs them, when.
+        """
+        done = 0
+        while done < most:
+            wanted = min(self._enough(sum(successes[:done]), done), most)
+            if wanted <= done or wanted > len(successes):
+                return wanted
+            done = wanted
+        return most
+
+    def _enough(self, successes: int, trials: int) -> int:
+        rate = successes / trials if trials else 1.0
+        enough = max(trials, 1)
+        while _half_width(rate, enough) > self.half_width:
+            enough += max(1, enough // _GROWTH)
+        return enough
+
+
+def _half_width(rate: float, trials: int) -> float:
+    """Half the width of Wilson's interval, 95 %."""
+    return _Z * math.sqrt(rate * (1 - rate) / trials + (_Z / (2 * trials)) ** 2) / (1 + _Z**2 / trials)

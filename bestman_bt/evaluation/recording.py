@@ -26,8 +26,7 @@ from bestman_bt.robot_model.sensor_parts import CameraPart, LidarPart
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges, WrittenEntry
 from bestman_bt.runtime.perception_preview import object_marks
 from bestman_bt.runtime.robot_session import RobotSession
-from bestman_bt.scene.scene import Articulation, PlacedFurniture, World, wall_box
-from bestman_bt.scene.walker import Walker
+from bestman_bt.scene.scene import Articulation, PlacedFurniture, Walker, World, wall_box
 from bestman_bt.visualization.marks import GraspMark
 from bestman_bt.visualization.rerun.open_recording import RecordedCamera, RecordingSetup
 from bestman_bt.visualization.rerun.recorder import RECORDING_NAME, RerunRecorder

@@ -20,7 +20,7 @@ from bestman_bt.configuration.run import RunConfig, RunRequest, run_of_options
 from bestman_bt.configuration.secret import may_tell_secret
 from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.episode import prepare_episode
-from bestman_bt.evaluation.precision import Precision
+from bestman_bt.evaluation.interval import Precision
 from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.facts.goals.goal import metric_names, read_goals
 from bestman_bt.registry import suggestion

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import json
 import logging
+import resource
 import socket
 from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass
@@ -21,8 +22,8 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from bestman_bt.monitor.connections import BoundedProtocol
 from bestman_bt.monitor.control_client import SERVICE, socket_folder
 from bestman_bt.monitor.controls import CONTROLS, UnknownControlError, check_fields, control
 from bestman_bt.monitor.run import RunError
@@ -251,3 +252,55 @@ def bind(host: str, port: int) -> socket.socket:
         listening.close()
         raise
     return listening
+
+
+# Connections to the monitor: a bounded number, each with a short time for its request, so that a stop always gets in.
+
+
+HEADER_TIME = 5.0
+"""Seconds from the connection on in which a request has to have come."""
+MOST_CONNECTIONS = 256
+RESERVED = 96
+"""File descriptors that connections leave for files and for the sockets of executors."""
+
+
+def most_connections() -> int:
+    """Return the largest number of connections; smaller if the process may open few file descriptors."""
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return MOST_CONNECTIONS if soft == resource.RLIM_INFINITY else max(16, min(MOST_CONNECTIONS, soft - RESERVED))
+
+
+class BoundedProtocol(H11Protocol):
+    """HTTP/1.1 connections of a bounded number: at the limit, the one that has waited longest is closed.
+
+    An answer takes milliseconds, so the oldest connection sends no request or does not read. Pages stay connected:
+    their
+    WebSockets have separate protocols.
+    """
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # a socket's
+        """Start the deadline for the request."""
+        self._overdue = self.loop.call_later(HEADER_TIME, transport.abort)
+        if len(self.connections) >= most_connections():
+            waiting = (other for other in self.connections if isinstance(other, BoundedProtocol))
+            oldest = min(waiting, key=lambda other: other._overdue.when(), default=None)
+            if oldest is not None:
+                self.connections.discard(oldest)
+                oldest.transport.abort()
+        super().connection_made(transport)
+
+    def data_received(self, data: bytes) -> None:
+        """End the deadline: the request has arrived. Between requests uvicorn's timeout applies."""
+        super().data_received(data)
+        if self.cycle is not None:
+            self._overdue.cancel()
+
+    def handle_websocket_upgrade(self, *arguments: Any) -> None:
+        """A page: it is pinged from now on."""
+        self._overdue.cancel()
+        super().handle_websocket_upgrade(*arguments)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """It waits no more."""
+        self._overdue.cancel()
+        super().connection_lost(exc)

@@ -31,7 +31,7 @@ from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPla
 from bestman_bt.manipulation.trajectory.base import TimeParametrization
 from bestman_bt.messages.shapes import check_bounds
 from bestman_bt.navigation.global_planning.base import GlobalPlanner
-from bestman_bt.navigation.global_planning.layered_costmap import LayeredCostmap
+from bestman_bt.navigation.global_planning.costmap import LayeredCostmap
 from bestman_bt.navigation.local_planning.base import PathFollower
 from bestman_bt.navigation.localization.base import GlobalLocalizer, Localizer
 from bestman_bt.navigation.localization.ekf import OdometryFilter

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from bestman_bt.control.planned_motion import PlannedMotion
+from bestman_bt.control.motion import PlannedMotion
 from bestman_bt.runtime.executor import Executor, PauseReason
 
 

@@ -24,7 +24,6 @@ from bestman_bt.perception.object_models.convex_parts import ConvexDecomposition
 from bestman_bt.perception.object_models.symmetry import SymmetrySearch
 from bestman_bt.robot_model.model import GripperModel
 from bestman_bt.runtime.object_picture import object_picture
-from bestman_bt.scene.grasps_file import grasps_json
 from bestman_bt.scene.mesh_file import (
     MeshConfig,
     MeshError,
@@ -34,7 +33,7 @@ from bestman_bt.scene.mesh_file import (
     upright,
     write_groups,
 )
-from bestman_bt.scene.object_file import LARGEST, SMALLEST, SYMMETRY_ORDERS, Symmetry, read_object
+from bestman_bt.scene.object_file import LARGEST, SMALLEST, SYMMETRY_ORDERS, Symmetry, grasps_json, read_object
 
 DENSITY = 500.0
 """kg/m³, density of an object of unknown mass: wood, or a filled thin-walled container."""

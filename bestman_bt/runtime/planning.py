@@ -17,13 +17,11 @@ from bestman_bt.facts.predicate import Beliefs
 from bestman_bt.registry import BUILDERS
 from bestman_bt.runtime.executor import Execution
 from bestman_bt.runtime.resolved_config import ResolvedConfig, prepare
-from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.base import TaskPlanner, made_planner, planner_class
 from bestman_bt.task_planning.builders.base import made_builder
-from bestman_bt.task_planning.builders.plan_tree import PlanTree
-from bestman_bt.task_planning.builders.replanning import with_replanning
+from bestman_bt.task_planning.builders.plan_tree import PlanTree, with_replanning
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
-from bestman_bt.task_planning.planners import made_planner, planner_class
 from bestman_bt.task_planning.symbolic.facts import goal_as_facts
 from bestman_bt.task_planning.symbolic.problem import (
     Action,

@@ -17,7 +17,7 @@ from bestman_bt.control.head import HeadController
 from bestman_bt.control.inertial import FusedOdometry, GyroHeading
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.control.lidar import LidarSensor
-from bestman_bt.control.planned_motion import Confirm
+from bestman_bt.control.motion import Confirm
 from bestman_bt.control.rgbd import RGBDSensor
 from bestman_bt.control.touch import TactileSensor, WristWrench
 from bestman_bt.control.wheeled.base_controller import BaseController

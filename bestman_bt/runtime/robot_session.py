@@ -35,11 +35,10 @@ from bestman_bt.runtime.algorithms import Algorithms, algorithm_by_name
 from bestman_bt.runtime.confirmation import Confirmation
 from bestman_bt.runtime.control_channel import ControlChannel
 from bestman_bt.runtime.executor import Execution, Executor
-from bestman_bt.runtime.picture_source import PictureSource
 from bestman_bt.runtime.policies import find_policy
 from bestman_bt.runtime.resolved_config import ResolvedConfig, load_for, prepare
 from bestman_bt.runtime.robot_parts import RobotParts
-from bestman_bt.runtime.robot_source import RobotSource
+from bestman_bt.runtime.robot_source import PictureSource, RobotSource
 from bestman_bt.runtime.telemetry import Telemetry
 from bestman_bt.runtime.tree_checks import unfilled_entries
 from hal.api import NotConnectedError, Robot, Sensor

@@ -1,4 +1,4 @@
-"""Scenes: descriptions of worlds, before and after the random draw."""
+"""Scenes: descriptions of worlds, before and after the random draw, with walking people and moving doors."""
 
 from __future__ import annotations
 
@@ -7,8 +7,39 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from bestman_bt.messages import Box, Handle, JointKind, ObjectModel, PlacedShape, Pose, Pose2D, joint_motion
-from bestman_bt.scene.moving_door import MovingDoor
-from bestman_bt.scene.walker import Walker
+
+
+@dataclass(frozen=True)
+class MovingDoor:
+    """``leaf``: ``furniture/name``. It moves ``to``, radians open, once the robot's middle is ``within`` metres of it.
+
+    That is measured from the middle of the frame. ``speed``: rad/s. ``torque``: N m that it is pushed with at most,
+    beyond the friction of its hinge.
+    """
+
+    leaf: str
+    to: float
+    within: float
+    speed: float
+    torque: float
+
+
+@dataclass(frozen=True)
+class Walker:
+    """``route``: closed polygon of points in the map frame, metres, walked without end from the first one.
+
+    ``radius``, ``height`` in metres, ``mass`` in kilograms, ``speed`` in m/s. ``considerate``: it stops for the robot
+    and other walkers; otherwise it walks on.
+    """
+
+    name: str
+    radius: float
+    height: float
+    mass: float
+    speed: float
+    route: tuple[tuple[float, float], ...]
+    considerate: bool = True
+
 
 LATCH_TRAVEL = {"revolute": math.radians(1.5), "prismatic": 0.008}
 """How far a latch holds on, radians or metres from closed."""

@@ -1,13 +1,16 @@
-"""The interface of task planners."""
+"""The interface of task planners, and planners by name."""
 
 from __future__ import annotations
 
+import inspect
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
-from bestman_bt.engine.own_files import signature_fault
+from bestman_bt.engine.own_files import in_words, signature_fault
+from bestman_bt.registry import PLANNERS, UnknownNameError
+from bestman_bt.task_planning.symbolic.problem import Action, PlanningError, PlanningProblem, TaskPlan
 
-if TYPE_CHECKING:  # the planners in symbolic import this module
+if TYPE_CHECKING:
     from bestman_bt.task_planning.symbolic.problem import PlanningProblem, TaskPlan
 
 
@@ -29,3 +32,47 @@ class TaskPlanner(ABC):
             GoalError: the goal is invalid.
             PlanningError: the planner failed.
         """
+
+
+# Planners by name; errors of third-party ones name the class.
+
+
+def planner_class(name: str) -> type[TaskPlanner]:
+    """Return the class of a name. Raises UnknownNameError, or PlanningError if it is not a planner or cannot be
+    imported.
+    """
+    try:
+        found: object = PLANNERS.resolve(name)
+    except UnknownNameError:
+        raise
+    except (Exception, SystemExit) as error:  # of a third party: whatever it is, the run goes on
+        raise PlanningError(f"the planner {name!r} cannot be imported: {in_words(error)}") from error
+    if not inspect.isclass(found) or not issubclass(found, TaskPlanner):
+        raise PlanningError(f"the planner {name!r} should be a subclass of TaskPlanner, got {found!r:.100}")
+    return found
+
+
+def made_planner(name: str) -> TaskPlanner:
+    """Return a planner with its defaults; raises as ``planner_class`` does, also if it cannot be created."""
+    made = planner_class(name)
+    try:
+        return made()
+    except (Exception, SystemExit) as error:  # of a third party: whatever it is, the run goes on
+        raise PlanningError(f"the planner {name!r} cannot be made: {in_words(error)}") from error
+
+
+def actions_of(planner: TaskPlanner, problem: PlanningProblem) -> tuple[Action, ...]:
+    """Return the actions of a planner. Raises PlanningError if it fails or returns something else."""
+    who = type(planner).__name__
+    try:
+        found: object = planner.plan(problem)
+    except PlanningError:
+        raise
+    except (Exception, SystemExit) as error:  # of a third party: whatever it is, the run goes on
+        raise PlanningError(f"{who} failed: {in_words(error)}") from error
+    if not isinstance(found, TaskPlan):
+        raise PlanningError(f"{who} should return a TaskPlan, got {type(found).__name__}")
+    actions: object = found.actions
+    if not isinstance(actions, tuple) or not all(isinstance(action, Action) for action in actions):
+        raise PlanningError(f"{who} should return a TaskPlan of a tuple of Action, got {actions!r:.100}")
+    return actions

@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 from urllib.parse import quote, unquote
 
 from bestman_bt.registry import suggestion
-from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.base import TaskPlanner, actions_of
 from bestman_bt.task_planning.domain import without_number
 from bestman_bt.task_planning.explanation import explain
-from bestman_bt.task_planning.planners import actions_of
 from bestman_bt.task_planning.symbolic.grounding import instantiate
 from bestman_bt.task_planning.symbolic.problem import (
     Action,

@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
+from bestman_bt.messages import Pose2D
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.scene.draw import SceneError, draw_world
 from bestman_bt.scene.load import load_scene
-from bestman_bt.scene.scene import World
+from bestman_bt.scene.scene import Wall, World
 from hal.api import Robot
-from hal.conformance.room import empty_room
 
 ROBOT_UNDER_TEST = pytest.StashKey[Callable[[], Robot]]()
 EXAMPLE = "--driver my_package:MyRobot"
@@ -83,3 +83,13 @@ def _world(scene: str | None, seed: int) -> World:
         return empty_room() if scene is None else draw_world(load_scene(scene), seed)
     except (OSError, ValueError, SceneError) as error:
         raise pytest.UsageError(f"--scene {scene}: {error}") from error
+
+
+# Where simulated robots are put to the test.
+
+
+def empty_room() -> World:
+    """Return a world with four walls, 3 m away from the robot."""
+    corners = ((-3.0, -3.0), (3.0, -3.0), (3.0, 3.0), (-3.0, 3.0))
+    walls = tuple(Wall(a, b, 1.2, 0.1) for a, b in zip(corners, corners[1:] + corners[:1], strict=True))
+    return World("empty", 0, walls, (), (), Pose2D(0.0, 0.0, 0.0), {})

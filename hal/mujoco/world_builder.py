@@ -22,8 +22,7 @@ from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, Robo
 from bestman_bt.robot_model.mounting import without_bare_frames
 from bestman_bt.robot_model.urdf_elements import child_of, parent_of
 from bestman_bt.scene.mesh_file import read_triangles
-from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, World, wall_box
-from bestman_bt.scene.walker import Walker
+from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Walker, World, wall_box
 from hal.mujoco.package import mujoco
 from hal.mujoco.parameters import MujocoParameters
 from hal.simulation.bodies import BuiltWorld, SimulationError

@@ -13,8 +13,7 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Pose, Shape, Sphere
-from bestman_bt.scene.scene import Articulation, FurnitureModel
-from bestman_bt.scene.walker import Walker
+from bestman_bt.scene.scene import Articulation, FurnitureModel, Walker
 from hal.simulation.joint_motors import mass_distribution
 
 Color = tuple[float, float, float, float]

@@ -20,8 +20,7 @@ from bestman_bt.robot_model.model import (
     WheeledBaseModel,
 )
 from bestman_bt.robot_model.mounting import without_bare_frames
-from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, World, wall_box
-from bestman_bt.scene.walker import Walker
+from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Walker, World, wall_box
 from hal.pybullet.body_urdf import SLIDES, Color, body_urdf, furniture_urdf, joint_name, walker_urdf
 from hal.pybullet.client import PhysicsClient
 from hal.pybullet.package import pybullet

@@ -10,8 +10,7 @@ import math
 from dataclasses import dataclass
 
 from bestman_bt.messages import JointKind
-from bestman_bt.scene.moving_door import MovingDoor
-from bestman_bt.scene.scene import LATCH_TRAVEL, Articulation, World
+from bestman_bt.scene.scene import LATCH_TRAVEL, Articulation, MovingDoor, World
 from hal.simulation.audit_record import Finding
 from hal.simulation.engine import Engine
 

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.model import BaseModel, GripperModel, JointedModel, RobotModel
-from bestman_bt.scene.scene import World
-from bestman_bt.scene.walker import Walker
+from bestman_bt.scene.scene import Walker, World
 from hal.api import NotConnectedError
 from hal.simulation.audit_record import Finding
 from hal.simulation.bodies import Array, ContactPoint, SimulationError

@@ -14,9 +14,16 @@ from bestman_bt.configuration.run import load_run
 from bestman_bt.configuration.task import load_task
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, read_filmed_run
-from bestman_bt.evaluation.film.rendering import caption, captioned, write_film, write_still
+from bestman_bt.evaluation.film.rendering import (
+    Shot,
+    best_frame,
+    caption,
+    captioned,
+    plan_shot,
+    write_film,
+    write_still,
+)
 from bestman_bt.evaluation.film.replay_scene import ReplayScene
-from bestman_bt.evaluation.film.shot import Shot, best_frame, plan_shot
 from bestman_bt.evaluation.run_folder import make_run_folder
 
 TRIES = 5

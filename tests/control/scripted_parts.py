@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.messages import JointTrajectory, LaserScan, Pose2D, Twist2D
-from bestman_bt.navigation.localization.ray_casting import cast_rays
+from bestman_bt.navigation.localization.scan_to_map import cast_rays
 from bestman_bt.robot_model.model import BaseModel
 from hal.api import (
     Arm,

@@ -11,7 +11,7 @@ from bestman_bt.engine import TreeLoadError, XmlDocument, load_tree
 from bestman_bt.engine.models.conversion import convert
 from bestman_bt.engine.models.foreign import open_tree
 from bestman_bt.engine.validation import validate_file
-from bestman_bt.engine.xml.canonical import canonical
+from bestman_bt.engine.xml.document import canonical
 from bestman_bt.engine.xml.elements import Element, parse_xml
 
 

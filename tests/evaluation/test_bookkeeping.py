@@ -15,9 +15,9 @@ from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.evaluation import evaluation as evaluation_module
 from bestman_bt.evaluation.episode_measures import DrivenPath, MotionLog
 from bestman_bt.evaluation.evaluation import Evaluation
+from bestman_bt.evaluation.interval import Precision
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher
 from bestman_bt.evaluation.markdown import markdown
-from bestman_bt.evaluation.precision import Precision
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.suite import EntryConfig, Successes, Suite, SuiteEntry
 from bestman_bt.messages import Pose, Pose2D

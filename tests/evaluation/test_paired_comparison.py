@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from behaviours.failure import NodeFailure
-from bestman_bt.evaluation.comparison_text import metric_sentence, sentences, success_sentence
+from bestman_bt.evaluation.comparison import metric_sentence, sentences, success_sentence
 from bestman_bt.evaluation.paired_comparison import (
     compare_runs,
     compare_successes,

@@ -10,8 +10,7 @@ import pytest
 from scipy.stats import binom
 
 from bestman_bt.configuration.errors import ConfigurationError
-from bestman_bt.evaluation.interval import wilson_interval
-from bestman_bt.evaluation.precision import Precision
+from bestman_bt.evaluation.interval import Precision, wilson_interval
 
 
 @pytest.mark.parametrize("text", ["95%±3", "95 % ± 3 %", "95%+-3", "95+/-3.0"])

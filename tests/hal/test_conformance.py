@@ -14,8 +14,8 @@ from bestman_bt.configuration.document import Document, read_document
 from bestman_bt.robot_model.compose import compose_robot, load_robot_model
 from hal.api import Robot
 from hal.conformance.base_checks import BASE_CHECKS
+from hal.conformance.command_line import empty_room
 from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, PromisesOfAConnectedRobot
-from hal.conformance.room import empty_room
 from hal.conformance.stop_checks import STOP_CHECKS
 from hal.conformance.subject import Check, settle
 from hal.mujoco.robot import MujocoRobot

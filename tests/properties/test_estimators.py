@@ -16,8 +16,7 @@ from bestman_bt.navigation.global_planning.hybrid_astar import HybridAStar
 from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar
 from bestman_bt.navigation.localization.ekf import OdometryEkf
-from bestman_bt.navigation.localization.ray_casting import cast_rays
-from bestman_bt.navigation.localization.scan_to_map import ScanToMap
+from bestman_bt.navigation.localization.scan_to_map import ScanToMap, cast_rays
 from bestman_bt.navigation.slam.pose_graph_slam import PoseGraphSlam, SlamLocalizer
 from bestman_bt.world_model.semantic_map import SemanticMap
 from tests.properties.profile import examples

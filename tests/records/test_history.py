@@ -24,8 +24,15 @@ from bestman_bt.records.events import (
     StatesEvent,
     from_line,
 )
-from bestman_bt.records.history import MAX_LOG_LINES, MAX_PICTURES, MAX_VALUES_A_KEY, RunHistory
-from bestman_bt.records.robot_history import SERIES_POINTS, Freshness, Samples
+from bestman_bt.records.history import (
+    MAX_LOG_LINES,
+    MAX_PICTURES,
+    MAX_VALUES_A_KEY,
+    SERIES_POINTS,
+    Freshness,
+    RunHistory,
+    Samples,
+)
 from bestman_bt.records.shown_value import REMOVED
 from bestman_bt.records.timeline import outcomes
 from tests.monitor.conftest import tree_event

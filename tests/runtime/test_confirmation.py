@@ -16,7 +16,7 @@ import pytest
 from behaviours.manipulation.move_arm import MoveArm
 from behaviours.perception.look import LookAt
 from behaviours.skill import Skill, SkillCoroutine
-from bestman_bt.control.planned_motion import PlannedMotion
+from bestman_bt.control.motion import PlannedMotion
 from bestman_bt.engine import Fallback
 from bestman_bt.runtime.confirmation import Confirmation
 from bestman_bt.runtime.executor import TerminationReason

@@ -17,7 +17,7 @@ from bestman_bt.runtime.algorithms import Algorithms, make_algorithm
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.resolved_config import prepare
 from bestman_bt.runtime.robot_session import session
-from bestman_bt.task_planning.planners import made_planner
+from bestman_bt.task_planning.base import made_planner
 from bestman_bt.task_planning.state import known_predicates
 
 PLUGIN = '''

@@ -6,9 +6,8 @@ from typing import Any
 import pytest
 
 from bestman_bt.registry import PLANNERS, undone
-from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.base import TaskPlanner, made_planner
 from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits, plan_within
-from bestman_bt.task_planning.planners import made_planner
 from bestman_bt.task_planning.symbolic.facts import parse_literals
 from bestman_bt.task_planning.symbolic.grounding import instantiate
 from bestman_bt.task_planning.symbolic.problem import (

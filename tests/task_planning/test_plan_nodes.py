@@ -30,8 +30,8 @@ from bestman_bt.registry import BUILDERS, PLANNERS, PREDICATES, undone
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.builders.plan_tree import with_replanning
 from bestman_bt.task_planning.builders.reactive import ReactiveBuilder
-from bestman_bt.task_planning.builders.replanning import with_replanning
 from bestman_bt.task_planning.builders.sequence import SequenceBuilder
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.nodes import TUCKED, beliefs_of

@@ -25,8 +25,7 @@ from bestman_bt.control.arm.guarded_move import (
     check_positive,
 )
 from bestman_bt.control.joint_state import READING_ERRORS
-from bestman_bt.control.motion import start_motion
-from bestman_bt.control.planned_motion import Confirm, PlannedMotion, declined, outline
+from bestman_bt.control.motion import Confirm, PlannedMotion, declined, outline, start_motion
 from bestman_bt.control.touch import WristWrench
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.messages import Failure, JointKind, JointTrajectory, MotionErrorCode

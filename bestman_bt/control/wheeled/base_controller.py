@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.control.joint_state import READING_ERRORS
-from bestman_bt.control.planned_motion import Confirm, PlannedMotion, outline, turned
+from bestman_bt.control.motion import Confirm, PlannedMotion, outline, turned
 from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor, MonitorAction, MonitoredCommand
 from bestman_bt.control.wheeled.localisation_cycle import LocalisationCycle, PlacedScan
 from bestman_bt.errors import WrongResultError

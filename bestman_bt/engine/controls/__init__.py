@@ -13,10 +13,10 @@ from bestman_bt.engine.controls.sequence import (
     IfThenElse,
     Sequence,
     SequenceWithMemory,
+    TryCatch,
     WhileDoElse,
 )
 from bestman_bt.engine.controls.switch import ManualSelector, Switch2, Switch3, Switch4, Switch5, Switch6
-from bestman_bt.engine.controls.try_catch import TryCatch
 
 __all__ = [
     "AsyncFallback",

@@ -1,12 +1,181 @@
-"""Sequence, AsyncSequence and SequenceWithMemory: children in order, until one fails."""
+"""Nodes that tick one child after the other: sequences, fallbacks, IfThenElse, WhileDoElse, TryCatch."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, ClassVar
+
 from py_trees import composites
+from py_trees.ports import PortInformation
 
 from bestman_bt.engine.controls.base import Control
-from bestman_bt.engine.controls.indexed import Indexed, indexed_tick_bare, indexed_tick_traced
-from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.engine.core.node import Node, odd_status, wrapped
+from bestman_bt.engine.errors import NodeError
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+
+
+class Indexed(Control):
+    """``GO``: the child status that continues with the next child; ``STOP``: the status that ends the node."""
+
+    GO: ClassVar[int]
+    STOP: ClassVar[int]
+    YIELDS: ClassVar[bool] = False
+    RESETS_ON_HALT: ClassVar[bool] = True
+    index: int = 0
+    skipped: int = 0
+
+    def halt(self) -> None:
+        """Reset the index, unless the node keeps it."""
+        if self.RESETS_ON_HALT:
+            self.index = 0
+            self.skipped = 0
+        super().halt()
+
+    def on_tick(self) -> int:
+        """Tick the children from the current one on."""
+        children = self.nodes_below()
+        if self._s <= IDLE:
+            self.skipped = 0
+        self.set_state(RUNNING)
+        while self.index < len(children):
+            child = children[self.index]
+            was_idle = child._s <= IDLE
+            status = child.execute_tick()
+            if status == RUNNING:
+                return RUNNING
+            if status == self.STOP:
+                self._end_early()
+                return status
+            self.index += 1
+            if status == SKIPPED:
+                self.skipped += 1
+            elif self.YIELDS and was_idle and self.index < len(children):
+                self.wake_up()
+                return RUNNING
+        all_skipped = self.skipped == len(children)
+        self.reset_children()
+        self.index = 0
+        self.skipped = 0
+        return SKIPPED if all_skipped else self.GO
+
+    def rest_children(self) -> None:
+        """Reset the children as ``reset_children`` does, optimised for children that have mostly finished."""
+        log = self.log
+        for _, child in self.pairs:
+            code = child._s
+            if code > RUNNING:
+                if log is not None:
+                    log.append(child.ev[0])
+                child._s = -code
+            elif code == RUNNING:
+                self.halt_child(child)
+
+    def _end_early(self) -> None:
+        if self.RESETS_ON_HALT:
+            self.reset_children()
+            self.index = 0
+        else:
+            for child in self.nodes_below()[self.index :]:
+                self.halt_child(child)
+
+
+def indexed_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901 - it holds a tick, which is one function: each call in it costs
+    """Return the tick function of an ``Indexed`` node without listeners."""
+
+    def tick(self: Any) -> int:
+        if self._s <= 0:
+            self.skipped = 0
+        self._s = RUNNING
+        pairs = self.pairs
+        index = self.index
+        count = len(pairs)
+        child = self
+        try:
+            while index < count:
+                run, child = pairs[index]
+                status = run()
+                if status == RUNNING:
+                    if child._s != RUNNING:
+                        child.begin_running()
+                    return RUNNING
+                if status == go:
+                    child._s = status
+                    self.index = index = index + 1
+                elif status == stop:
+                    child._s = status
+                    self.reset_children()
+                    self.index = 0
+                    return stop
+                elif status == SKIPPED:
+                    self.index = index = index + 1
+                    self.skipped += 1
+                else:
+                    raise odd_status(status, child)
+        except NodeError:
+            raise
+        except Exception as error:
+            raise wrapped(error, child) from error
+        all_skipped = self.skipped == count
+        self.rest_children()
+        self.index = self.skipped = 0
+        return SKIPPED if all_skipped else go
+
+    return tick
+
+
+def indexed_tick_traced(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901 - it holds a tick, which is one function: each call in it costs
+    """Return the tick function of an ``Indexed`` node that logs every state change."""
+
+    def tick(self: Any) -> int:  # noqa: C901 - a tick is one function: each call in it costs
+        log = self.log
+        if self._s <= 0:
+            self.skipped = 0
+        if self._s != RUNNING:
+            self._s = RUNNING
+            log.append(self.ev[1])
+        pairs = self.pairs
+        index = self.index
+        count = len(pairs)
+        child = self
+        try:
+            while index < count:
+                run, child = pairs[index]
+                status = run()
+                if status != SKIPPED and child._s != status:
+                    _note_change(child, status, log)
+                if status == RUNNING:
+                    return RUNNING
+                if status == go:
+                    self.index = index = index + 1
+                elif status == stop:
+                    self.reset_children()
+                    self.index = 0
+                    return stop
+                elif status == SKIPPED:
+                    self.index = index = index + 1
+                    self.skipped += 1
+                else:
+                    raise odd_status(status, child)
+        except NodeError:
+            raise
+        except Exception as error:
+            raise wrapped(error, child) from error
+        all_skipped = self.skipped == count
+        self.rest_children()
+        self.index = self.skipped = 0
+        return SKIPPED if all_skipped else go
+
+    return tick
+
+
+def _note_change(child: Node, status: int, log: list[Any]) -> None:
+    if status not in (1, 2, 3):
+        raise odd_status(status, child)
+    if status == RUNNING and child.SYNCHRONOUS:
+        child.refuse_running()
+    log.append(child.ev[status])
+    child._s = status
+
 
 # IfThenElse and WhileDoElse: a first child decides which of the others is ticked.
 
@@ -133,4 +302,68 @@ class SequenceWithMemory(Indexed, composites.Sequence):
     RESETS_ON_HALT = False
 
 
-__all__ = ["AsyncSequence", "Control", "Sequence", "SequenceWithMemory"]
+# TryCatch: a sequence with a last child for cleanup.
+
+
+class TryCatch(Control, composites.Sequence):
+    """Ticks all children but the last as a sequence; when one fails, ticks the last and fails.
+
+    With ``catch_on_halt`` the last child is also ticked, once, when the node is halted.
+    """
+
+    MIN_CHILDREN = 2
+    INPUT_PORTS = {
+        "catch_on_halt": PortInformation(
+            bool, False, "If true, execute the catch child also when the node is halted", False
+        )
+    }
+
+    def on_load(self) -> None:
+        """Set the first child as the current one."""
+        self._clear()
+
+    def _clear(self) -> None:
+        self.index = 0
+        self.skipped = 0
+        self.catching = False
+
+    def halt(self) -> None:
+        """Run the cleanup if ``catch_on_halt`` is set, then halt."""
+        children = self.nodes_below()
+        if self._s > IDLE and not self.catching and self.get_input("catch_on_halt"):
+            for child in children[:-1]:
+                self.halt_child(child)
+            if children[-1].execute_tick() == RUNNING:
+                self.halt_child(children[-1])
+        self._clear()
+        super().halt()
+
+    def on_tick(self) -> int:
+        """Tick the sequence, or the cleanup."""
+        children = self.nodes_below()
+        last = len(children) - 1
+        if self._s <= IDLE:
+            self.skipped = 0
+            self.catching = False
+        self.set_state(RUNNING)
+        while not self.catching:
+            if self.index >= last:
+                all_skipped = self.skipped == last
+                self.reset_children()
+                self._clear()
+                return SKIPPED if all_skipped else SUCCESS
+            status = children[self.index].execute_tick()
+            if status == RUNNING:
+                return RUNNING
+            if status == FAILURE:
+                self.reset_children()
+                self.index = 0
+                self.catching = True
+            else:
+                self.index += 1
+                self.skipped += status == SKIPPED
+        if children[last].execute_tick() == RUNNING:
+            return RUNNING
+        self.reset_children()
+        self._clear()
+        return FAILURE

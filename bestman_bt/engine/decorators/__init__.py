@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.decorators.loop import ConsumeQueue, ForEach, LoopBool, LoopDouble, LoopInt, LoopString
-from bestman_bt.engine.decorators.precondition import Precondition
+from bestman_bt.engine.decorators.precondition import Precondition, SkipUnlessUpdated, WaitValueUpdate
 from bestman_bt.engine.decorators.repetition import KeepRunningUntilFailure, Repeat, RetryUntilSuccessful, RunOnce
 from bestman_bt.engine.decorators.subtree import ForceFailure, ForceSuccess, Inverter, SubTree
 from bestman_bt.engine.decorators.timing import Delay, RateController, Timeout
-from bestman_bt.engine.decorators.updated import SkipUnlessUpdated, WaitValueUpdate
 
 __all__ = [
     "ConsumeQueue",

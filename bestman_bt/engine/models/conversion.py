@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from bestman_bt.engine.errors import TreeLoadError, TreeProblem
+from bestman_bt.engine.xml.documents import RENAMED, SIGNS
 from bestman_bt.engine.xml.elements import run_parser, safe_parser
-from bestman_bt.engine.xml.old_version import RENAMED, SIGNS
 from bestman_bt.engine.xml.writer import escape
 
 _PORTS: Final = {

@@ -18,7 +18,7 @@ from markupsafe import Markup
 
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.evaluation.audit import CHEATS
-from bestman_bt.evaluation.report.run_report import ReportPicture, RunReport, setting_words
+from bestman_bt.evaluation.report.run_reader import ReportPicture, RunReport, setting_words
 from bestman_bt.evaluation.summary import summarize
 from bestman_bt.records.events import DescribedNode
 from bestman_bt.records.nodes import NodeList

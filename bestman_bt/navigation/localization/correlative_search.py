@@ -20,8 +20,7 @@ from bestman_bt.messages.shapes import Count, NonNegative, Positive, Share
 from bestman_bt.navigation.localization.base import GlobalLocalizer, LocalizationEstimate, OdometryScan, Place
 from bestman_bt.navigation.localization.distance_field import DistanceField
 from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines
-from bestman_bt.navigation.localization.ray_casting import cast_rays
-from bestman_bt.navigation.localization.scan_to_map import ScanToMap
+from bestman_bt.navigation.localization.scan_to_map import ScanToMap, cast_rays
 
 # How well a scan agrees with the map at a pose: the beam model of Thrun, Burgard, Fox, Probabilistic Robotics, 6.3.
 # Unlike a likelihood field it knows that nothing is seen through a wall.

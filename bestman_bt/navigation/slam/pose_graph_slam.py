@@ -31,8 +31,7 @@ from bestman_bt.navigation.localization.pose_uncertainty import (
 from bestman_bt.navigation.slam.base import Slam, SlamEstimate, SlamTrajectory
 from bestman_bt.navigation.slam.correlative import LikelihoodPyramid, SearchWindow
 from bestman_bt.navigation.slam.loop_closure import LoopCloser
-from bestman_bt.navigation.slam.oriented_points import OrientedPoints, oriented_points
-from bestman_bt.navigation.slam.point_to_line import PointToLine, ScanAlignment
+from bestman_bt.navigation.slam.point_to_line import OrientedPoints, PointToLine, ScanAlignment, oriented_points
 from bestman_bt.navigation.slam.pose_graph import Constraint, PoseGraph
 from bestman_bt.navigation.slam.submap import Keyframe, Submap
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from bestman_bt.messages import LaserScan, Pose2D
 from bestman_bt.navigation.slam.correlative import CorrelativeMatcher, LikelihoodPyramid
-from bestman_bt.navigation.slam.oriented_points import OrientedPoints, joined, thinned
-from bestman_bt.navigation.slam.point_to_line import LineReference, PointToLine
+from bestman_bt.navigation.slam.point_to_line import LineReference, OrientedPoints, PointToLine, joined, thinned
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,23 +2,46 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TypeVar
 
-from bestman_bt.task_planning.base import TaskPlanner
-from bestman_bt.task_planning.language.answers import checked_goal, checked_plan
-from bestman_bt.task_planning.language.chat import ChatEndpoint, ChatRequest, Usage
-from bestman_bt.task_planning.language.conversation import FaultyAnswerError, ask_until_valid
+from pydantic import ValidationError
+
+from bestman_bt.errors import Error
+from bestman_bt.facts.located import UNSEEN
+from bestman_bt.facts.on import ON
+from bestman_bt.task_planning.base import TaskPlanner, made_planner, planner_class
+from bestman_bt.task_planning.domain import Domain
+from bestman_bt.task_planning.language.chat import (
+    ChatEndpoint,
+    ChatReply,
+    ChatRequest,
+    Message,
+    RecordingEndpoint,
+    ReplayEndpoint,
+    Usage,
+    open_transcript,
+)
 from bestman_bt.task_planning.language.endpoint import EndpointAddress, HttpEndpoint
-from bestman_bt.task_planning.language.prompt import PlainNames, goal_messages, plan_messages
-from bestman_bt.task_planning.language.schema import GoalAnswer, PlanAnswer, json_schema, plan_answer
-from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint, open_transcript
+from bestman_bt.task_planning.language.errors import ModelRefusedError, NoValidAnswerError, quoted
+from bestman_bt.task_planning.language.prompt import PlainNames, fault_message, goal_messages, plan_messages
+from bestman_bt.task_planning.language.schema import GoalAnswer, PlanAnswer, faults_of, json_schema, plan_answer
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
-from bestman_bt.task_planning.planners import made_planner, planner_class
-from bestman_bt.task_planning.symbolic.grounding import instantiate
-from bestman_bt.task_planning.symbolic.problem import PlanningError, PlanningProblem, TaskPlan
+from bestman_bt.task_planning.symbolic.grounding import ground, instantiate
+from bestman_bt.task_planning.symbolic.problem import (
+    Action,
+    Fact,
+    GoalError,
+    Literal,
+    PlanningError,
+    PlanningProblem,
+    TaskPlan,
+)
+from bestman_bt.task_planning.symbolic.search import without_needless
 
 # A language model as task planner: it proposes, what it proposes is checked, and nothing unchecked comes out.
 
@@ -152,3 +175,173 @@ def plan_from_text(
     if faults:
         raise PlanningError("; ".join(faults))
     return Proposal(meant, plan, usage)
+
+
+# Checks of answers before they become a tree: the goal is valid, the steps are feasible and reach it within the
+
+
+def checked_goal(problem: PlanningProblem, answer: GoalAnswer) -> PlanningProblem:
+    """Return the problem with the goal of the answer, unless it has its own; given places restrict unseen things.
+
+    Raises FaultyAnswerError.
+    """
+    if problem.goal:
+        return problem
+    goal, faults = _facts(problem, "goal", answer.goal)
+    told, faults_of_told = _facts(problem, "told", answer.told)
+    faults += faults_of_told
+    no_place = [literal for literal in told if literal.negated or literal.fact.predicate != ON.name]
+    faults += [f"told: {literal} does not say where a thing is" for literal in no_place]
+    if not goal and not faults:
+        faults.append("goal: empty; say as facts what shall hold at the end, or give a refusal")
+    try:
+        Domain(()).refuse_contradictions(goal)
+    except GoalError as error:
+        faults.append(f"goal: {error}")
+    if faults:
+        raise FaultyAnswerError(faults)
+    state = problem.state - _ruled_out(problem, [literal.fact for literal in told])
+    return replace(problem, goal=tuple(dict.fromkeys(goal)), state=state)
+
+
+def _facts(problem: PlanningProblem, field: str, texts: Sequence[str]) -> tuple[list[Literal], list[str]]:
+    """Return the facts in the texts with full names, and the faults."""
+    domain = Domain(())
+    literals: list[Literal] = []
+    faults: list[str] = []
+    for number, text in enumerate(texts):
+        try:
+            literals += domain.with_goal(problem, text).goal
+        except GoalError as error:
+            faults.append(f"{field}[{number}]: {error}")
+    return literals, faults
+
+
+def _ruled_out(problem: PlanningProblem, told: Sequence[Fact]) -> set[Fact]:
+    """Return the facts excluded by given places of unseen things; places that were searched do not count."""
+    places: dict[str, set[str]] = {}
+    for fact in told:
+        name, place = fact.arguments
+        if Fact(UNSEEN.name, (name, place)) in problem.state:
+            places.setdefault(name, set()).add(place)
+    return {
+        fact
+        for fact in problem.state
+        if fact.predicate == UNSEEN.name and fact.arguments[1] not in places.get(fact.arguments[0], fact.arguments)
+    }
+
+
+def checked_plan(problem: PlanningProblem, limits: PlanLimits, answer: PlanAnswer) -> tuple[PlanningProblem, TaskPlan]:
+    """Return the problem with its goal, and the plan without unnecessary steps. Raises FaultyAnswerError."""
+    problem = checked_goal(problem, answer)
+    operators = {operator.name: operator for operator in limits.operators(problem)}
+    try:
+        actions = [instantiate(problem, operators[step.ability], step.values) for step in answer.plan]
+        faults = limits.faults(actions) or _run_through(problem, actions)
+        if not faults:
+            return problem, TaskPlan(_needed(problem, actions))
+    except PlanningError as error:
+        faults = [str(error)]
+    raise FaultyAnswerError(faults)
+
+
+def _run_through(problem: PlanningProblem, actions: Sequence[Action]) -> list[str]:
+    """Do the steps in thought, up to the first that cannot be done or leads back to where the plan has been."""
+    state = problem.state
+    been = {state: "the start"}
+    for number, action in enumerate(actions, start=1):
+        broken = action.broken_in(state)
+        if broken:
+            return [f"step {number}, {action}: it needs {' and '.join(map(str, broken))}, which does not hold then"]
+        state = action.applied_to(state)
+        if state in been:
+            return [f"step {number}, {action}: all is then as after {been[state]}; leave out what goes in a circle"]
+        been[state] = f"step {number}, {action}"
+    unmet = problem.unmet_in(state)
+    after = "the plan is empty, and" if not actions else "after the last step"
+    return [f"{after} the goal's {' and '.join(map(str, unmet))} does not hold"] if unmet else []
+
+
+def _needed(problem: PlanningProblem, actions: Sequence[Action]) -> tuple[Action, ...]:
+    """Return the steps without those that the goal does not need."""
+    grounded = ground(problem)
+    numbers = {action: number for number, action in enumerate(grounded.actions)}
+    kept = without_needless(grounded, [numbers[action] for action in actions])
+    return tuple(grounded.actions[number] for number in kept)
+
+
+# The dialogue loop: ask, check, report the faults, ask again, a bounded number of times.
+
+
+Answer = TypeVar("Answer", bound=GoalAnswer)
+Checked = TypeVar("Checked")
+
+_LONGEST_ANSWER = 2000
+_LOG = logging.getLogger(__name__)
+
+
+class FaultyAnswerError(Error):
+    """An answer is unusable; ``faults``: in words from which the model can correct it."""
+
+    def __init__(self, faults: Sequence[str]) -> None:
+        super().__init__("; ".join(map(quoted, faults)))
+        self.faults = tuple(quoted(fault) for fault in faults)
+
+
+def ask_until_valid(
+    endpoint: ChatEndpoint,
+    request: ChatRequest,
+    model: type[Answer],
+    check: Callable[[Answer], Checked],
+    tries: int,
+) -> tuple[Checked, Usage]:
+    """Return the first answer that follows ``model``, as converted by ``check``, which raises FaultyAnswerError.
+
+    Raises RefusedError, NoValidAnswerError, and the endpoint's errors.
+    """
+    used: Usage | None = None
+    faults: tuple[str, ...] = ()
+    answer = ""
+    for number in range(1, tries + 1):
+        reply = endpoint.complete(request)
+        used = reply.usage if used is None else used + reply.usage
+        try:
+            checked = check(_parsed(reply, model))
+        except FaultyAnswerError as error:
+            faults = error.faults
+            answer = quoted(_repeated(reply))
+            _LOG.warning("answer %d of at most %d was not accepted: %s; it was: %s", number, tries, error, answer)
+            request = request.followed_by(Message("assistant", _repeated(reply)), fault_message(faults))
+        else:
+            _LOG.info("answer %d was accepted: %s in all", number, used)
+            return checked, used
+    raise NoValidAnswerError(tries, faults, answer)
+
+
+def _parsed(reply: ChatReply, model: type[Answer]) -> Answer:
+    if reply.refusal:
+        raise ModelRefusedError(quoted(reply.refusal))
+    if not reply.complete:
+        raise FaultyAnswerError(["the answer was cut off at the limit of its length; give a shorter one"])
+    if reply.tools and not reply.text:
+        raise FaultyAnswerError([f"you called {', '.join(reply.tools[:3])}; there are no tools, answer in the message"])
+    try:
+        answer = model.model_validate_json(_without_fence(reply.text))
+    except ValidationError as error:
+        raise FaultyAnswerError(faults_of(error)) from None
+    if answer.refusal and answer.refusal.strip():
+        raise ModelRefusedError(quoted(answer.refusal))
+    return answer
+
+
+def _without_fence(text: str) -> str:
+    """Return the inside of the one code fence that models without a JSON mode like to put around their answer."""
+    lines = text.strip().splitlines()
+    fenced = len(lines) > 2 and lines[0] in ("```", "```json") and lines[-1] == "```"
+    return "\n".join(lines[1:-1]) if fenced else text
+
+
+def _repeated(reply: ChatReply) -> str:
+    """Return the model's answer, shortened for repetition."""
+    text = reply.text or "(no text)"
+    return text if len(text) <= _LONGEST_ANSWER else text[:_LONGEST_ANSWER] + "…"

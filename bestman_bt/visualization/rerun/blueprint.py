@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.records.nodes import NodeList
 from bestman_bt.visualization.rerun import entities
-from bestman_bt.visualization.rerun.state_lanes import lane_entities
-from bestman_bt.visualization.rerun.tree_graph import TreeGraph
+from bestman_bt.visualization.rerun.tree_graph import TreeGraph, lane_entities
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb

@@ -20,8 +20,7 @@ from bestman_bt.visualization.rerun import bodies, entities, sensed
 from bestman_bt.visualization.rerun.blueprint import Eye, build_blueprint, eye_on
 from bestman_bt.visualization.rerun.bodies import FrameTransforms, body_frame, bounds, write_body, write_floor
 from bestman_bt.visualization.rerun.sensed import SensorRecording
-from bestman_bt.visualization.rerun.state_lanes import StateLanes
-from bestman_bt.visualization.rerun.tree_graph import TreeGraph
+from bestman_bt.visualization.rerun.tree_graph import StateLanes, TreeGraph
 from bestman_bt.visualization.snapshot import RecordedBody
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.control.lidar import LidarSensor
-from bestman_bt.navigation.localization.ray_casting import cast_rays
+from bestman_bt.navigation.localization.scan_to_map import cast_rays
 from bestman_bt.scene.map_of_world import semantic_map
 
 

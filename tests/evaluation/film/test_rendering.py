@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from bestman_bt.evaluation.film import shot as shots
+from bestman_bt.evaluation.film import rendering
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
-from bestman_bt.evaluation.film.rendering import RenderOptions, paint_job, render
-from bestman_bt.evaluation.film.shot import viewpoint
+from bestman_bt.evaluation.film.rendering import RenderOptions, paint_job, render, viewpoint
 from bestman_bt.scene.scene import Wall
 from bestman_bt.visualization.blender.painting import BlenderError
 
@@ -18,9 +17,9 @@ from bestman_bt.visualization.blender.painting import BlenderError
 @pytest.fixture
 def few_sides(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two sides and two moments to choose from: the choice costs a picture for each."""
-    monkeypatch.setattr(shots, "AZIMUTHS", np.array([0.0, math.pi]))
-    monkeypatch.setattr(shots, "ELEVATIONS", (math.radians(40.0),))
-    monkeypatch.setattr(shots, "KEY_MOMENTS", 2)
+    monkeypatch.setattr(rendering, "AZIMUTHS", np.array([0.0, math.pi]))
+    monkeypatch.setattr(rendering, "ELEVATIONS", (math.radians(40.0),))
+    monkeypatch.setattr(rendering, "KEY_MOMENTS", 2)
 
 
 @pytest.mark.usefixtures("few_sides")

@@ -9,8 +9,7 @@ import pytest
 from bestman_bt.engine import load_tree
 from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.engine.status import FAILURE, RUNNING, SUCCESS
-from bestman_bt.evaluation.report.run_reader import MAX_BYTES, ReportError, read_story, run_folders
-from bestman_bt.evaluation.report.run_report import RunReport
+from bestman_bt.evaluation.report.run_reader import MAX_BYTES, ReportError, RunReport, read_story, run_folders
 from bestman_bt.evaluation.result import Outcome
 from bestman_bt.records.events import DescribedNode, ImageEvent, LogEvent, StatesEvent, TreeEvent
 from bestman_bt.records.states import NO

@@ -14,15 +14,14 @@ from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.scene.furniture_file import read_furniture
 from bestman_bt.scene.scene import PlacedFurniture, PlacedObject
 from hal.api import MobileBase
-from hal.conformance.room import empty_room
+from hal.conformance.command_line import empty_room
 from hal.simulation.bodies import SimulationError, Viewpoint
 
 pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 
-from hal.mujoco.engine import WRITTEN, MujocoEngine, UnstableError
 from hal.mujoco.package import mujoco
 from hal.mujoco.parameters import MujocoParameters
-from hal.mujoco.robot import MujocoRobot
+from hal.mujoco.robot import WRITTEN, MujocoEngine, MujocoRobot, UnstableError
 
 CAN = ObjectModel("can", (1.0, 0.0, 0.0), 0.3, 0.6, (PlacedShape(Cylinder(0.03, 0.12), Pose()),))
 WORLD = dataclasses.replace(empty_room(), objects=(PlacedObject("can", CAN, Pose(np.array([1.0, 0.0, 0.06]))),))

@@ -14,7 +14,7 @@ import pytest
 from bestman_bt.messages import CameraIntrinsics, LaserScan, Pose2D, RGBDImage, Twist2D
 from hal.api import BatteryReading, ImuReading
 from hal.rosbridge import decoding
-from hal.rosbridge.channels import TransformOdometry
+from hal.rosbridge.connection import TransformOdometry
 from hal.twins import ros_messages
 from hal.twins.ros_messages import RosVersion
 

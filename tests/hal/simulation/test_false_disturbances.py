@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.messages import Pose
-from hal.mujoco.engine import MujocoEngine
+from hal.mujoco.robot import MujocoEngine
 from hal.pybullet.client import _FUNCTIONS
 from hal.simulation.audit_record import DisturbanceEvent
 from hal.simulation.disturbance_injector import DisturbanceInjector

@@ -15,8 +15,7 @@ from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import GripperModel, RobotModel
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
-from bestman_bt.scene.scene import World
-from bestman_bt.scene.walker import Walker
+from bestman_bt.scene.scene import Walker, World
 from hal.api import Lidar, MobileBase
 from hal.simulation.bodies import BodyState
 from hal.simulation.contact_watcher import ContactWatcher

@@ -13,7 +13,7 @@ from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.payload import arm_payload, payload
 from hal.hardware.controller_facts import compare_tool
 from hal.twins.ur_kinematics import URKinematics
-from hal.ur.identity import URIdentity
+from hal.ur.connection import URIdentity
 
 JOINTS = [0.3, -1.9, 1.6, -1.2, -1.4, 0.5]
 TCP = pinocchio.SE3(pinocchio.exp3(np.array([0.0, 0.4, 0.2])), np.array([0.01, 0.02, 0.15]))

@@ -8,10 +8,9 @@ import pytest
 
 from bestman_bt.messages import Box, Cylinder, Mesh, OccupancyGrid, PlacedShape, Pose, Pose2D, Sphere
 from bestman_bt.messages.grids import FREE, OCCUPIED
-from bestman_bt.navigation.global_planning.costmap import Costmap, Rasterization
+from bestman_bt.navigation.global_planning.costmap import Costmap, LayeredCostmap, Rasterization
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.global_planning.hybrid_astar import HybridAStar
-from bestman_bt.navigation.global_planning.layered_costmap import LayeredCostmap
 from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 from bestman_bt.world_model.semantic_map import MapFurniture, SemanticMap
 from bestman_bt.world_model.world_model import Obstacle

@@ -14,7 +14,7 @@ from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.local_planning.braking import JerkLimit, braking_time, safe_share
 from bestman_bt.navigation.local_planning.critics import Critics, Surroundings
 from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower
-from bestman_bt.navigation.localization.ray_casting import cast_rays
+from bestman_bt.navigation.localization.scan_to_map import cast_rays
 from bestman_bt.robot_model.model import BaseModel
 from bestman_bt.robot_model.part_config import MobilePart
 from bestman_bt.world_model.semantic_map import SemanticMap

@@ -11,7 +11,7 @@ from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.local_planning.braking import JerkLimit, safe_share
 from bestman_bt.navigation.local_planning.footprint_check import FootprintCheck, FootprintMotion
 from bestman_bt.navigation.local_planning.obstacle_layer import LocalObstacles
-from bestman_bt.navigation.localization.ray_casting import cast_rays
+from bestman_bt.navigation.localization.scan_to_map import cast_rays
 from tests.robot_models import base_model
 
 ANGLES = np.linspace(-math.pi, math.pi, 360, endpoint=False)

@@ -13,7 +13,7 @@ from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 from bestman_bt.navigation.local_planning.dwa import DWA
 from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
 from bestman_bt.navigation.local_planning.mppi import MPPI
-from bestman_bt.navigation.localization.ray_casting import cast_rays
+from bestman_bt.navigation.localization.scan_to_map import cast_rays
 from bestman_bt.world_model.semantic_map import SemanticMap
 from tests.robot_models import base_model
 

@@ -8,7 +8,7 @@ import pytest
 from bestman_bt.messages import LaserScan, Path2D, Pose2D
 from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 from bestman_bt.navigation.local_planning.obstacle_layer import ObstacleLayer
-from bestman_bt.navigation.localization.ray_casting import cast_rays
+from bestman_bt.navigation.localization.scan_to_map import cast_rays
 
 ANGLES = np.linspace(-math.pi, math.pi, 360, endpoint=False)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from bestman_bt.messages import LaserScan, OccupancyGrid, Pose2D
 from bestman_bt.navigation.localization.distance_field import DistanceField
-from bestman_bt.navigation.localization.ray_casting import cast_rays
+from bestman_bt.navigation.localization.scan_to_map import cast_rays
 from bestman_bt.world_model.semantic_map import SemanticMap
 
 BASE_FROM_LIDAR = Pose2D(0.1, 0.0, 0.05)

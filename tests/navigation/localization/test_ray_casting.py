@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.navigation.localization.ray_casting import cast_rays
+from bestman_bt.navigation.localization.scan_to_map import cast_rays
 
 SQUARE = np.array([(-1, -1, 1, -1), (1, -1, 1, 1), (1, 1, -1, 1), (-1, 1, -1, -1)], dtype=float)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import LaserScan, Pose2D
-from bestman_bt.navigation.localization.ray_casting import cast_rays
+from bestman_bt.navigation.localization.scan_to_map import cast_rays
 
 BASE_FROM_LIDAR = Pose2D(0.1, 0.0, 0.05)
 BEAMS = 360

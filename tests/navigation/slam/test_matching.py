@@ -10,8 +10,7 @@ import pytest
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
 from bestman_bt.navigation.slam.correlative import CorrelativeMatcher, LikelihoodPyramid, SearchWindow
 from bestman_bt.navigation.slam.loop_closure import LoopCloser
-from bestman_bt.navigation.slam.oriented_points import OrientedPoints, oriented_points
-from bestman_bt.navigation.slam.point_to_line import LineReference, PointToLine
+from bestman_bt.navigation.slam.point_to_line import LineReference, OrientedPoints, PointToLine, oriented_points
 from bestman_bt.navigation.slam.pose_graph import Constraint, PoseGraph
 from bestman_bt.navigation.slam.submap import Keyframe, Submap
 

@@ -8,8 +8,7 @@ import pytest
 from benchmarks.rendered_table import solid, tumbler
 from bestman_bt.messages import Box, ObjectGrasp, ObjectModel, PlacedShape, Pose, Sphere
 from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
-from bestman_bt.perception.grasp_pose.model_based import AntipodalModel
-from bestman_bt.perception.grasp_pose.solid_surface import solid_surface
+from bestman_bt.perception.grasp_pose.model_based import AntipodalModel, solid_surface
 from tests.robot_models import gripper_model
 
 GRIPPER = gripper_model(finger_depth=0.039, pad_size=(0.02, 0.02))

@@ -6,7 +6,7 @@ import pytest
 from benchmarks.rendered_table import tumbler
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose
 from bestman_bt.perception.errors import PerceptionError
-from bestman_bt.perception.grasp_pose.solid_surface import solid_surface
+from bestman_bt.perception.grasp_pose.model_based import solid_surface
 
 
 def body(*parts: PlacedShape) -> ObjectModel:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.perception.segmentation.fragment_merging import FragmentMerging, merge_fragments
+from bestman_bt.perception.segmentation.region_growing import FragmentMerging, merge_fragments
 
 
 @pytest.mark.parametrize(("last_row", "things"), [(30, 1), (36, 2), (39, 2)])

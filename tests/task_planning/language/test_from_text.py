@@ -8,9 +8,8 @@ import pytest
 
 from bestman_bt.facts.located import UNSEEN
 from bestman_bt.registry import PLANNERS, UnknownNameError
-from bestman_bt.task_planning.language.answers import checked_goal
 from bestman_bt.task_planning.language.errors import EndpointNotSetError, ModelRefusedError, NoValidAnswerError
-from bestman_bt.task_planning.language.from_text import plan_from_text
+from bestman_bt.task_planning.language.from_text import checked_goal, plan_from_text
 from bestman_bt.task_planning.language.schema import GoalAnswer
 from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits, plan_within
 from bestman_bt.task_planning.symbolic.facts import parse_fact, parse_literals

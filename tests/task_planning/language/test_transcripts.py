@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from bestman_bt.task_planning.language.chat import RecordingEndpoint, ReplayEndpoint, open_transcript
 from bestman_bt.task_planning.language.endpoint import ApiKey, EndpointAddress, EndpointLimits, HttpEndpoint
 from bestman_bt.task_planning.language.errors import EndpointReplyError, TranscriptError
 from bestman_bt.task_planning.language.from_text import LanguagePlanner
-from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint, open_transcript
 from tests.answering_server import Way
 from tests.task_planning.language.kitchen_problem import RIGHT, kitchen
 from tests.task_planning.language.misbehaving_server import fails, says, serving

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS
-from bestman_bt.visualization.rerun.state_lanes import lane_entities
+from bestman_bt.visualization.rerun.tree_graph import lane_entities
 from tests.visualization.conftest import changed, nodes_of
 
 
