@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
+from behaviours.parameters import ArmMotionParameters
 from behaviours.skill import Skill, SkillCoroutine, SkillFailure
 from bestman_bt.manipulation.trajectory.base import SpeedScale
 from bestman_bt.messages import Failure, JointTrajectory, MotionErrorCode, MotionObstacle, MotionStage, Pose
@@ -25,18 +26,8 @@ if TYPE_CHECKING:
     from bestman_bt.world_model.world_model import HeldObject
 
 
-MAX_HELD_TILT = math.radians(25.0)
-FREE_SPEED = SpeedScale(0.5, 0.35)
-CARRYING_SPEED = SpeedScale(0.4, 0.21)
-PLANS = 3
-"""Largest number of plans while other arms move into the path."""
 POSES_EXPLAINED = 12
 """Number of tool poses checked to explain why the hand reaches none."""
-ROOM, SAG = 0.012, 0.1
-"""Clearance of a held object from the robot and all else, where possible: the larger of metres and a fraction of the
-object's extent from the hand.
-"""
-RECOVERY_SPEED = SpeedScale(0.05, 0.05)
 
 ARM_PLANNING_FAILS = {
     "start_out_of_limits": "Retreat",
@@ -64,12 +55,12 @@ def move_free(
     """Plan around all believed obstacles, or those in ``world``, to one of ``goals``, each (n,) radians, and move
     there.
 
-    A held object stays upright within 25°, if it is now, and keeps a clearance of ``ROOM`` where such a path exists. If
-    the arm is believed to be in contact already, a small motion of increasing clearance comes first. If another arm has
-    moved into the path since, it is planned again.
+    A held object stays upright within ``max_held_tilt``, if it is now, and keeps ``held_clearance`` where such a path
+    exists. If the arm is believed to be in contact already, a small motion of increasing clearance comes first. If
+    another arm has moved into the path since, it is planned again.
     """
     skills = skill.skills
-    for left in reversed(range(1 if world is not None else PLANS)):
+    for left in reversed(range(1 if world is not None else skills.parameters.arm_motion.plans)):
         timed = yield from _free_motion(skill, goals, world)
         try:
             yield skills.arm.follow(timed.trajectory, free=True)
@@ -80,11 +71,11 @@ def move_free(
             return
 
 
-def with_room(scene: PlanningScene, held: HeldObject) -> PlanningScene:
+def with_room(scene: PlanningScene, held: HeldObject, parameters: ArmMotionParameters) -> PlanningScene:
     """Return the scene with an enlarged held object: it may sag and sway on the way."""
     assert scene.attached is not None
     reach = float(np.linalg.norm(held.tool_from_object.position)) + max(held.model.size) / 2
-    return scene.holding(replace(scene.attached, padding=max(ROOM, SAG * reach)))
+    return scene.holding(replace(scene.attached, padding=max(parameters.held_clearance, parameters.held_sag * reach)))
 
 
 def _free_motion(
@@ -101,7 +92,8 @@ def _free_motion(
         scene = skills.planning_scene()
         if skills.held is not None:
             with suppress(MotionPlanningError):  # then with the clearance of the arm
-                timed = yield _planned(skill, goals, skills.arm_world(with_room(scene, skills.held)))
+                roomy = with_room(scene, skills.held, skills.parameters.arm_motion)
+                timed = yield _planned(skill, goals, skills.arm_world(roomy))
                 return timed
         world = skills.arm_world(scene)
     try:
@@ -119,12 +111,12 @@ def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisio
     from bestman_bt.manipulation.motion_planning.upright import Upright
 
     skills = skill.skills
-    start = skills.arm_positions()
-    constraint, speed = None, FREE_SPEED
+    start, parameters = skills.arm_positions(), skills.parameters.arm_motion
+    constraint, speed = None, SpeedScale(parameters.free_speed, parameters.free_acceleration)
     if skills.held is not None:
-        upright = Upright(skills.kinematics, skills.held.tool_from_object, MAX_HELD_TILT)
+        upright = Upright(skills.kinematics, skills.held.tool_from_object, parameters.max_held_tilt)
         constraint = upright if upright.satisfied(start) else None
-        speed = CARRYING_SPEED
+        speed = SpeedScale(parameters.carrying_speed, parameters.carrying_acceleration)
     return skill.compute(
         "motion_planning",
         skills.motion_planning.plan,
@@ -141,6 +133,7 @@ def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisio
 def _recover_from_collision(skill: Skill, world: CollisionWorld) -> SkillCoroutine[None]:
     """Move slowly out of a believed contact, if a small motion achieves this."""
     skills = skill.skills
+    parameters = skills.parameters.arm_motion
     trajectory = yield skill.compute(
         "motion_planning",
         skills.motion_planning.recover,
@@ -148,7 +141,7 @@ def _recover_from_collision(skill: Skill, world: CollisionWorld) -> SkillCorouti
         world,
         skills.arm_model,
         skills.rng,
-        RECOVERY_SPEED,
+        SpeedScale(parameters.recovery_speed, parameters.recovery_acceleration),
     )
     yield skills.arm.follow(trajectory)
 
@@ -169,7 +162,8 @@ def timed_path(
     """Return the checked motion of ``follow_path``. Raises MotionPlanningError if it would collide."""
     skills = skill.skills
     waypoints = np.vstack([skills.arm_positions(), path[1:]])
-    scale = SpeedScale(FREE_SPEED.velocity * speed, FREE_SPEED.acceleration * speed)
+    parameters = skills.parameters.arm_motion
+    scale = SpeedScale(parameters.free_speed * speed, parameters.free_acceleration * speed)
     trajectory: JointTrajectory = yield skill.compute(
         "trajectory", skills.motion_planning.follow_path, waypoints, world, skills.arm_model, scale
     )

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from behaviours.computation import Computation, TimeSource
 from behaviours.contacts import Contact
 from behaviours.failure import NodeFailure
+from behaviours.parameters import SkillParameters
 from behaviours.parts import PartKind
 from bestman_bt.errors import RobotError
 from bestman_bt.messages import Failure, MotionErrorCode, MotionObstacle, MotionStage, Pose
@@ -88,7 +89,7 @@ class SkillContext:
     context of another arm. ``sensors``: all sensors of the robot by name, for your own kinds. ``observations``: recent
     observations of objects, by identity, in the map frame. ``contacts``: the currently declared contacts. ``handled``:
     the object that the fingers touched last. ``costs``: computation times on the robot's computer, seconds by name.
-    ``failures``: failures reported by leaves, oldest first.
+    ``failures``: failures reported by leaves, oldest first. ``parameters``: of the skills, as configured.
     ``policies``: name or file → learned policy. ``planners``, ``followers``: name → global and local planner, None for
     a name of Nav2 that means the configured one; they raise LookupError. All three also take the folders that paths are
     relative to: ``Node.folders``.
@@ -107,6 +108,7 @@ class SkillContext:
     followers: Callable[[str, tuple[Path, ...]], PathFollower | None]
     policies: Callable[[str, tuple[Path, ...]], Policy]
     arm_name: str = ""
+    parameters: SkillParameters = field(default_factory=SkillParameters)
     sensors: Mapping[str, Any] = field(default_factory=dict)
     failures: list[NodeFailure] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from behaviours.context import DRIVEN
-from behaviours.furniture.close import BEFORE, FrontPush, pushes
+from behaviours.furniture.close import FrontPush, pushes
 from behaviours.furniture.leaf import (
     UNKNOWN_ARTICULATION,
     FurnitureLeaf,
@@ -71,7 +71,8 @@ class FindCloseStand(FindBasePlacement):
             is_base_free = is_base_free or room_beside(skills, leaf, positions)
             if point not in around:  # however the hand is held there
                 around[point] = [stand for stand in _around(push) if self._is_new(stand) and is_base_free(stand)]
-            yield LeafPath(around[point], [push.stations(BEFORE)[0], *push.stations()], positions, "fingers", skip=1)
+            before = push.stations(push.parameters.standoff)[0]
+            yield LeafPath(around[point], [before, *push.stations()], positions, "fingers", skip=1)
 
 
 def _around(push: FrontPush) -> tuple[Pose2D, ...]:

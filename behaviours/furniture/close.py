@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
 from typing import TYPE_CHECKING, ClassVar
@@ -17,6 +17,7 @@ from behaviours.contacts import handle, stopping_at
 from behaviours.context import SkillContext
 from behaviours.furniture.leaf import FurnitureLeaf, find_leaf, free_along, world_at_leaf
 from behaviours.furniture.leaf_motion import LEAF_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
+from behaviours.parameters import CloseParameters
 from behaviours.skill import (
     ALGORITHM_ERRORS,
     ArmNode,
@@ -46,12 +47,6 @@ if TYPE_CHECKING:
 
 STEP = 0.04
 """Metres of the pushed point's way between two stations."""
-BEFORE = 0.08
-"""Distance in front of the leaf at which the hand starts to push, metres."""
-ROOM = 0.075
-"""Metres from the pushed point to any handle."""
-PALM_GAP = 0.01
-"""Clearance between palm and front with its handles, in addition to the map's error, metres."""
 PALM_STEP = 0.03
 """Maximum distance between the points that represent the palm, metres."""
 ACROSS = (0.0, -0.12, 0.12, -0.25, 0.25, -0.38, 0.38)
@@ -63,12 +58,8 @@ PITCHES = tuple(math.radians(degrees) for degrees in (0, 35, 65))
 """By which the hand points downwards."""
 TILTS = tuple(math.radians(degrees) for degrees in range(-50, 51, 10))
 """Turns of the hand about a hinge, from straight at a door."""
-SHORT_LEVER = 0.5
-"""Share of the longest lever below which a place on a door is not pushed at."""
 SHUT = 0.005
 """Least opening, metres or radians, from which a leaf is pushed: one that is believed shut may be open by as much."""
-POINTS = 6
-"""How many places are tried with each pitch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +78,7 @@ class FrontPush:
     tip: float
     palm: NDArray[np.float64]
     handles: tuple[PlacedShape, ...] = ()
+    parameters: CloseParameters = field(default_factory=CloseParameters)
 
     @property
     def lever(self) -> float:
@@ -153,7 +145,7 @@ class FrontPush:
         board, piece = self.leaf.leaf.shapes[0].shape, self.leaf.furniture
         assert isinstance(board, Box)
         palm = self._front_from_tool(tilt).apply(self.palm)
-        room = -palm[:, 0] - board.size[0] / 2 - PALM_GAP
+        room = -palm[:, 0] - board.size[0] / 2 - self.parameters.palm_gap
         if self.leaf.leaf.kind == "revolute":
             from_hinge = np.cross(self._hinge, [1.0, 0.0, 0.0])
             turned = piece.position_error / self.lever + piece.heading_error
@@ -161,7 +153,7 @@ class FrontPush:
         before = (np.abs(palm[:, 1:]) < np.array(board.size[1:]) / 2 + piece.position_error).all(axis=1)
         if (before & (room < 0.0)).any():
             return False
-        gap = PALM_GAP + piece.position_error
+        gap = self.parameters.palm_gap + piece.position_error
         return all((_distance(handle, palm) > gap).all() for handle in self.handles)
 
     def _tool(self, position: float, tilt: float, back: float) -> Pose:
@@ -194,16 +186,20 @@ def pushes(skills: SkillContext, leaf: FurnitureLeaf) -> Iterator[FrontPush]:
     """Yield ways to push a leaf shut, best points first: far from its hinge, or in the middle of a drawer; away from
     handles.
     """
+    parameters = skills.parameters.close
     start = max(SHUT, skills.world.articulations.get(leaf.articulation, 0.0))
     tip, palm = skills.gripper_model.part.pad_size[1] / 2, _palm(skills.gripper_model)
     map_from_front = leaf.front(start)
     seen = [handle_shape(belief.handle) for belief in skills.world.handles_of(leaf.furniture, leaf.leaf)]
     handles = tuple(PlacedShape(bar.shape, map_from_front.inverse() @ bar.pose) for bar in seen)
-    points = _points(leaf, handles)
+    points = _points(leaf, handles, parameters)
     for pitch in PITCHES:
-        here = ([FrontPush(leaf, start, point, roll, pitch, tip, palm, handles) for roll in ROLLS] for point in points)
+        here = (
+            [FrontPush(leaf, start, point, roll, pitch, tip, palm, handles, parameters) for roll in ROLLS]
+            for point in points
+        )
         free = ([push for push in held if push.tilts] for held in here)
-        for held in islice(filter(None, free), POINTS):
+        for held in islice(filter(None, free), parameters.places):
             yield from held
 
 
@@ -226,34 +222,24 @@ def _distance(placed: PlacedShape, points: NDArray[np.float64]) -> NDArray[np.fl
     return distance
 
 
-def _points(leaf: FurnitureLeaf, handles: Sequence[PlacedShape]) -> list[NDArray[np.float64]]:
+def _points(
+    leaf: FurnitureLeaf, handles: Sequence[PlacedShape], parameters: CloseParameters
+) -> list[NDArray[np.float64]]:
     front = leaf.leaf.shapes[0]
     assert isinstance(front.shape, Box)
     thickness, width, height = front.shape.size
     grid = np.array([[-thickness / 2, y * width, z * height] for y in ACROSS for z in UP])
     free = np.ones(len(grid), dtype=bool)
     for bar in handles:
-        free &= _distance(bar, grid) > ROOM
+        free &= _distance(bar, grid) > parameters.handle_clearance
     aside = np.linalg.norm(grid[:, 1:] / (width, height), axis=1)
     if leaf.leaf.kind == "prismatic":
         order = np.argsort(aside, kind="stable")
     else:
         levers = np.array([leaf.lever(point) for point in leaf.front(0.0).apply(grid)])
-        free &= levers > SHORT_LEVER * levers.max()
+        free &= levers > parameters.least_lever * levers.max()
         order = np.argsort(np.abs(levers / levers.max() - 0.8) + 0.5 * np.abs(grid[:, 2] / height), kind="stable")
     return [grid[index] for index in order if free[index]]
-
-
-FINGER_FORCE = 10.0
-"""Newtons with which the fingers are held together."""
-TOUCH = 8.0
-"""Newtons at which the front counts as touched: less than any door or drawer takes to move."""
-SEARCH = 0.08
-"""Metres beyond the believed front within which to search for it."""
-BEYOND = 0.06
-"""Metres beyond the mapped closed position up to which to wait for a resistance."""
-FELT = 0.02
-"""Tolerance of the finger tips at the end stop, in addition to the piece's own error, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,7 +288,7 @@ class Close(ArmNode, Skill):
                 (skills.map_from_base.inverse() @ at for push in pushes(skills, leaf) for at in push.stations()[0]),
                 world_at_leaf(skills, leaf, skills.world.articulations.get(leaf.articulation, 0.0), "fingers"),
             )
-        yield skills.gripper.close(FINGER_FORCE)
+        yield skills.gripper.close(skills.parameters.close.finger_force)
         yield from move_free(self, [plan.approach.pre], world_at_leaf(skills, leaf, plan.push.start, "free"))
         yield from tare_wrist(self)
         with self.touching(handle(leaf.articulation, stopping_at(self.max_push))):
@@ -328,7 +314,7 @@ class Close(ArmNode, Skill):
             free = world_at_leaf(skills, leaf, push.start, "free")
             contact = world_at_leaf(skills, leaf, push.start, "fingers")
             way = [[base_from_map @ pose for pose in poses] for poses in push.stations()]
-            for option, before in enumerate(push.stations(BEFORE)[0]):
+            for option, before in enumerate(push.stations(skills.parameters.close.standoff)[0]):
                 for approach in approaches(
                     kinematics,
                     ApproachPoses(base_from_map @ before, way[0][option], way[0][option]),
@@ -355,7 +341,11 @@ class Close(ArmNode, Skill):
         """Move straight until the front is felt; return the opening there."""
         skills = self.skills
         tool = skills.base_from_tool()
-        touch: GuardedOutcome = yield skills.arm.move_until(tool.rotation[:, 2], 0.05, BEFORE + SEARCH, TOUCH)
+        parameters = skills.parameters.close
+        distance = parameters.standoff + parameters.search_distance
+        touch: GuardedOutcome = yield skills.arm.move_until(
+            tool.rotation[:, 2], parameters.touch_speed, distance, parameters.touch_force
+        )
         position = push.opening(self._tip(push, touch.tool).position)
         if not touch.touched:
             why = f"the front of {push.leaf.articulation} is not at its believed opening of {push.start:.2f}"
@@ -370,7 +360,7 @@ class Close(ArmNode, Skill):
         base_from_map = skills.map_from_base.inverse()
         axis, base = push.axis(), base_from_map.rotation
         tip = self._tip(push, skills.base_from_tool()).position
-        beyond = max(0.0, start) + BEYOND / push.lever
+        beyond = max(0.0, start) + skills.parameters.close.beyond_closed / push.lever
         following = skills.arm.follow_constraint(
             base @ axis.tangent(tip),
             FollowGoal(
@@ -402,4 +392,5 @@ class Close(ArmNode, Skill):
         """Return how far from shut, by the map, the end stop may be felt, metres or radians."""
         piece = push.leaf.furniture
         turned = piece.heading_error * (1.0 if push.leaf.leaf.kind == "revolute" else 0.0)
-        return (FELT + 1.5 * piece.position_error) / push.lever + turned
+        tolerance = self.skills.parameters.close.end_stop_tolerance
+        return (tolerance + 1.5 * piece.position_error) / push.lever + turned

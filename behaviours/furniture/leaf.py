@@ -188,8 +188,6 @@ def free_along(
 # Where the base may stand while the arm moves a door or drawer, and from where the arm follows it all the way.
 
 
-BASE_GAP = 0.05
-"""Metres that the robot's body keeps from where the leaf passes."""
 BATCHES = (slice(0, 6), slice(6, 18))
 """Ranges of the most promising base placements: checked first for all ways, then if none is good."""
 ROOM = 0.05
@@ -208,8 +206,8 @@ def room_beside(skills: SkillContext, leaf: FurnitureLeaf, positions: Sequence[f
     front = leaf.leaf.shapes[0]
     assert isinstance(front.shape, Box)
     height, thickness = front.shape.size[2], front.shape.size[0]
-    low = float(front.pose.position[2]) - height / 2
-    body = body_between(skills.robot, skills.joints.positions(), skills.arm.name, low - BASE_GAP, low + height)
+    low, apart = float(front.pose.position[2]) - height / 2, skills.parameters.furniture.base_clearance
+    body = body_between(skills.robot, skills.joints.positions(), skills.arm.name, low - apart, low + height)
     swept = swept_by(leaf, positions)
     clearance = skills.known_costmap(DRIVEN).clearance_at
 
@@ -219,7 +217,7 @@ def room_beside(skills: SkillContext, leaf: FurnitureLeaf, positions: Sequence[f
         if body is None:
             return True
         local = stand.inverse().apply(swept)
-        gap = BASE_GAP + thickness / 2
+        gap = apart + thickness / 2
         return not bool(((local > body[0] - gap) & (local < body[1] + gap)).all(axis=1).any())
 
     return is_free

@@ -39,8 +39,6 @@ def tare_wrist(skill: Skill) -> SkillCoroutine[None]:
 # Taking the hand away from a door or drawer, and the arm to a posture.
 
 
-BACK_OFF = 0.12
-"""Length of the straight retreat, metres."""
 FELT = 0.012
 """Position error of the boards of a leaf that is measured by contact, metres."""
 UNSURE = {"revolute": 0.06, "prismatic": 0.015}
@@ -62,10 +60,10 @@ def withdraw(skill: Skill, leaf: FurnitureLeaf, posture: str, felt: Obstacle | N
         world = world_at_leaf(skills, leaf, position, "hand", ignore=bodies, felt=felt)
         if world.is_free(skills.arm_positions()):
             break
-    back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -BACK_OFF]))
+    back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -skills.parameters.furniture.retreat]))
     line = cartesian_path(skills.kinematics, skills.arm_positions(), back, world.is_free)
     if len(line.path) > 1:
-        yield from follow_path(skill, line.path, world, speed=0.5)
+        yield from follow_path(skill, line.path, world, skills.parameters.arm_motion.retreat_speed)
     goals = [skills.robot.posture(posture, skills.arm_model.joint_names)]
     refusal: MotionPlanningError | None = None
     for around in _around(skills, leaf, position, felt):

@@ -88,7 +88,8 @@ class Open(ArmNode, Skill):
     def _pull_open(self, opening: Opening, plan: HandlePull, posture: str) -> SkillCoroutine[float]:
         """Take the handle, follow, let go, withdraw; how far it is open then."""
         skills, leaf = self.skills, opening.leaf
-        yield from follow_path(self, plan.into, world_at_leaf(skills, leaf, opening.start, "hand"), speed=0.35)
+        contact = world_at_leaf(skills, leaf, opening.start, "hand")
+        yield from follow_path(self, plan.into, contact, skills.parameters.arm_motion.approach_speed)
         self._felt: Obstacle | None = None
         try:
             yield skills.gripper.close(self.force)

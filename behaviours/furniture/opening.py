@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +21,7 @@ from behaviours.furniture.leaf import (
     world_at_leaf,
 )
 from behaviours.manipulation.grasp_candidates import handle_grasp_candidates
+from behaviours.parameters import OpenParameters
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.world_model.world_model import HandleBelief
 
@@ -33,18 +34,8 @@ if TYPE_CHECKING:
 
 STEP = 0.04
 """Metres of the handle's way between two stations."""
-DRAWER_MARGIN = 0.025
-"""Metres that a drawer is pulled beyond the target: the hand yields a little, and the drawer rolls back."""
-DOOR_MARGIN = 0.09
-"""Radians, likewise."""
-END_STOP = 0.95
-"""Share of a leaf's range that is used at most."""
 PARALLEL = 0.98
 """Cosine between bar and hinge from which on the bar may turn between the fingers."""
-FINGER_ROOM = 0.03
-"""Metres between front and bar from which on fingers around the bar are clear of the front."""
-PALM_GAP = 0.01
-"""Metres that the palm keeps from a front."""
 TILTS = tuple(math.radians(degrees) for degrees in range(-50, 51, 10))
 """Turns of the hand about a bar, from straight at the front."""
 
@@ -64,6 +55,7 @@ class Opening:
     distance: float
     angle: float | None
     most_tilt: float = TILTS[-1]
+    parameters: OpenParameters = field(default_factory=OpenParameters)
 
     def way(self) -> NDArray[np.float64]:
         """Return the distances of the stations from the start, metres, first 0."""
@@ -86,7 +78,8 @@ class Opening:
     @property
     def touching(self) -> Touching:
         """The allowed contact: fingers around a bar stay clear of the front; those at a knob or a lip may touch it."""
-        return "nothing" if self.handle.kind == "bar" and self.handle.standoff > FINGER_ROOM else "fingers"
+        free = self.handle.kind == "bar" and self.handle.standoff > self.parameters.finger_room
+        return "nothing" if free else "fingers"
 
     @property
     def bar_turns(self) -> bool:
@@ -130,19 +123,21 @@ def plan_opening(skills: SkillContext, articulation: str, belief: HandleBelief, 
     leaf = find_leaf(skills, articulation)
     leaf.check_opening("opening", asked)
     start = skills.world.articulations.get(articulation, 0.0)
-    end = min(asked + (DRAWER_MARGIN if leaf.leaf.kind == "prismatic" else DOOR_MARGIN), END_STOP * leaf.leaf.upper)
+    parameters = skills.parameters.open
+    margin = parameters.drawer_margin if leaf.leaf.kind == "prismatic" else parameters.door_margin
+    end = min(asked + margin, parameters.max_opening * leaf.leaf.upper)
     further = max(end - start, STEP)
     handle = belief.handle
     if leaf.leaf.kind == "prismatic":
         _, direction = leaf.axis()
         handle = replace(handle, joint="prismatic", opening_direction=direction)
-        return Opening(leaf, handle, asked, start, further, None)
+        return Opening(leaf, handle, asked, start, further, None, parameters=parameters)
     hinge, axis = leaf.axis()
     opening = np.cross(axis, handle.pose.position - hinge)
     opening = opening / np.linalg.norm(opening)
     handle = replace(handle, joint="revolute", hinge=hinge, hinge_direction=axis, opening_direction=opening)
     most_tilt = TILTS[-1] if leaf.furniture.position_error <= MEASURED else _palm_limit(skills, handle)
-    return Opening(leaf, handle, asked, start, further * _radius(handle), further, most_tilt)
+    return Opening(leaf, handle, asked, start, further * _radius(handle), further, most_tilt, parameters)
 
 
 def _palm_limit(skills: SkillContext, handle: Handle) -> float:
@@ -153,7 +148,7 @@ def _palm_limit(skills: SkillContext, handle: Handle) -> float:
     from bestman_bt.perception.grasp_pose.hand_shape import HandSize
 
     depth, half = skills.gripper_model.part.finger_depth, HandSize().palm_size[1] / 2
-    room = max(0.0, handle.standoff - PALM_GAP)
+    room = max(0.0, handle.standoff - skills.parameters.open.palm_gap)
     return math.asin(min(1.0, room / math.hypot(depth, half))) + math.atan2(depth, half)
 
 
@@ -207,16 +202,10 @@ def _radius(handle: Handle) -> float:
 
 ENOUGH = 1
 """Number of grasps that reach the end of the path after which the search stops."""
-GRASPS = 6
-"""Largest number of different grasps to check."""
 SAME_PLACE = 0.02
 """Distance between two grasps of a bar below which they count as one, metres."""
 SAME_BRANCH = 0.3
 """Largest distance, radians, between the end of the approach and the start posture of the arc."""
-DEPTH = 0.3
-"""Fraction of a bar's free standoff by which it is gripped deeper than the middle of the pads, since it slips towards
-the fingertips during the motion.
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,7 +268,7 @@ def pull_grasps(skills: SkillContext, opening: Opening, belief: HandleBelief) ->
 
     ranked = [entry.candidate for entry in GraspRanking().rank(handle_grasp_candidates(skills, belief))]
     if not opening.bar_turns:
-        return ranked[:GRASPS]
+        return ranked[: opening.parameters.grasps]
     kept: list[GraspCandidate] = []
     for candidate in (_deeper(candidate, opening) for candidate in ranked):
         same = (
@@ -289,12 +278,13 @@ def pull_grasps(skills: SkillContext, opening: Opening, belief: HandleBelief) ->
         )
         if not any(same):
             kept.append(candidate)
-    return kept[:GRASPS]
+    return kept[: opening.parameters.grasps]
 
 
 def _deeper(candidate: GraspCandidate, opening: Opening) -> GraspCandidate:
     """Return the grasp with a bar nearer to the palm, where the finger tips have room before the front."""
     if opening.touching != "nothing":
         return candidate
-    grasp, depth = candidate.grasp, DEPTH * (opening.handle.standoff - FINGER_ROOM)
+    parameters = opening.parameters
+    grasp, depth = candidate.grasp, parameters.grip_depth * (opening.handle.standoff - parameters.finger_room)
     return replace(candidate, grasp=replace(grasp, position=grasp.position + depth * grasp.rotation[:, 2]))

@@ -127,7 +127,9 @@ class FindStandPose(FindBasePlacement):
         belief = skills.world.objects.get(name)
         if goal is not None and skills.held is not None:
             on_surface = Pose(np.array([*goal.position[:2], self._object_height()]), goal.quaternion)
-            return [StandTarget(place_tool_poses(skills.held, on_surface), goal.position[:2])]
+            place = skills.parameters.place
+            poses = place_tool_poses(skills.held, on_surface, place.descent, place.drop_height)
+            return [StandTarget(poses, goal.position[:2])]
         if belief is not None:
             candidates = grasp_candidates(self.skills, belief)[:8]
             map_from_base = skills.map_from_base

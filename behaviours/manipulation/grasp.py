@@ -44,10 +44,6 @@ if TYPE_CHECKING:
 # Checks of the held object: by width, touch and sight.
 
 
-EMPTY = 0.6
-"""Visible fraction of the gap between the fingers from which the hand counts as empty."""
-
-
 class CheckHeld(ArmNode, Skill):
     """Verify that the hand holds an object: by gripper width, and tactile pads and wrist camera, if any.
 
@@ -101,13 +97,10 @@ class CheckHeld(ArmNode, Skill):
         seen = skills.wrist_camera.capture()
         with_own_body = View(seen.image, seen.base_from_camera)
         gap = look_between_fingers(with_own_body, skills.base_from_tool(), skills.gripper_model, width)
-        return f"the camera sees through {gap.empty:.0%} of the gap" if gap.empty > EMPTY else ""
+        is_empty = gap.empty > skills.parameters.grasp.empty_gap
+        return f"the camera sees through {gap.empty:.0%} of the gap" if is_empty else ""
 
 
-LEAST_FORCE = 20.0
-"""Least closing force if none is given, newtons."""
-SAFETY = 4.0
-"""Safety factor of the pads' torque over the torque of the weight."""
 GRAVITY = 9.81
 
 
@@ -243,7 +236,8 @@ class Grasp(ArmNode, Skill):
     def _close_and_lift(self, name: str, grasp: PlannedGrasp) -> SkillCoroutine[None]:
         skills = self.skills
         contact = skills.arm_world(skills.planning_scene(allowed_pairs=hand_contacts(skills, name)))
-        yield from follow_path(self, grasp.approach.into, contact, speed=0.35)
+        arm_motion = skills.parameters.arm_motion
+        yield from follow_path(self, grasp.approach.into, contact, arm_motion.approach_speed)
         self.grasps = []
         yield skills.gripper.close(self.force or self._force(grasp))
         belief = skills.world.objects[name]
@@ -251,10 +245,10 @@ class Grasp(ArmNode, Skill):
         try:
             self._check_held(width)
             held = HeldObject(name, belief.model, self._tool_from_object(grasp), skills.gripper.width())
-            lift = yield from timed_path(self, grasp.approach.out, contact, speed=0.5)
+            lift = yield from timed_path(self, grasp.approach.out, contact, arm_motion.retreat_speed)
         except (SkillFailure, *ALGORITHM_ERRORS):
             yield skills.gripper.open(grasp.candidate.opening)
-            yield from follow_path(self, grasp.approach.into[::-1], contact, speed=0.5)
+            yield from follow_path(self, grasp.approach.into[::-1], contact, arm_motion.retreat_speed)
             raise
         try:
             yield skills.arm.follow(lift)
@@ -296,8 +290,9 @@ class Grasp(ArmNode, Skill):
         gripper = self.skills.gripper
         mass = self.skills.world.objects[self.object].model.mass
         lever = float(np.linalg.norm(grasp.tool_from_object.position[:2]))
-        needed = SAFETY * mass * GRAVITY * lever / (self.skills.gripper_model.part.pad_size[1] / 2)
-        return min(max(LEAST_FORCE, needed), gripper.model.part.max_force)
+        parameters = self.skills.parameters.grasp
+        needed = parameters.torque_safety * mass * GRAVITY * lever / (self.skills.gripper_model.part.pad_size[1] / 2)
+        return min(max(parameters.least_force, needed), gripper.model.part.max_force)
 
     def _tool_from_object(self, grasp: PlannedGrasp) -> Pose:
         """Return the observed pose, with the contacts centred between the fingers, which have moved the object."""

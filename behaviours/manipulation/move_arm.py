@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from behaviours.arm_motion import (
     ARM_PLANNING_FAILS,
-    MAX_HELD_TILT,
     follow_path,
     hand_contacts,
     move_free,
@@ -148,12 +147,8 @@ def _line_of_sight(eye: NDArray[np.float64], point: NDArray[np.float64]) -> Plac
     return PlacedShape(Cylinder(radius, length), Pose(eye + (after + length / 2) * direction, rotation.as_quat()))
 
 
-PULL_OUT = 0.30
-"""Length of the straight retreat with an object grasped from the side, metres."""
 LEVEL = 0.5
 """Cosine between the hand's axis and the vertical below which the hand counts as level."""
-ARRIVED = 0.02
-"""Radians within which a posture counts as reached."""
 TURN = np.radians(15.0)
 """Step between the hand rotations tried to give the held object clearance, radians."""
 
@@ -207,7 +202,8 @@ class Retreat(ArmNode, Skill):
             with self.touching(*([grasp(handled)] if handled is not None else ())):
                 yield from self._straight_back(skills.arm_world(scene), distance)
         elif skills.held is not None and abs(float(skills.base_from_tool().rotation[2, 2])) < LEVEL:
-            yield from self._straight_back(skills.arm_world(skills.planning_scene()), PULL_OUT)
+            pull_out = skills.parameters.arm_motion.pull_out
+            yield from self._straight_back(skills.arm_world(skills.planning_scene()), pull_out)
         yield from _move_to(self, _postures(self, self.posture))
 
     def _straight_back(self, world: CollisionWorld, distance: float) -> SkillCoroutine[None]:
@@ -218,15 +214,16 @@ class Retreat(ArmNode, Skill):
         back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -distance]))
         line = cartesian_path(skills.kinematics, skills.arm_positions(), back, world.is_free)
         if len(line.path) > 1:
-            yield from follow_path(self, line.path, world, speed=0.5)
+            yield from follow_path(self, line.path, world, speed=skills.parameters.arm_motion.retreat_speed)
 
 
 def _move_to(skill: Skill, choices: Sequence[list[NDArray[np.float64]]]) -> SkillCoroutine[None]:
     """Go to one of the first of ``choices`` to which there is a way; at once done where the arm is there already."""
     from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
 
+    arrived = skill.skills.parameters.arm_motion.posture_tolerance
     for goals in choices:
-        if min(np.abs(skill.skills.arm_positions() - goal).max() for goal in goals) <= ARRIVED:
+        if min(np.abs(skill.skills.arm_positions() - goal).max() for goal in goals) <= arrived:
             return
         try:
             yield from move_free(skill, goals)
@@ -251,9 +248,9 @@ def _postures(skill: Skill, name: str, sight: NDArray[np.float64] | None = None)
     held = skills.held
     if held is None:
         return [[posture]]
-    scene = skills.planning_scene()
-    world, roomy = skills.arm_world(scene), skills.arm_world(with_room(scene, held))
-    upright = Upright(skills.kinematics, held.tool_from_object, MAX_HELD_TILT)
+    scene, parameters = skills.planning_scene(), skills.parameters.arm_motion
+    world, roomy = skills.arm_world(scene), skills.arm_world(with_room(scene, held, parameters))
+    upright = Upright(skills.kinematics, held.tool_from_object, parameters.max_held_tilt)
     past = None if sight is None else out_of_sight(skills, sight)
     tilted = not upright.satisfied(skills.arm_positions())
 

@@ -28,32 +28,9 @@ if TYPE_CHECKING:
     from bestman_bt.perception.segmentation.surface_coverage import SurfaceCoverage
 
 
-DROP = 0.002
-"""Metres above the measured surface at which a hand without force sensing releases an object."""
-HOVER = 0.008
-"""Metres above the measured surface from which a hand with force sensing lowers until contact."""
-SEARCH = 0.01
-"""Metres below the measured surface at which that ends: surfaces are measured to millimetres."""
-SET_DOWN_SPEED = 0.02
-SET_DOWN_FORCE = 4.0
-"""Contact force that ends the descent, newtons: enough to stand, too little to push the object up in the hand."""
-ASKEW = 0.004
-"""Metres above the goal; an object that touches earlier is tilted in the hand."""
-LOOSER = (28.0, 20.0, 14.0, 10.0, 7.0, 5.0, 3.5)
-"""Decreasing grip forces, newtons, with which a held object is let down slowly."""
-BACK = 0.1
-"""Length of the straight retreat after releasing, metres."""
-PRE_PLACE = 0.12
-"""Metres above the goal where the straight descent begins."""
-MAX_TAKEN = 0.03
-"""Largest fraction of the disc at the goal that may appear occupied: noise at edges of nearby objects."""
-MIN_FREE = 0.4
-"""Least fraction of the disc at the goal that must be seen free; the rest may be hidden by the carried object."""
 TURNS_OF_A_ROUND_OBJECT = 12
-LOOSE = 3.0
-"""Closing force of stuck fingers before they open again, newtons."""
 NUDGE = 0.001
-"""Metres that they are raised in between."""
+"""Metres that a hand which did not release the object is raised before it opens again."""
 
 
 class FindPlacePose(Skill):
@@ -106,14 +83,14 @@ class FindPlacePose(Skill):
     def _check_room(self, coverage: SurfaceCoverage, point: NDArray[np.float64], surface: str) -> None:
         from bestman_bt.perception.segmentation.surface_coverage import FREE, OCCUPIED
 
-        radius: float = self.radius
+        radius, place = self.radius, self.skills.parameters.place
         shares = coverage.disc(point, radius)
-        if shares[OCCUPIED] <= MAX_TAKEN and shares[FREE] >= MIN_FREE:
+        if shares[OCCUPIED] <= place.max_occupied and shares[FREE] >= place.min_free:
             return
         across = f"{200 * radius:.0f} cm disc"
         if len(coverage.free_discs(radius, point)) == 0:
             raise SkillFailure("surface_full", f"no free {across} is left on the {surface}")
-        if shares[OCCUPIED] > MAX_TAKEN:
+        if shares[OCCUPIED] > place.max_occupied:
             raise SkillFailure("goal_taken", f"{shares[OCCUPIED]:.0%} of the {across} at the goal is taken")
         raise SkillFailure("goal_not_seen", f"only {shares[FREE]:.0%} of the {across} at the goal is seen to be free")
 
@@ -136,7 +113,7 @@ class PlaceOn(ArmNode, Skill):
     def execute(self) -> SkillCoroutine[None]:
         """Plan the poses above and on the surface, then move."""
         skills = self.skills
-        name: str = self.object
+        place, name = skills.parameters.place, self.object
         held = skills.held
         if held is None or held.name != name:
             raise SkillFailure("not_holding", f"the hand does not hold the {name}")
@@ -146,14 +123,15 @@ class PlaceOn(ArmNode, Skill):
             raise unreached(
                 skills,
                 SkillFailure("no_approach", f"the arm has no free path to place the {name} there from this base pose"),
-                (down for _, down in place_tool_poses(held, base_from_object, self._above(held), DROP)),
+                (down for _, down in place_tool_poses(held, base_from_object, self._above(held), place.drop_height)),
                 self._lowering_world(held),
             )
         yield from move_free(self, [approach.pre])
-        felt = stopping_at(SET_DOWN_FORCE) if skills.wrist_wrench is not None else MAX_FORCE
+        felt = stopping_at(place.set_down_force) if skills.wrist_wrench is not None else MAX_FORCE
         gripped = stopping_at(skills.gripper_model.part.max_force)
         with self.touching(grasp(name, gripped), support(name, surface_below(skills.world, self.pose), felt)):
-            yield from follow_path(self, approach.into, self._lowering_world(held), speed=0.35)
+            speed = skills.parameters.arm_motion.approach_speed
+            yield from follow_path(self, approach.into, self._lowering_world(held), speed)
             if skills.wrist_wrench is not None:
                 yield from self._set_down(name)
 
@@ -161,23 +139,25 @@ class PlaceOn(ArmNode, Skill):
         """Lower the object until contact, because a dropped one falls over; a tilted object touches earlier than
         believed.
         """
+        place = self.skills.parameters.place
         outcome: GuardedOutcome = yield self.skills.arm.move_until(
-            (0.0, 0.0, -1.0), SET_DOWN_SPEED, HOVER + SEARCH, SET_DOWN_FORCE
+            (0.0, 0.0, -1.0), place.set_down_speed, place.hover_height + place.search_depth, place.set_down_force
         )
         if not outcome.touched:
-            raise SkillFailure("nothing_below", f"the {name} has no contact 1 cm below the measured surface")
-        if HOVER - outcome.distance > ASKEW:
-            yield from self._level(HOVER - outcome.distance)
+            depth = f"{100 * place.search_depth:g} cm"
+            raise SkillFailure("nothing_below", f"the {name} has no contact {depth} below the measured surface")
+        if place.hover_height - outcome.distance > place.tilted_height:
+            yield from self._level(place.hover_height - outcome.distance)
 
     def _level(self, left: float) -> SkillCoroutine[None]:
         """Let what touches with an edge turn in an ever looser hand, which follows it down, ``left`` metres at most."""
-        skills = self.skills
+        skills, place = self.skills, self.skills.parameters.place
         try:
-            for force in (force for force in LOOSER if force <= skills.gripper.model.part.max_force):
+            for force in (force for force in place.loosening_forces if force <= skills.gripper.model.part.max_force):
                 yield skills.gripper.close(force)
                 if left > NUDGE:
                     outcome: GuardedOutcome = yield skills.arm.move_until(
-                        (0.0, 0.0, -1.0), SET_DOWN_SPEED, left, SET_DOWN_FORCE
+                        (0.0, 0.0, -1.0), place.set_down_speed, left, place.set_down_force
                     )
                     left -= outcome.distance
         except SkillFailure:
@@ -187,15 +167,15 @@ class PlaceOn(ArmNode, Skill):
     def _plan(self, held: HeldObject, base_from_object: Pose) -> Approach | None:
         from bestman_bt.manipulation.motion_planning.approach import ApproachPoses, approaches
 
-        skills = self.skills
+        skills, place = self.skills, self.skills.parameters.place
         free = skills.arm_world(skills.planning_scene())
         lowering, arm_alone = self._lowering_world(held), self._lowering_world(held, hand=True)
         kinematics, reference = skills.kinematics, skills.arm_positions()
         found: list[Approach] = []
-        lift = DROP if skills.wrist_wrench is None else HOVER
+        lift = place.drop_height if skills.wrist_wrench is None else place.hover_height
         for above, down in place_tool_poses(held, base_from_object, self._above(held), lift):
             # Back along the hand's axis there must be room, too: that is how it leaves what it has let go.
-            back = down @ Pose(np.array([0.0, 0.0, -BACK]))
+            back = down @ Pose(np.array([0.0, 0.0, -place.retreat]))
             poses = ApproachPoses(above, down, back)
             found += [
                 approach
@@ -211,13 +191,14 @@ class PlaceOn(ArmNode, Skill):
         """
         from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 
-        lowest = Pose(down.position - np.array([0.0, 0.0, lift + SEARCH]), down.quaternion)
+        deepest = lift + self.skills.parameters.place.search_depth
+        lowest = Pose(down.position - np.array([0.0, 0.0, deepest]), down.quaternion)
         kinematics = self.skills.kinematics
         return cartesian_path(kinematics, approach.into[-1], lowest, world.is_free).complete
 
     def _above(self, held: HeldObject) -> float:
         """Metres above the goal where the descent begins."""
-        return PRE_PLACE
+        return self.skills.parameters.place.descent
 
     def _lowering_world(self, held: HeldObject, hand: bool = False) -> CollisionWorld:
         """Return the collision world in which the object, and optionally the ``hand``, may touch the support."""
@@ -257,13 +238,13 @@ class Release(ArmNode, Skill):
         )
 
     def _let_go(self, held: HeldObject) -> SkillCoroutine[None]:
-        skills = self.skills
+        skills, place = self.skills, self.skills.parameters.place
         outcome = yield skills.gripper.release()
         if outcome.width < held.width + HELD_WIDTH.let_go:
             # Caught: hold it loosely, so that it comes to lie as it likes between the fingers, and try again.
-            yield skills.gripper.close(LOOSE)
+            yield skills.gripper.close(place.regrip_force)
             if skills.wrist_wrench is not None:
-                yield skills.arm.move_until((0.0, 0.0, 1.0), SET_DOWN_SPEED, NUDGE, SET_DOWN_FORCE)
+                yield skills.arm.move_until((0.0, 0.0, 1.0), place.set_down_speed, NUDGE, place.set_down_force)
             outcome = yield skills.gripper.release()
         if outcome.width < held.width + HELD_WIDTH.let_go:
             # The arm must not leave with a thing that is neither held nor free.
@@ -272,9 +253,7 @@ class Release(ArmNode, Skill):
             raise SkillFailure("not_released", f"the hand does not release the {held.name}: {opened}")
 
 
-def place_tool_poses(
-    held: HeldObject, frame_from_object: Pose, above: float = PRE_PLACE, lift: float = DROP
-) -> list[tuple[Pose, Pose]]:
+def place_tool_poses(held: HeldObject, frame_from_object: Pose, above: float, lift: float) -> list[tuple[Pose, Pose]]:
     """Return tool poses (above, down) that place the held object at ``frame_from_object``, one per symmetric rotation.
 
     ``above``: metres from the goal to the start of the straight descent. ``lift``: metres to its end.

@@ -110,10 +110,6 @@ def _radius(model: ObjectModel) -> float:
     return float(np.linalg.norm(model.size[:2])) / 2
 
 
-OVER_THE_RIM = 0.03
-"""Metres between the rim and the lowest point of the object where its straight descent begins."""
-
-
 class GoalOnSurface(ErrorReporting, SyncAction):
     """Output the current pose of a goal; a goal in a drawer is given for the closed drawer and moves with it."""
 
@@ -152,7 +148,7 @@ class PlaceIn(PlaceOn):
         assert surface.leaf is not None
         shapes = leaf_shapes(self.skills.world, furniture, furniture.leaf(surface.leaf))
         rim = max(_top(placed) for placed in shapes)
-        return rim + OVER_THE_RIM - float(pose.position[2] + held.model.bounds()[0, 2])
+        return rim + self.skills.parameters.place.rim_clearance - float(pose.position[2] + held.model.bounds()[0, 2])
 
     def _drawer(self, pose: Pose) -> tuple[MapFurniture, MapSurface]:
         """Return the drawer in whose rectangle the pose lies, the one next below it."""

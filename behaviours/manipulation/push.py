@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free, unreached
 from behaviours.contacts import push, stopping_at, support, surface_below
 from behaviours.manipulation.base_placement import FindStandPose, StandTarget
+from behaviours.parameters import PushParameters
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
 from behaviours.skill import ArmNode, Declaration, ObjectName, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, Out
@@ -32,22 +33,8 @@ if TYPE_CHECKING:
 
 TILTS = tuple(math.radians(tilt) for tilt in (45.0, 35.0, 55.0, 65.0))
 """Angles by which the hand leans back from the object, so that the fingertips touch it before the palm does."""
-HEIGHT = 0.03
-"""Metres of the fingertips above the surface: an object that is pushed low slides instead of falling over."""
-STANDOFF = 0.06
-"""Metres between fingertips and object where the straight approach begins."""
-CLEAR = 0.01
-"""Metres that all of the hand but the fingertips stays away from the object."""
 FINE = 0.002
 """Distance between two waypoints of the approach, metres; it ends before the first one in contact."""
-SPARE = 0.003
-"""Metres more than the scene's padding at which the approach ends: the timed motion bends a little."""
-SPREAD = 0.5
-"""Finger opening during the push, as a fraction of the object's width."""
-EDGE = 0.03
-"""Distance from the mapped edge of the surface that the whole object keeps, metres: the map's error."""
-SHORTEST = 0.004
-"""Metres within which an object counts as being at its goal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +83,7 @@ class Push(ArmNode, Skill):
 
     def execute(self) -> SkillCoroutine[None]:
         """Plan, set the fingers, approach, push with force monitoring, retreat."""
-        skills = self.skills
+        skills, parameters = self.skills, self.skills.parameters.push
         name: str = self.object
         goal: Pose = self.goal
         if skills.held is not None:
@@ -105,11 +92,11 @@ class Push(ArmNode, Skill):
         if belief is None:
             raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
         way = goal.position[:2] - belief.pose.position[:2]
-        if float(np.linalg.norm(way)) < SHORTEST:
+        if float(np.linalg.norm(way)) < parameters.goal_tolerance:
             self.feedback_message = f"the {name} is already there"
             return
         self._check_goal(belief, goal)
-        yield skills.gripper.open(spread(belief.model, skills.gripper_model.max_width))
+        yield skills.gripper.open(spread(belief.model, skills.gripper_model.max_width, parameters))
         plan: PushPlan | None = yield self.compute("grasp_planning", self._plan, belief, goal)
         if plan is None:
             base_from_map = skills.map_from_base.inverse()
@@ -118,7 +105,7 @@ class Push(ArmNode, Skill):
             raise unreached(
                 skills,
                 SkillFailure("no_approach", f"the arm has no free path to push the {name} there from this base pose"),
-                push_tool_poses(belief.model, base_from_object, direction),
+                push_tool_poses(belief.model, base_from_object, direction, parameters),
                 skills.arm_world(self._untouched(belief)),
             )
         yield from move_free(self, [plan.pre])
@@ -129,7 +116,8 @@ class Push(ArmNode, Skill):
 
     def _push(self, belief: ObjectBelief, plan: PushPlan) -> SkillCoroutine[None]:
         skills, name = self.skills, belief.name
-        yield from follow_path(self, plan.into, skills.arm_world(self._untouched(belief)), speed=0.35)
+        speed = skills.parameters.arm_motion.approach_speed
+        yield from follow_path(self, plan.into, skills.arm_world(self._untouched(belief)), speed)
         outcome: GuardedOutcome = yield skills.arm.move_until(
             plan.direction, self.speed, plan.gap + plan.distance, self.max_force
         )
@@ -150,7 +138,7 @@ class Push(ArmNode, Skill):
         furniture, surface = find_surface(self.skills, belief.surface)
         local = (furniture.pose.to_pose() @ surface.pose).inverse().apply(goal.position)
         room = np.array(surface.size) / 2 - np.abs(local[:2]) - belief.model.size[:2].max() / 2
-        if room.min() < EDGE:
+        if room.min() < self.skills.parameters.push.edge_margin:
             raise SkillFailure(
                 "off_surface", f"the goal is {100 * room.min():.0f} cm from the edge of {belief.surface}"
             )
@@ -158,16 +146,16 @@ class Push(ArmNode, Skill):
     def _plan(self, belief: ObjectBelief, goal: Pose) -> PushPlan | None:
         from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 
-        skills = self.skills
+        skills, parameters = self.skills, self.skills.parameters.push
         kinematics, reference = skills.kinematics, skills.arm_positions()
         base_from_map = skills.map_from_base.inverse()
         base_from_object = base_from_map @ belief.pose
         scene = self._untouched(belief)
-        free = skills.arm_world(replace(scene, padding=scene.padding + SPARE))
+        free = skills.arm_world(replace(scene, padding=scene.padding + parameters.approach_gap))
         direction, distance = _way(base_from_object, base_from_map @ goal)
         plans = []
-        for behind in push_tool_poses(belief.model, base_from_object, direction):
-            beyond = Pose(behind.position + (STANDOFF + 0.05) * direction, behind.quaternion)
+        for behind in push_tool_poses(belief.model, base_from_object, direction, parameters):
+            beyond = Pose(behind.position + (parameters.standoff + 0.05) * direction, behind.quaternion)
             for pre in kinematics.solve(behind, reference, skills.rng, 2, is_valid=free.is_free).solutions:
                 into = cartesian_path(kinematics, pre, beyond, free.is_free, max_translation=FINE)
                 if into.complete or len(into.path) < 2:
@@ -178,7 +166,7 @@ class Push(ArmNode, Skill):
                 world = self._pushing_world(scene, belief, here.inverse() @ base_from_object)
                 if touching and cartesian_path(kinematics, into.path[-1], pushed, world.is_free).complete:
                     cost = float(np.abs(pre - reference).max())
-                    gap = scene.padding + SPARE + FINE / 2
+                    gap = scene.padding + parameters.approach_gap + FINE / 2
                     plans.append(PushPlan(pre, into.path, direction, gap, distance, cost))
         return min(plans, key=lambda plan: plan.cost) if plans else None
 
@@ -191,7 +179,9 @@ class Push(ArmNode, Skill):
         name: str,
     ) -> bool:
         """Return whether the fingers, and nothing else, touch the object next: a little further on, to be sure."""
-        onward = Pose(base_from_tool.position + CLEAR * direction, base_from_tool.quaternion)
+        onward = Pose(
+            base_from_tool.position + self.skills.parameters.push.palm_clearance * direction, base_from_tool.quaternion
+        )
         following = self.skills.kinematics.track(onward, positions)
         if following is None:
             return False
@@ -240,19 +230,21 @@ class Push(ArmNode, Skill):
         skills = self.skills
         here = skills.base_from_tool()
         world = skills.arm_world(skills.planning_scene(ignore=[name]))
-        back = Pose(here.position - STANDOFF * plan.direction, here.quaternion)
+        back = Pose(here.position - skills.parameters.push.standoff * plan.direction, here.quaternion)
         line = cartesian_path(skills.kinematics, skills.arm_positions(), back, world.is_free)
         if len(line.path) < 2:
             raise SkillFailure("not_withdrawn", f"the hand cannot go back from the {name}: {line.failure}")
-        yield from follow_path(self, line.path, world, speed=0.5)
+        yield from follow_path(self, line.path, world, skills.parameters.arm_motion.retreat_speed)
 
 
-def spread(model: ObjectModel, max_width: float) -> float:
+def spread(model: ObjectModel, max_width: float, parameters: PushParameters) -> float:
     """Return the distance between the fingers for pushing, metres."""
-    return min(SPREAD * float(min(model.size[:2])), max_width)
+    return min(parameters.finger_spread * float(min(model.size[:2])), max_width)
 
 
-def push_tool_poses(model: ObjectModel, frame_from_object: Pose, direction: NDArray[np.float64]) -> Iterator[Pose]:
+def push_tool_poses(
+    model: ObjectModel, frame_from_object: Pose, direction: NDArray[np.float64], parameters: PushParameters
+) -> Iterator[Pose]:
     """Yield tool poses behind an object to be pushed in ``direction`` (3,), leaning back, with either side of the hand
     up.
     """
@@ -260,8 +252,8 @@ def push_tool_poses(model: ObjectModel, frame_from_object: Pose, direction: NDAr
 
     radius = float(np.linalg.norm(model.size[:2])) / 2
     bottom = float(frame_from_object.position[2] + model.bounds()[0, 2])
-    behind = frame_from_object.position - (radius + STANDOFF) * direction
-    position = np.array([behind[0], behind[1], bottom + HEIGHT])
+    behind = frame_from_object.position - (radius + parameters.standoff) * direction
+    position = np.array([behind[0], behind[1], bottom + parameters.tip_height])
     for tilt in TILTS:
         along = math.sin(tilt) * direction - math.cos(tilt) * np.array([0.0, 0.0, 1.0])
         forward = math.cos(tilt) * direction + math.sin(tilt) * np.array([0.0, 0.0, 1.0])
@@ -300,7 +292,8 @@ class FindPushStand(FindStandPose):
         way[2] = 0.0
         direction = way / max(float(np.linalg.norm(way)), 1e-6)
         ends = []
-        for behind in push_tool_poses(belief.model, belief.pose, direction):
-            last = Pose(behind.position + way + STANDOFF * direction, behind.quaternion)
+        parameters = self.skills.parameters.push
+        for behind in push_tool_poses(belief.model, belief.pose, direction, parameters):
+            last = Pose(behind.position + way + parameters.standoff * direction, behind.quaternion)
             ends.append((behind, last))
         return [StandTarget(ends, belief.pose.position[:2])]

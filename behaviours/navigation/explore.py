@@ -28,18 +28,10 @@ if TYPE_CHECKING:
 
 AHEAD = (1.5, 0.0, 0.35)
 """Target of the camera while driving, metres in the base frame."""
-LOOK_PERIOD = 0.8
-"""Seconds between two checks of the unknown space and of the path."""
 PICTURE_DISTANCE, PICTURE_TURN = 0.5, math.radians(25.0)
 """Metres that the base moves, or radians that it turns, between two images of the way ahead."""
-LOOK_AHEAD = 1.5
-"""Metres of the path ahead that must be free."""
 EVERY_POINT = 7
 """Subsampling of the points of a depth image."""
-PADDING = 0.025
-"""Metres by which the base's outline is grown: beams clear cells that posts half fill."""
-ARRIVED = 0.30
-"""Metres from a goal within which it counts as reached if it offers no further view."""
 
 NO_ROOM = "too little known free space around the base to drive"
 
@@ -144,17 +136,18 @@ class ExploreAndMap(Skill):
         """Return the outline of base and arm as one: how high something is that the lidar has seen is not known."""
         from bestman_bt.navigation.global_planning.footprint import Footprint
 
-        corners = footprint.corners * (1.0 + PADDING / np.linalg.norm(footprint.corners, axis=1, keepdims=True))
+        clearance = self.skills.parameters.explore.clearance
+        corners = footprint.corners * (1.0 + clearance / np.linalg.norm(footprint.corners, axis=1, keepdims=True))
         above = footprint.above.corners
         reaching = np.column_stack([above, np.zeros(len(above))])
         return Footprint(corners, footprint.turning_drift).carrying([reaching], margin=0.0).above
 
     def _drive(self, path: Path2D, view: FrontierView, overhangs: Overhangs, end: float) -> SkillCoroutine[bool]:
         """Drive until the goal offers no further view; return whether this is reached, on the way or at the goal."""
-        skills, explorer = self.skills, self.skills.exploration
+        skills, explorer, parameters = self.skills, self.skills.exploration, self.skills.parameters.explore
         handle = skills.base.follow(path)
         while True:
-            yield Until(passed(skills.clock, LOOK_PERIOD), handle)
+            yield Until(passed(skills.clock, parameters.look_period), handle)
             if handle.done and handle.status is not MotionStatus.SUCCEEDED:
                 failure = handle.failure
                 if failure is None or failure.code not in ("blocked", "tolerance"):
@@ -163,7 +156,7 @@ class ExploreAndMap(Skill):
             grid, costmap = self._look(overhangs)
             if explorer.gain(grid, view.pose.xy) < explorer.min_gain:
                 return True
-            if handle.done or self._pose.distance_to(view.pose) < ARRIVED:
+            if handle.done or self._pose.distance_to(view.pose) < parameters.goal_tolerance:
                 return False
             if skills.clock.now() >= end:
                 return True
@@ -210,5 +203,5 @@ class ExploreAndMap(Skill):
         ]
         points = np.concatenate([*pieces, path.points[-1:]])
         passed = int(np.argmin(np.linalg.norm(points - self._pose.xy, axis=1)))
-        ahead = points[passed : passed + round(LOOK_AHEAD / 0.05)]
+        ahead = points[passed : passed + round(self.skills.parameters.explore.look_ahead / 0.05)]
         return bool((costmap.distance_at(ahead) > 0.9 * costmap.footprint.inscribed_radius).all())

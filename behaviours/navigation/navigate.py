@@ -67,24 +67,8 @@ class ForgetBlocked(InstantSkill):
         world.searched_in_part.clear()
 
 
-CHECK_PERIOD = 0.2
-"""Seconds between two checks of the path."""
-DETOUR = 1.5
-"""Largest detour to take at once, metres; before a longer one, it waits for the obstacle to move away."""
-NEAR = 2.0
-"""Distance to an obstacle on the path at which the base stops and waits if there is no other path, metres."""
-SUDDEN = 1.2
-"""Metres: an obstacle on the path nearer than this must have moved there, perhaps too near for the lidar."""
-WAIT_FOR_SHORT, WAIT_FOR_ANY = 5.0, 8.0
-"""Seconds to wait for a short detour, and for any path."""
 RECOVERABLE_CODES = ("blocked", "tolerance", "path_blocked", "disconnected")
 """Temporary failures: an obstacle or person on the path, or a sensor that is silent for a moment."""
-BACK_UP = 0.8
-"""Largest distance of backing up, metres, which also lets waiting people pass."""
-PAUSE = 2.0
-"""Pause before a retry, seconds."""
-PEOPLE = 3
-"""Budget units per ordinary failure; a failure with a person moving nearby costs 1."""
 
 DRIVING_FAILS = {
     "start_blocked": "BackUp, or ClearEntireCostmap",
@@ -122,13 +106,14 @@ class NavigateTo(Skill):
 
     def drive_to(self, goal: Pose2D) -> SkillCoroutine[None]:
         """Drive to ``goal``, with recoveries. Raises SkillFailure if they do not help."""
-        most, spent = PEOPLE * self.max_replans, 0
+        people = self.skills.parameters.navigate.people_factor
+        most, spent = people * self.max_replans, 0
         for attempt in count():
             self._moving_obstacle_seen = False
             try:
                 yield from self._drive(goal)
             except (SkillFailure, *READING_ERRORS) as failure:
-                spent += 1 if self._moving_obstacle_seen else PEOPLE
+                spent += 1 if self._moving_obstacle_seen else people
                 if failure.code not in RECOVERABLE_CODES or spent > most:
                     raise
                 self.feedback_message = f"{failure}; recovery {attempt + 1}"
@@ -156,9 +141,9 @@ class NavigateTo(Skill):
 
     def _follow(self, motion: Motion[BasePose], goal: Pose2D, known: Costmap) -> SkillCoroutine[Path2D | None]:
         """Wait until the drive has ended or the path is no longer free; return None or another path."""
-        skills, base = self.skills, self.skills.base
+        skills, base, parameters = self.skills, self.skills.base, self.skills.parameters.navigate
         while True:
-            yield Until(passed(skills.clock, CHECK_PERIOD), motion)
+            yield Until(passed(skills.clock, parameters.check_period), motion)
             self._moving_obstacle_seen |= bool(base.layer.moving.obstacles)
             if motion.done:
                 yield motion
@@ -167,13 +152,13 @@ class NavigateTo(Skill):
             if contact is None:
                 continue
             ahead, _ = contact
-            most = base.remaining + DETOUR
+            most = base.remaining + parameters.max_detour
             found = yield from self._plan(goal, base.layer.on(known))
             if isinstance(found, Path2D) and found.length <= most:
                 return found
-            if ahead < NEAR and not motion.done:
+            if ahead < parameters.stop_distance and not motion.done:
                 yield base.park()
-                if ahead < SUDDEN:
+                if ahead < parameters.sudden_distance:
                     most += yield from self._back_up()
                 return (yield from self._wait_for_path(goal, known, most))
 
@@ -184,13 +169,13 @@ class NavigateTo(Skill):
         """
         from bestman_bt.navigation.global_planning.base import PlanningFailure
 
-        base, clock = self.skills.base, self.skills.clock
+        base, clock, parameters = self.skills.base, self.skills.clock, self.skills.parameters.navigate
         begin, failure = clock.now(), None
         while True:
             path = yield from self._plan(goal, base.layer.on(known))
             self._moving_obstacle_seen |= bool(base.layer.moving.obstacles)
             waited = clock.now() - begin
-            if isinstance(path, Path2D) and (path.length <= most or waited > WAIT_FOR_SHORT):
+            if isinstance(path, Path2D) and (path.length <= most or waited > parameters.wait_for_short):
                 return path
             if isinstance(path, PlanningFailure):
                 if failure is None:
@@ -198,7 +183,7 @@ class NavigateTo(Skill):
                     if isinstance(without, PlanningFailure):
                         raise SkillFailure(without.reason.value, without.text)
                 failure = path
-                if waited > WAIT_FOR_ANY:
+                if waited > parameters.wait_for_any:
                     text = f"{failure.text}; an obstacle that is not on the map blocks the path"
                     raise SkillFailure("path_blocked", text)
             self.feedback_message = "waiting for a free path"
@@ -213,7 +198,7 @@ class NavigateTo(Skill):
     def _recover(self, attempt: int) -> SkillCoroutine[None]:
         """Wait and forget the seen obstacles; the first and every second time also back up, if there is room."""
         skills, base = self.skills, self.skills.base
-        yield skills.computation.submit(lambda: None, PAUSE)
+        yield skills.computation.submit(lambda: None, skills.parameters.navigate.retry_pause)
         try:
             if attempt % 2 == 0:
                 yield from self._back_up()
@@ -231,8 +216,9 @@ class NavigateTo(Skill):
         return room
 
     def _room_behind(self) -> float:
-        """Metres that the base can back up, up to ``BACK_UP``."""
-        pose, along = self.skills.world.base.pose, np.arange(0.05, BACK_UP + 0.01, 0.05)
+        """Metres that the base can back up, up to the parameter ``back_up``."""
+        farthest = self.skills.parameters.navigate.back_up
+        pose, along = self.skills.world.base.pose, np.arange(0.05, farthest + 0.01, 0.05)
         x, y = pose.x - along * math.cos(pose.theta), pose.y - along * math.sin(pose.theta)
         poses = np.column_stack([x, y, np.full_like(along, pose.theta)])
         free = np.logical_and.accumulate(self.skills.seen_costmap().footprint_clearance(poses) > 0.0)

@@ -44,7 +44,10 @@ class Document:
     origins: Origins = field(default_factory=dict)
 
     def origin(self, path: FieldPath) -> tuple[str, int | None]:
-        """Source and line of the value at ``path``, or of the nearest value around it."""
+        """Source and line of the value at ``path``, else of the first one in it, else of the nearest around it."""
+        for given, origin in self.origins.items() if path not in self.origins else ():
+            if given[: len(path)] == path:
+                return origin
         for end in range(len(path), -1, -1):
             if path[:end] in self.origins:
                 return self.origins[path[:end]]

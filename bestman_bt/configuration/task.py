@@ -142,7 +142,8 @@ class TaskConfig:
     skills declare; each an object, a piece of furniture, ``fingers``, ``robot`` or a link; None: all that they declare.
     ``max_penetration``: metres. ``time_limit``: simulated seconds. ``tick_rate``: hertz, at most 1000. ``known_start``:
     whether the robot receives its approximate start pose on the map. ``disturbances``: interventions during the run.
-    ``algorithms``: slot → ``algorithm: NAME`` and its parameters, merged over the shipped default. ``nav2``: the
+    ``algorithms``: slot → ``algorithm: NAME`` and its parameters, merged over the shipped default. ``skills``:
+    family → parameters of skills that differ from their defaults, checked when the run is prepared. ``nav2``: the
     meaning of Nav2's algorithm names.
     """
 
@@ -159,6 +160,7 @@ class TaskConfig:
     known_start: bool = True
     disturbances: tuple[DisturbanceConfig, ...] = ()
     algorithms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    skills: Mapping[str, Any] = field(default_factory=dict)
     nav2: Nav2Names = field(default_factory=Nav2Names)
     plugins: tuple[str, ...] = ()
     description: str = ""

@@ -16,9 +16,10 @@ from xml.etree import ElementTree
 import numpy as np
 from py_trees.behaviour import Behaviour
 
-from bestman_bt.configuration.checked import numbered
+from behaviours.parameters import SkillParameters
+from bestman_bt.configuration.checked import numbered, salvage
 from bestman_bt.configuration.data import shipped_trees
-from bestman_bt.configuration.document import FieldPath
+from bestman_bt.configuration.document import Document, FieldPath
 from bestman_bt.configuration.errors import (
     UNREAD,
     ConfigurationError,
@@ -86,6 +87,16 @@ class ResolvedConfig(DrawnTask):
     registry: NodeRegistry
     slow_arms: str = field(default="", kw_only=True)
     """Why real arms are limited to the slow speed of first motions; empty if they are not."""
+
+    @cached_property
+    def skill_parameters(self) -> SkillParameters:
+        """The parameters of the skills. Raises ConfigurationError listing the wrong ones."""
+        written = self.config.task.skills
+        parameters, problems = salvage(Document(dict(written), {(): ("skills", None)}), SkillParameters)
+        if problems:
+            placed = ((("skills", *problem.field.split(".")), problem.message) for problem in problems)
+            raise ConfigurationError([self.config.problem(path, message) for path, message in placed])
+        return parameters
 
     @cached_property
     def asked(self) -> tuple[Goal[Any], ...]:
@@ -285,6 +296,8 @@ def _prepare_algorithms(setup: ResolvedConfig, faults: ProblemCollector) -> None
         Algorithms(config, robot, setup.world_model.map)  # the localizer, too
     with faults.step():
         check_odometry(config, robot)
+    with faults.step():
+        _ = setup.skill_parameters
 
 
 def tree_problems(error: TreeLoadError) -> list[Problem]:

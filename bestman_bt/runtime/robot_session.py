@@ -353,6 +353,7 @@ def _skills(setup: ResolvedConfig, robot: Robot, confirmation: Confirmation | No
         kinds=parts.kinds,
         make_accessor=parts.made,
         arm_name=parts.default_arm,
+        parameters=setup.skill_parameters,
         sensors={name: part for name, part in robot.parts.items() if isinstance(part, Sensor)},
         world=world,
         stop=RobotStop(robot),

@@ -102,6 +102,7 @@ def scripted_skills(task: str = "fetch_cup", base: Pose2D = ASKEW, *settings: st
     skills.clock, skills.world = ManualClock(50.0), setup.world_model.as_at_the_start()
     skills.world.base = BasePose(base, 0.01, 0.01, 50.0)
     skills.failures, skills.observations, skills.costs = [], {}, defaultdict(float)
+    skills.parameters = setup.skill_parameters
     skills.contacts, skills.handled = [], None
     skills.computation, skills.rng = InlineComputation(skills.clock), np.random.default_rng(seed)
     arm, gripper = next(iter(setup.robot_model.of(ArmModel))), next(iter(setup.robot_model.of(GripperModel)))

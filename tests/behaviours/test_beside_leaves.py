@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from behaviours.furniture.close import ROOM, pushes
-from behaviours.furniture.leaf import BASE_GAP, FurnitureLeaf, LeafPath, room_beside, world_at_leaf
+from behaviours.furniture.close import pushes
+from behaviours.furniture.leaf import FurnitureLeaf, LeafPath, room_beside, world_at_leaf
 from behaviours.furniture.leaf_motion import UNSURE, withdraw
 from behaviours.furniture.opening import plan_opening
 from behaviours.manipulation.base_placement import SAME_STAND
@@ -74,13 +74,14 @@ def test_a_base_stands_where_its_body_is_clear_of_where_the_leaf_passes(
     passed = np.array([[0.4, -0.3]])
     monkeypatch.setattr("behaviours.furniture.leaf.swept_by", lambda *_: passed)
     skills.known_costmap = lambda _: SimpleNamespace(clearance_at=lambda stand: 1.0)
+    apart = skills.parameters.furniture.base_clearance
     front = leaf.leaf.shapes[0]
     low = float(front.pose.position[2]) - front.shape.size[2] / 2
     body = body_between(
-        skills.robot, skills.joints.positions(), skills.arm.name, low - BASE_GAP, low + front.shape.size[2]
+        skills.robot, skills.joints.positions(), skills.arm.name, low - apart, low + front.shape.size[2]
     )
     assert body is not None
-    is_free, gap = room_beside(skills, leaf, [0.0]), BASE_GAP + front.shape.size[0] / 2
+    is_free, gap = room_beside(skills, leaf, [0.0]), apart + front.shape.size[0] / 2
     lower, upper = body
     for local, free in (
         ((upper[0] + gap - 0.01, upper[1] + gap - 0.01), False),
@@ -129,7 +130,7 @@ def test_no_push_is_near_any_of_two_handles(places: tuple[float, float]) -> None
     for belief in skills.world.handles.values():
         bar = handle_shape(belief.handle)
         outside = np.abs(bar.pose.inverse().apply(np.array(points))) - np.array(bar.shape.size) / 2
-        assert np.linalg.norm(np.maximum(outside, 0.0), axis=1).min() > ROOM
+        assert np.linalg.norm(np.maximum(outside, 0.0), axis=1).min() > skills.parameters.close.handle_clearance
 
 
 @pytest.mark.parametrize(("name", "part"), [DRAWER, DOOR])

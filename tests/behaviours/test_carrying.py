@@ -56,7 +56,7 @@ def test_what_reaches_far_from_the_hand_keeps_more_room(bystander: RobotSession,
     held = HeldObject("cup", cup, Pose.from_xyz_rpy((0.0, beside, 0.0), (0.0, 0.0, 0.0)), 0.01)
     skills.held = held
     try:
-        attached = with_room(skills.planning_scene(), held).attached
+        attached = with_room(skills.planning_scene(), held, skills.parameters.arm_motion).attached
     finally:
         skills.held = None
     assert max(cup.size) == pytest.approx(0.1), "it reaches 7 or 20 cm"
@@ -84,7 +84,7 @@ def test_a_held_object_has_room_on_its_way_where_there_is_such_a_way(
         way.close()
     finally:
         skills.held = None
-    owed = [skills.arm_world(one) for one in (with_room(scene, held), scene)]
+    owed = [skills.arm_world(one) for one in (with_room(scene, held, skills.parameters.arm_motion), scene)]
     assert [world.fingerprint for world in worlds] == [world.fingerprint for world in owed]
     assert worlds[0].fingerprint != worlds[1].fingerprint
 

@@ -10,6 +10,7 @@ import pytest
 from behaviours.furniture.close import Close
 from behaviours.furniture.leaf_motion import followed
 from behaviours.furniture.open import Open
+from behaviours.parameters import SkillParameters
 from behaviours.skill import SkillFailure
 from bestman_bt.control.arm.constraint_following import FollowEnd
 from bestman_bt.control.arm.joint_axis import JointAxis
@@ -49,6 +50,7 @@ class Hand:
         self.map_from_base = Pose()
         self.clock = SimpleNamespace(now=lambda: 0.0)
         self.world = SimpleNamespace(believe_articulation=lambda *_: None)
+        self.parameters = SkillParameters()
 
     def base_from_tool(self) -> Pose:
         return Pose()

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from behaviours.manipulation.push import HEIGHT, STANDOFF, push_tool_poses, spread
+from behaviours.manipulation.push import push_tool_poses, spread
+from behaviours.parameters import PushParameters
 from bestman_bt.messages import Pose
 from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.scene.load import load_scene
@@ -116,13 +117,13 @@ def test_the_fingertips_come_from_behind_low_and_lean_back() -> None:
     model = load_scene("kitchen").models["can"]
     direction = np.array([0.6, 0.8, 0.0])
     object_pose = Pose([1.0, 2.0, 0.75 + 0.0675])
-    poses = list(push_tool_poses(model, object_pose, direction))
+    poses = list(push_tool_poses(model, object_pose, direction, PushParameters()))
     assert len(poses) == 8, "four tilts, either side of the hand up"
     for pose in poses:
         way = pose.position - object_pose.position
-        assert way[:2] @ direction[:2] < -STANDOFF
+        assert way[:2] @ direction[:2] < -PushParameters().standoff
         assert np.cross(way, direction)[2] == pytest.approx(0.0, abs=1e-9)
-        assert pose.position[2] == pytest.approx(0.75 + HEIGHT)
+        assert pose.position[2] == pytest.approx(0.75 + PushParameters().tip_height)
         x, y, z = pose.rotation.T
         assert y @ direction == pytest.approx(0.0, abs=1e-9)
         assert y[2] == pytest.approx(0.0, abs=1e-9)
@@ -133,5 +134,5 @@ def test_the_fingertips_come_from_behind_low_and_lean_back() -> None:
 
 def test_the_fingers_stand_apart_by_half_the_width_but_no_wider_than_the_hand_opens() -> None:
     models = load_scene("kitchen").models
-    assert spread(models["box"], 0.08) == pytest.approx(0.03)
-    assert spread(models["box"], 0.02) == 0.02
+    assert spread(models["box"], 0.08, PushParameters()) == pytest.approx(0.03)
+    assert spread(models["box"], 0.02, PushParameters()) == 0.02

@@ -10,9 +10,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from behaviours.arm_motion import FREE_SPEED, timed_path
+from behaviours.arm_motion import timed_path
 from behaviours.manipulation import push as push_module
 from behaviours.manipulation.push import Push, PushPlan
+from behaviours.parameters import SkillParameters
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import Pose
 from bestman_bt.world_model.world_model import HeldObject, ObjectBelief
@@ -167,10 +168,11 @@ def test_a_straight_way_at_a_share_of_the_usual_speed_takes_that_share_of_the_ac
         arm_positions=lambda: np.full(7, 0.1),
         arm_model=None,
         motion_planning=SimpleNamespace(follow_path=None),
+        parameters=SkillParameters(),
     )
     skill: Any = SimpleNamespace(skills=skills, compute=lambda *arguments: asked.extend(arguments))
     next(timed_path(skill, np.zeros((3, 7)), cast(Any, None), speed=0.35))
     *_, waypoints, _, _, scale = asked
     np.testing.assert_array_equal(waypoints[:, 0], [0.1, 0.0, 0.0])
-    assert scale.velocity == pytest.approx(0.35 * FREE_SPEED.velocity)
-    assert scale.acceleration == pytest.approx(0.35 * FREE_SPEED.acceleration)
+    assert scale.velocity == pytest.approx(0.35 * 0.5)
+    assert scale.acceleration == pytest.approx(0.35 * 0.35)
