@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import socket
 import struct
-import time
-from collections.abc import Iterator
 
 import numpy as np
 
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
 from hal.api import Gripper, Motion, MotionStatus
-from hal.twins.faults import Faults
-from hal.twins.tcp_server import TcpServer
+from hal.twins.tcp_server import TcpTwin, lines, modbus_frames
 from hal.twins.world import TwinWorld
 
 # A Robotiq 2F gripper as a state machine over a gripper of the twins' world.
@@ -159,7 +156,7 @@ READ_INPUTS, WRITE_REGISTERS = 4, 16
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS = 1, 2
 
 
-class RobotiqTwin:
+class RobotiqTwin(TcpTwin):
     """Serves one gripper on ``address`` by the connection's protocol. Raises OSError if the port is not available."""
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
@@ -167,10 +164,9 @@ class RobotiqTwin:
         self._options = connection.options
         modbus = self._options.protocol == "modbus"
         port = connection.port or (MODBUS_PORT if modbus else URCAP_PORT)
-        self._server = TcpServer(address, port, self._attend_modbus if modbus else self._attend_urcap)
+        super().__init__(address, {port: self._attend_modbus if modbus else self._attend_urcap})
         carries = (arm for arm, of in model.of(ArmModel).items() if of.tool_frame.startswith(f"{name}_"))
         self.gripper = RobotiqGripper(world, world.robot.part(name, Gripper), next(carries, ""))
-        self.faults = Faults()
         self.faults.offer(
             {
                 "gripper_jam": self.gripper.jam,
@@ -180,29 +176,9 @@ class RobotiqTwin:
             }
         )
 
-    def start(self) -> None:
-        """Accept clients."""
-        self._server.start()
-
-    def close(self) -> None:
-        """Close the port."""
-        self._server.close()
-
-    def _received(self, client: socket.socket) -> Iterator[bytes]:
-        """What comes over the wire, with the faults that it has."""
-        while chunk := client.recv(4096):
-            if not self.faults.wire.silent:
-                time.sleep(self.faults.wire.delay)
-                yield chunk
-
     def _attend_urcap(self, client: socket.socket) -> None:
-        buffer = b""
-        for chunk in self._received(client):
-            buffer += chunk
-            *lines, buffer = buffer.split(b"\n")
-            answers = b"".join(self._answer_line(line.decode("ascii", "replace").split()) for line in lines)
-            if not self.faults.wire.silent:
-                client.sendall(answers)
+        for line in lines(self.received(client)):
+            self.send(client, self._answer_line(line.split()))
 
     def _answer_line(self, words: list[str]) -> bytes:
         match words:
@@ -214,16 +190,12 @@ class RobotiqTwin:
         return b"?\n"
 
     def _attend_modbus(self, client: socket.socket) -> None:
-        buffer = b""
-        for chunk in self._received(client):
-            buffer += chunk
-            while len(buffer) >= 6 and len(buffer) >= (size := 6 + int.from_bytes(buffer[4:6], "big")):
-                frame, buffer = buffer[:size], buffer[size:]
-                transaction, unit, function = frame[:2], frame[6], frame[7]
-                answer = self._answer_frame(function, frame[8:])
-                head = transaction + struct.pack(">HHB", 0, len(answer) + 1, unit)
-                if self.gripper.powered and not self.faults.wire.silent and unit == self._options.device:
-                    client.sendall(head + answer)
+        for frame in modbus_frames(self.received(client)):
+            transaction, unit, function = frame[:2], frame[6], frame[7]
+            answer = self._answer_frame(function, frame[8:])
+            head = transaction + struct.pack(">HHB", 0, len(answer) + 1, unit)
+            if self.gripper.powered and unit == self._options.device:
+                self.send(client, head + answer)
 
     def _answer_frame(self, function: int, data: bytes) -> bytes:
         address, count = struct.unpack_from(">HH", data)

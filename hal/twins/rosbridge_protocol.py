@@ -9,7 +9,7 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,68 +17,15 @@ from bestman_bt.extras import install_command
 from hal.twins.errors import TwinError
 from hal.twins.faults import Faults
 from hal.twins.ros_messages import Message
-from hal.twins.tcp_server import TcpServer
-
-# The server's side of one websocket (RFC 6455) over a socket of ``TcpServer``.
-
 
 try:
-    from websockets.frames import Frame, Opcode
+    from websockets.exceptions import ConnectionClosed
     from websockets.http11 import Request
-    from websockets.protocol import State
-    from websockets.server import ServerProtocol
+    from websockets.sync.server import ServerConnection, serve
 except ImportError as error:
     raise TwinError(
         f"the twin of a rosbridge needs the package 'websockets': {install_command('rosbridge')}"
     ) from error
-
-CHUNK = 65536
-
-
-class WebSocketWire:
-    """A WebSocket connection: ``messages`` in one thread, ``send`` from any. ``wait``: called before the handshake; may
-    block.
-    """
-
-    def __init__(self, client: socket.socket, wait: Callable[[], None]) -> None:
-        self._client, self._wait = client, wait
-        self._protocol = ServerProtocol(max_size=None)
-        self._lock = threading.Lock()
-
-    def messages(self) -> Iterator[str]:
-        """Yield received texts until the client closes or is gone."""
-        parts: list[bytes] = []
-        while self._protocol.state is not State.CLOSED and (data := self._client.recv(CHUNK)):
-            with self._lock:
-                self._protocol.receive_data(data)
-                events = self._protocol.events_received()
-                self._flush()  # pongs, and the answer to a close
-            for event in events:
-                if isinstance(event, Request):
-                    self._wait()
-                    with self._lock:
-                        self._protocol.send_response(self._protocol.accept(event))
-                        self._flush()
-                elif isinstance(event, Frame) and event.opcode in (Opcode.TEXT, Opcode.BINARY, Opcode.CONT):
-                    parts.append(bytes(event.data))
-                    if event.fin:
-                        yield b"".join(parts).decode("utf-8")
-                        parts.clear()
-
-    def send(self, text: bytes) -> None:
-        """Send a text. Raises OSError if the client is gone."""
-        with self._lock:
-            if self._protocol.state is State.OPEN:
-                self._protocol.send_text(text)
-                self._flush()
-
-    def _flush(self) -> None:
-        for data in self._protocol.data_to_send():
-            if data:
-                self._client.sendall(data)
-            else:  # the end of what is sent
-                self._client.shutdown(socket.SHUT_WR)
-
 
 LONGEST_OUTBOX = 200
 POLL = 0.02
@@ -98,10 +45,10 @@ class Subscription:
 class Client:
     """One connection: its subscriptions, and its outgoing queue."""
 
-    def __init__(self, wire: WebSocketWire, faults: Faults) -> None:
+    def __init__(self, wire: ServerConnection, faults: Faults) -> None:
         self._wire, self._faults = wire, faults
         self.subscriptions: dict[str, Subscription] = {}  # by id
-        self._outbox: deque[tuple[float, bytes]] = deque(maxlen=LONGEST_OUTBOX)
+        self._outbox: deque[tuple[float, str]] = deque(maxlen=LONGEST_OUTBOX)
         self._filled = threading.Condition()
         self._gone = False
 
@@ -113,7 +60,7 @@ class Client:
                 subscription.last, due = now, True
         return due
 
-    def put(self, document: bytes) -> None:
+    def put(self, document: str) -> None:
         """Send after the wire's delay; messages on a silent wire are lost."""
         wire = self._faults.wire
         if not wire.silent:
@@ -123,7 +70,7 @@ class Client:
 
     def send_all(self) -> None:
         """Send the queued messages, until ``leave``."""
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(ConnectionClosed):
             while True:
                 with self._filled:
                     while not self._outbox and not self._gone:
@@ -133,6 +80,11 @@ class Client:
                     due, document = self._outbox.popleft()
                 time.sleep(max(0.0, due - time.monotonic()))
                 self._wire.send(document)
+
+    def disconnect(self) -> None:
+        """Cut the connection without the closing handshake, as a server does that ends."""
+        with contextlib.suppress(OSError):
+            self._wire.socket.shutdown(socket.SHUT_RDWR)
 
     def leave(self) -> None:
         """End ``send_all``."""
@@ -158,7 +110,16 @@ class RosbridgeServer:
     ) -> None:
         self._types, self._takers, self._now, self._faults = types, takers, now, faults
         self._clients: set[Client] = set()
-        self._server = TcpServer(address, port, self._attend)
+        self._server = serve(
+            self._attend,
+            address,
+            port,
+            compression=None,
+            process_request=self._wait_for_wire,
+            open_timeout=None,
+            ping_interval=None,
+            max_size=None,
+        )
         self.subscribed = threading.Event()
         self._services: dict[str, Callable[[Mapping[str, Any]], Message]] = {
             "/rosapi/topics": lambda asked: {"topics": list(types), "types": list(types.values())},
@@ -168,15 +129,17 @@ class RosbridgeServer:
 
     def start(self) -> None:
         """Accept clients."""
-        self._server.start()
+        threading.Thread(target=self._server.serve_forever, name="rosbridge", daemon=True).start()
 
     def close(self) -> None:
         """Close the port and all clients."""
-        self._server.close()
+        self._server.socket.close()  # its shutdown() would wait for clients that are stuck
+        self.close_clients()
 
     def close_clients(self) -> None:
         """Close all connections, as a restarting server does."""
-        self._server.close_clients()
+        for client in tuple(self._clients):
+            client.disconnect()
 
     def has_subscriber(self, topic: str) -> bool:
         """Return whether a topic has subscribers."""
@@ -185,38 +148,38 @@ class RosbridgeServer:
     def publish(self, topic: str, message: Callable[[], Message]) -> None:
         """Send a message to the subscribers; it is built only if there are any."""
         if takers := [client for client in tuple(self._clients) if client.wants(topic)]:
-            document = json.dumps({"op": "publish", "topic": topic, "msg": message()}).encode()
+            document = json.dumps({"op": "publish", "topic": topic, "msg": message()})
             for client in takers:
                 client.put(document)
 
-    def _attend(self, client_socket: socket.socket) -> None:
-        wire = WebSocketWire(client_socket, self._wait_for_wire)
-        client = Client(wire, self._faults)
-        inbox: queue.SimpleQueue[tuple[float, str] | None] = queue.SimpleQueue()
+    def _attend(self, connection: ServerConnection) -> None:
+        client = Client(connection, self._faults)
+        inbox: queue.SimpleQueue[tuple[float, str | bytes] | None] = queue.SimpleQueue()
         threading.Thread(target=client.send_all, name="rosbridge sender", daemon=True).start()
         threading.Thread(target=self._answer_all, args=(client, inbox), name="rosbridge receiver", daemon=True).start()
         self._clients.add(client)
         try:
-            for text in wire.messages():
-                if not self._faults.wire.silent:
-                    inbox.put((time.monotonic() + self._faults.wire.delay, text))
+            with contextlib.suppress(ConnectionClosed):
+                for text in connection:
+                    if not self._faults.wire.silent:
+                        inbox.put((time.monotonic() + self._faults.wire.delay, text))
         finally:
             self._clients.discard(client)
             client.leave()
             inbox.put(None)
 
-    def _answer_all(self, client: Client, inbox: queue.SimpleQueue[tuple[float, str] | None]) -> None:
+    def _answer_all(self, client: Client, inbox: queue.SimpleQueue[tuple[float, str | bytes] | None]) -> None:
         """Each message when it is due: a delay of the wire holds each one back, the rate stays."""
         while (arrived := inbox.get()) is not None:
             due, text = arrived
             time.sleep(max(0.0, due - time.monotonic()))
             self._answer(client, text)
 
-    def _wait_for_wire(self) -> None:
+    def _wait_for_wire(self, connection: ServerConnection, request: Request) -> None:
         while self._faults.wire.silent:
             time.sleep(POLL)
 
-    def _answer(self, client: Client, text: str) -> None:
+    def _answer(self, client: Client, text: str | bytes) -> None:
         try:
             asked = json.loads(text)
             operation = asked["op"]
@@ -240,7 +203,7 @@ class RosbridgeServer:
                     raise ValueError(f"unknown operation {operation}")
         except (KeyError, TypeError, ValueError) as error:
             status = {"op": "status", "level": "error", "msg": f"{type(error).__name__}: {error}"}
-            client.put(json.dumps(status).encode())
+            client.put(json.dumps(status))
 
     def _check_type(self, asked: Mapping[str, Any]) -> None:
         """One type for each topic; both versions of ROS understand types without ``msg``."""
@@ -262,4 +225,4 @@ class RosbridgeServer:
             answer |= {"result": False, "values": f"service {asked['service']} does not exist"}
         else:
             answer |= {"result": True, "values": service(asked.get("args") or {})}
-        client.put(json.dumps(answer).encode())
+        client.put(json.dumps(answer))

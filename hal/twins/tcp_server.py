@@ -1,4 +1,4 @@
-"""A small TCP server: a thread per client, closed as one."""
+"""What the twins' servers share: TCP ports with the faults of their wires, and questions as lines of JSON."""
 
 from __future__ import annotations
 
@@ -6,12 +6,37 @@ import contextlib
 import json
 import os
 import socket
+import socketserver
 import threading
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from hal.api import RobotError
+from hal.twins.faults import Faults
+
+POLL = 0.05
+"""Seconds until a server notices that it should close."""
+
+
+class _BackgroundServer(socketserver.ThreadingTCPServer):
+    """Serves in the background from ``start()`` to ``close()``, each client in a thread of its own."""
+
+    allow_reuse_address = daemon_threads = True
+    _started = False
+
+    def start(self) -> None:
+        """Accept clients."""
+        self._started = True
+        threading.Thread(target=self.serve_forever, args=(POLL,), name="twin server", daemon=True).start()
+
+    def close(self) -> None:
+        """Stop accepting; clients are let go when the process ends."""
+        if self._started:
+            self.shutdown()
+        self.server_close()
+
 
 # Questions and answers as lines of JSON over a Unix socket that only its owner may open.
 
@@ -19,47 +44,34 @@ from hal.api import RobotError
 Answer = Callable[[dict[str, Any]], Mapping[str, Any]]
 
 
-class JsonLineServer:
+class JsonLineServer(_BackgroundServer, socketserver.UnixStreamServer):
     """Answers each line with ``answer(question)``; exceptions become ``{"error": …}``."""
 
     def __init__(self, path: Path, answer: Answer) -> None:
-        self._path, self._answer = path, answer
-        self._socket = socket.socket(socket.AF_UNIX)
+        self.path, self.answer = path, answer
         mask = os.umask(0o177)
         try:
-            self._socket.bind(str(path))
+            super().__init__(str(path), _JsonLines)
         finally:
             os.umask(mask)
-        self._socket.listen(4)
 
-    def start(self) -> None:
-        """Accept clients."""
-        threading.Thread(target=self._accept, name=self._path.name, daemon=True).start()
-
-    def close(self) -> None:
+    def server_close(self) -> None:
         """Close the socket and remove it."""
-        with contextlib.suppress(OSError):
-            self._socket.shutdown(socket.SHUT_RDWR)
-        self._socket.close()
-        self._path.unlink(missing_ok=True)
+        super().server_close()
+        self.path.unlink(missing_ok=True)
 
-    def _accept(self) -> None:
-        while True:
-            try:
-                client, _ = self._socket.accept()
-            except OSError:
-                return
-            threading.Thread(target=self._attend, args=(client,), name=self._path.name, daemon=True).start()
 
-    def _attend(self, client: socket.socket) -> None:
-        with client, contextlib.suppress(OSError), client.makefile("rwb") as stream:
-            for line in stream:
+class _JsonLines(socketserver.StreamRequestHandler):
+    server: JsonLineServer
+
+    def handle(self) -> None:
+        with contextlib.suppress(OSError):  # the client is gone
+            for line in self.rfile:
                 try:
-                    answer = dict(self._answer(json.loads(line)))
+                    answer = dict(self.server.answer(json.loads(line)))
                 except (LookupError, ValueError, TypeError, RobotError, TimeoutError) as error:
                     answer = {"error": str(error)}
-                stream.write(json.dumps(answer).encode() + b"\n")
-                stream.flush()
+                self.wfile.write(json.dumps(answer).encode() + b"\n")
 
 
 def ask(path: Path, question: Mapping[str, Any], timeout: float = 10.0) -> dict[str, Any]:
@@ -76,69 +88,70 @@ def ask(path: Path, question: Mapping[str, Any], timeout: float = 10.0) -> dict[
     return answer
 
 
-class TcpServer:
-    """Accepts on ``address``:``port`` and calls ``serve(socket)`` for each client in a separate thread.
+Serve = Callable[[socket.socket], None]
 
-    Raises OSError if the port is taken or needs privileges. An OSError of ``serve`` ends its client.
+
+class _Port(_BackgroundServer):
+    """Calls ``serve(socket)`` for each client; an OSError ends its client."""
+
+    def __init__(self, address: str, port: int, serve: Serve) -> None:
+        self._serve = serve
+        super().__init__((address, port), socketserver.BaseRequestHandler)
+
+    def finish_request(self, request: Any, client_address: Any) -> None:
+        request.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        with contextlib.suppress(OSError):  # the client is gone
+            self._serve(request)
+
+
+class TcpTwin:
+    """A controller that listens on TCP ports of ``address``: port → what serves a client there, in its own thread.
+
+    Raises OSError, with no port left open, if one is taken or needs privileges.
     """
 
-    def __init__(self, address: str, port: int, serve: Callable[[socket.socket], None]) -> None:
-        self._serve = serve
-        self._socket = socket.socket()
-        self._clients: set[socket.socket] = set()
-        self._lock = threading.Lock()
-        self._closing = False
-        try:
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            self._socket.bind((address, port))
-            self._socket.listen(8)
-        except OSError:
-            self._socket.close()
-            raise
-        self._name = f"port {port}"
+    def __init__(self, address: str, ports: Mapping[int, Serve]) -> None:
+        self.faults = Faults()
+        with contextlib.ExitStack() as opened:
+            self._ports = [opened.enter_context(_Port(address, port, serve)) for port, serve in ports.items()]
+            opened.pop_all()
 
     def start(self) -> None:
         """Accept clients."""
-        threading.Thread(target=self._accept, name=self._name, daemon=True).start()
-
-    @property
-    def clients(self) -> int:
-        """Return the number of connected clients."""
-        return len(self._clients)
+        for port in self._ports:
+            port.start()
 
     def close(self) -> None:
-        """Close the port and all clients."""
-        self._closing = True
-        with contextlib.suppress(OSError):
-            self._socket.shutdown(socket.SHUT_RDWR)
-        self._socket.close()
-        self.close_clients()
+        """Close all ports."""
+        for port in self._ports:
+            port.close()
 
-    def close_clients(self) -> None:
-        """Close all clients' connections."""
-        with self._lock:
-            clients = tuple(self._clients)
-        for client in clients:
-            with contextlib.suppress(OSError):
-                client.shutdown(socket.SHUT_RDWR)
+    def received(self, client: socket.socket) -> Iterator[bytes]:
+        """Yield what arrives of a client's bytes with the faults of the wire, until the client goes."""
+        while chunk := client.recv(65536):
+            if not self.faults.wire.silent:
+                time.sleep(self.faults.wire.delay)
+                yield chunk
 
-    def _accept(self) -> None:
-        while not self._closing:
-            try:
-                client, _ = self._socket.accept()
-            except OSError:
-                return
-            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            threading.Thread(target=self._attend, args=(client,), name=self._name, daemon=True).start()
+    def send(self, client: socket.socket, data: bytes) -> None:
+        """Send to a client, unless the wire is silent."""
+        if not self.faults.wire.silent:
+            client.sendall(data)
 
-    def _attend(self, client: socket.socket) -> None:
-        with self._lock:
-            self._clients.add(client)
-        try:
-            self._serve(client)
-        except OSError:
-            pass  # the client is gone
-        finally:
-            with self._lock:
-                self._clients.discard(client)
-            client.close()
+
+def lines(chunks: Iterable[bytes]) -> Iterator[str]:
+    """Yield the complete lines of a stream of ASCII text, without their ends."""
+    text = b""
+    for chunk in chunks:
+        *complete, text = (text + chunk).split(b"\n")
+        yield from (line.decode("ascii", "replace") for line in complete)
+
+
+def modbus_frames(chunks: Iterable[bytes]) -> Iterator[bytes]:
+    """Yield the frames of a stream: bytes 4 and 5 of their head of six count what follows, as in Modbus TCP."""
+    data = b""
+    for chunk in chunks:
+        data += chunk
+        while len(data) >= 6 and len(data) >= (size := 6 + int.from_bytes(data[4:6], "big")):
+            frame, data = data[:size], data[size:]
+            yield frame

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import re
 import socket
-import time
 
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.sensor_parts import MountedForceTorque
 from hal.api import Arm, ForceTorque
-from hal.twins.faults import Faults
-from hal.twins.tcp_server import TcpServer
+from hal.twins.tcp_server import TcpTwin, lines
 from hal.twins.ur_controller import SafetyMode, URController
 from hal.twins.ur_rtde import POLYSCOPE, RtdeSession
 from hal.twins.world import TwinWorld
@@ -23,7 +21,7 @@ OTHER_LENGTH = 0.005
 """Metres by which the fault ``other_length`` lengthens the arm."""
 
 
-class URTwin:
+class URTwin(TcpTwin):
     """Serves one arm on ``address``. Raises OSError if a port is not available."""
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
@@ -32,15 +30,10 @@ class URTwin:
         self._model = (
             (connection.options.model or "ur5e").upper().removesuffix("E")
         )  # as a dashboard names the e-series
-        self._servers: list[TcpServer] = []
         self._owners: dict[str, RtdeSession] = {}
-        attendants = {DASHBOARD: self._attend_dashboard, SCRIPT: self._attend_script, RTDE: self._attend_rtde}
-        try:
-            for port, attend in attendants.items():
-                self._servers.append(TcpServer(address, port, attend))
-        except OSError:
-            self.close()
-            raise
+        super().__init__(
+            address, {DASHBOARD: self._attend_dashboard, SCRIPT: self._attend_script, RTDE: self._attend_rtde}
+        )
         self.controller = controller = URController(
             world,
             world.robot.part(arm_name, Arm),
@@ -48,7 +41,6 @@ class URTwin:
             model,
         )
         self.serial_number = SERIAL_NUMBER
-        self.faults = Faults()
         self.faults.offer(
             {
                 "other_serial": lambda: setattr(self, "serial_number", OTHER_SERIAL_NUMBER),
@@ -69,16 +61,6 @@ class URTwin:
             {"speed_slider": controller.set_slider},
         )
 
-    def start(self) -> None:
-        """Accept clients."""
-        for server in self._servers:
-            server.start()
-
-    def close(self) -> None:
-        """Close all ports."""
-        for server in self._servers:
-            server.close()
-
     def _restore(self) -> None:
         self.serial_number = SERIAL_NUMBER
         self.controller.lengthen(0.0)
@@ -89,29 +71,16 @@ class URTwin:
     def _attend_script(self, client: socket.socket) -> None:
         """A program is complete with an ``end`` at the beginning of a line."""
         text = ""
-        while chunk := client.recv(65536):
-            if self.faults.wire.silent:
-                continue
+        for chunk in self.received(client):
             text += chunk.decode("ascii", "replace")
             while (complete := re.search(r"^end[ \t]*\n", text, re.MULTILINE)) is not None:
-                time.sleep(self.faults.wire.delay)
                 self.controller.upload(text[: complete.end()])
                 text = text[complete.end() :]
 
     def _attend_dashboard(self, client: socket.socket) -> None:
-        buffer = b""
-        if not self.faults.wire.silent:
-            client.sendall(GREETING.encode() + b"\n")
-        while chunk := client.recv(4096):
-            if self.faults.wire.silent:
-                continue
-            buffer += chunk
-            *lines, buffer = buffer.split(b"\n")
-            for line in lines:
-                time.sleep(self.faults.wire.delay)
-                answer = self._answer(line.decode("ascii", "replace").strip())
-                if not self.faults.wire.silent:
-                    client.sendall(answer.encode() + b"\n")
+        self.send(client, GREETING.encode() + b"\n")
+        for line in lines(self.received(client)):
+            self.send(client, self._answer(line.strip()).encode() + b"\n")
 
     def _answer(self, request: str) -> str:
         controller = self.controller

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import socket
 import struct
-import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -17,8 +16,7 @@ import numpy as np
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
 from hal.api import Arm, Gripper
-from hal.twins.faults import Faults
-from hal.twins.tcp_server import TcpServer
+from hal.twins.tcp_server import TcpTwin, modbus_frames
 from hal.twins.world import TwinWorld
 from hal.twins.xarm_controller import COLLISION_ERROR, JOINT_LIMIT_ERROR, State, XArmController
 from hal.twins.xarm_flange import FlangePose, GripperBus, ToolIO
@@ -34,21 +32,16 @@ LITE6_TYPE = 9
 """The type that xArms report is their number of joints."""
 
 
-class XArmTwin:
+class XArmTwin(TcpTwin):
     """Serves one arm, and its gripper if it has one, on ``address``. Raises OSError if a port is not available."""
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
         robot = world.robot
         arm_name = next(name for name in connection.parts if name in model.of(ArmModel))
         gripper_name = next((name for name in connection.parts if name in model.of(GripperModel)), None)
-        self._servers: list[TcpServer] = []
-        try:
-            self._servers.append(TcpServer(address, CONTROL_PORT, self._attend))
-            for port, (length, rate) in REPORTS.items():
-                self._servers.append(TcpServer(address, port, self._reporter(length, rate)))
-        except OSError:
-            self.close()
-            raise
+        self._clients: set[socket.socket] = set()
+        reports = {port: partial(self._attend_reports, length, rate) for port, (length, rate) in REPORTS.items()}
+        super().__init__(address, {CONTROL_PORT: self._attend, **reports})
         self.controller = XArmController(
             world,
             robot.part(arm_name, Arm),
@@ -61,7 +54,6 @@ class XArmTwin:
         self._flange = FlangePose(model, arm_name)
         serial = "LI1003" if self.controller.is_lite6 else "XI1304"
         self.settings = XArmSettings.of(model, arm_name, f"{serial}00000000")
-        self.faults = Faults()
         self.faults.offer(
             {
                 **self.settings.faults(),
@@ -81,59 +73,35 @@ class XArmTwin:
         """Return the serial number of the arm."""
         return self.settings.serial_number
 
-    def start(self) -> None:
-        """Accept clients."""
-        for server in self._servers:
-            server.start()
-
-    def close(self) -> None:
-        """Close all ports."""
-        for server in self._servers:
-            server.close()
-
     # The wire
 
     def _attend(self, client: socket.socket) -> None:
         """Requests of one client until it goes; a robot whose last client goes comes to rest."""
-        buffer = b""
-        lock = threading.Lock()
+        self._clients.add(client)
         try:
-            while chunk := client.recv(4096):
-                if self.faults.wire.silent:
-                    continue
-                buffer += chunk
-                while len(buffer) >= 6 and len(buffer) >= 6 + int.from_bytes(buffer[4:6], "big"):
-                    end = 6 + int.from_bytes(buffer[4:6], "big")
-                    frame, buffer = buffer[:end], buffer[end:]
-                    self._answer(client, lock, frame)
+            for frame in modbus_frames(self.received(client)):
+                self._answer(client, frame)
         finally:
-            if self._servers[0].clients <= 1:
+            self._clients.discard(client)
+            if not self._clients:
                 self.controller.halt()
 
-    def _answer(self, client: socket.socket, lock: threading.Lock, frame: bytes) -> None:
+    def _answer(self, client: socket.socket, frame: bytes) -> None:
         transaction, protocol, length = struct.unpack_from(">HHH", frame)
         if protocol not in PRIVATE_PROTOCOLS or length < 1:
             return  # a heartbeat
-        if delay := self.faults.wire.delay:
-            time.sleep(delay)
         register, data = frame[6], frame[7:]
         answer = self._registers.get(register, _ignored)(data)
         controller = self.controller
         flags = (ERROR_FLAG if controller.error else 0) | (NOT_READY_FLAG if controller.state == State.STOPPED else 0)
-        if not self.faults.wire.silent:
-            with lock:
-                client.sendall(struct.pack(">HHHBB", transaction, protocol, len(answer) + 2, register, flags) + answer)
+        self.send(client, struct.pack(">HHHBB", transaction, protocol, len(answer) + 2, register, flags) + answer)
 
-    def _reporter(self, length: int, rate: float) -> Callable[[socket.socket], None]:
-        def report(client: socket.socket) -> None:
-            due = time.monotonic()
-            while True:
-                if not self.faults.wire.silent:
-                    client.sendall(self._report(length))
-                due = max(due + 1.0 / rate, time.monotonic())
-                time.sleep(due - time.monotonic())
-
-        return report
+    def _attend_reports(self, length: int, rate: float, client: socket.socket) -> None:
+        due = time.monotonic()
+        while True:
+            self.send(client, self._report(length))
+            due = max(due + 1.0 / rate, time.monotonic())
+            time.sleep(due - time.monotonic())
 
     def _report(self, length: int) -> bytes:
         controller, reading = self.controller, self.controller.reading
