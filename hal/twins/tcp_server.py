@@ -96,22 +96,29 @@ class _Port(_BackgroundServer):
 
     def __init__(self, address: str, port: int, serve: Serve) -> None:
         self._serve = serve
+        self.clients: set[socket.socket] = set()
         super().__init__((address, port), socketserver.BaseRequestHandler)
 
     def finish_request(self, request: Any, client_address: Any) -> None:
         request.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        with contextlib.suppress(OSError):  # the client is gone
-            self._serve(request)
+        self.clients.add(request)
+        try:
+            with contextlib.suppress(OSError):  # the client is gone
+                self._serve(request)
+        finally:
+            self.clients.discard(request)
 
 
 class TcpTwin:
     """A controller that listens on TCP ports of ``address``: port → what serves a client there, in its own thread.
 
-    Raises OSError, with no port left open, if one is taken or needs privileges.
+    Raises OSError, with no port left open, if one is taken or needs privileges. Its fault ``restart`` disconnects all
+    clients.
     """
 
     def __init__(self, address: str, ports: Mapping[int, Serve]) -> None:
         self.faults = Faults()
+        self.faults.offer({"restart": self.close_clients})
         with contextlib.ExitStack() as opened:
             self._ports = [opened.enter_context(_Port(address, port, serve)) for port, serve in ports.items()]
             opened.pop_all()
@@ -125,6 +132,12 @@ class TcpTwin:
         """Close all ports."""
         for port in self._ports:
             port.close()
+
+    def close_clients(self) -> None:
+        """Close all connections, as a restarting controller does."""
+        for client in [client for port in self._ports for client in tuple(port.clients)]:
+            with contextlib.suppress(OSError):
+                client.shutdown(socket.SHUT_RDWR)
 
     def received(self, client: socket.socket) -> Iterator[bytes]:
         """Yield what arrives of a client's bytes with the faults of the wire, until the client goes."""

@@ -193,8 +193,9 @@ def read_report(address: str, timeout: float) -> ArmFacts | None:
 SERVO_MODE = 1
 READY, STOPPED = 0, (4, 5)
 ERROR_FLAGGED, WARNING_FLAGGED, STATE_NOT_READY = 1, 2, 9
-UNANSWERED = frozenset({-1, 3, 8})
-"""Codes of the SDK for: not connected, no reply in time, not sent. The watchdog judges these."""
+NOT_CONNECTED = -1
+UNANSWERED = frozenset({NOT_CONNECTED, 3, 8})
+"""Codes of the SDK for: not connected, no reply in time, not sent. The watchdog judges the last two."""
 GRIPPER_FAULT = 102
 RECOVERY_TIME = 3.0
 LOOK_FIRST = "inspect the robot, then run: bestman-bt robot release"
@@ -224,7 +225,7 @@ class XArmWire:
 
     @property
     def stopped(self) -> bool:
-        """Return whether the controller has stopped the arm itself: an error of the arm, not of the gripper."""
+        """Return whether set-points have no effect: an error of the arm, not of the gripper, or a closed connection."""
         fault = self._fault
         return fault is not None and not fault.vendor_code.startswith("G")
 
@@ -347,6 +348,9 @@ class XArmWire:
 
     def _note(self, code: int) -> None:
         """What a reply says about the controller; called after each one."""
+        if code == NOT_CONNECTED:
+            text = f"the controller has closed the connection of {self._name}"
+            self._fault = Failure(MotionErrorCode.DISCONNECTED, text)
         if code in UNANSWERED:
             return
         self._heard = self._clock.now()

@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
-from bestman_bt.robot_model.compose import load_robot_model
-from bestman_bt.robot_model.model import RobotModel
-from hal.api import Arm, CommandRefusedError, Motion, MotionErrorCode, MotionStatus, NotConnectedError, Robot
+from hal.api import Arm, Motion, MotionErrorCode, Robot
 from hal.conformance import CHECKS, LIFE_CHECKS
 from hal.conformance.promises import MakeRobot
-from hal.hardware.isolated_robot import IsolatedRobot
 from hal.hardware.robot import HardwareRobot
 from hal.parts.channels import ControlledPart
-from hal.parts.part_connection import ConnectionFailedError
 from hal.twins.process import TwinProcess
 
 SLACK = 0.4
@@ -41,52 +33,6 @@ def twin_settings(twin: TwinProcess, **changes: Any) -> dict[str, Any]:
         "safety.watchdog": f"{WATCHDOG} s",
         **{name.replace("__", "."): value for name, value in changes.items()},
     }
-
-
-def fixtures_of(robot_file: Path, sdk: str, extra: str, faults: dict[str, tuple[str, ...]]) -> tuple[Any, ...]:
-    """Fixtures ``twin``, ``twin_model``, ``make_robot``, ``shared_robot``, ``isolated_robot``, ``robot`` of a conftest.
-
-    ``sdk``: module without which all is skipped, ``extra``: which brings it. ``faults``: connection → what a test takes
-    back on it when it has ended.
-    """
-
-    @pytest.fixture(scope="module")
-    def twin() -> Iterator[TwinProcess]:
-        # `make test` installs it; another installation may be without the vendor's SDK.
-        pytest.importorskip(sdk, reason=f"the extra {extra} is not installed")
-        with TwinProcess(robot_file, "pick_place_table", seed=1) as running:
-            yield running
-
-    @pytest.fixture(scope="module")
-    def twin_model(twin: TwinProcess) -> RobotModel:
-        return load_robot_model(robot_file, twin_settings(twin))
-
-    @pytest.fixture(scope="module")
-    def make_robot(twin_model: RobotModel) -> MakeRobot:
-        """For the promises of hal.conformance: as a program uses it."""
-        return partial(IsolatedRobot, twin_model)
-
-    @pytest.fixture(scope="module")
-    def shared_robot(twin_model: RobotModel) -> Iterator[HardwareRobot]:
-        with HardwareRobot(twin_model) as robot:
-            yield robot
-
-    @pytest.fixture(scope="module")
-    def isolated_robot(twin_model: RobotModel) -> Iterator[IsolatedRobot]:
-        """With its connections in a process of their own."""
-        with IsolatedRobot(twin_model) as robot:
-            yield robot
-
-    @pytest.fixture
-    def robot(shared_robot: HardwareRobot, twin: TwinProcess) -> Iterator[HardwareRobot]:
-        """Connected and well; faults that a test makes are taken back."""
-        yield shared_robot
-        for connection, names in faults.items():
-            for name in names:
-                twin.fault(connection, name)
-        shared_robot.clear_stop()
-
-    return twin, twin_model, make_robot, shared_robot, isolated_robot, robot
 
 
 @contextmanager
@@ -156,70 +102,6 @@ def works_again(robot: HardwareRobot, begin: Callable[[HardwareRobot], Motion]) 
     begin(robot).cancel()
     moving = [part for connection in robot.connections.values() for part in connection.parts.values()]
     wait_for(lambda: all(part.resting for part in moving if isinstance(part, ControlledPart)), "all parts come to rest")
-
-
-def fails_with_its_number(
-    robot: HardwareRobot, motion: Motion, since: float, connection: str, code: MotionErrorCode, number: str
-) -> None:
-    """A controller's fault fails the arm's motion with the vendor's number, and stops the robot for that reason."""
-    assert stopped_within(robot, motion, since, 0.1) is code
-    assert motion.status is MotionStatus.FAILED
-    assert number in str(motion.failure)
-    assert robot.faults[connection].vendor_code == number
-    assert number in robot.diagnostics()[connection]
-    with pytest.raises(CommandRefusedError, match=number):
-        robot.part("arm", Arm).move_to(robot.part("arm", Arm).positions())
-
-
-def stays_stopped_until_somebody_has_looked(
-    robot: HardwareRobot, robot_file: Path, twin: TwinProcess, monkeypatch: pytest.MonkeyPatch, folder: Path
-) -> None:
-    """Neither ``clear_stop()`` nor connecting anew clears it; ``bestman-bt robot release`` does, and logs who."""
-    with pytest.raises(ConnectionFailedError, match="bestman-bt robot release"):
-        robot.clear_stop()
-    robot.disconnect()
-    with pytest.raises(ConnectionFailedError, match="bestman-bt robot release"):
-        robot.connect()
-    assert robot.stopped
-    connection = "arm_controller"
-    monkeypatch.setenv("XDG_STATE_HOME", str(folder))
-    settings = (f"robot.connections.{name}.address={at}" for name, at in twin.addresses.items())
-    command = ["robot", "release", str(robot_file), *(word for one in settings for word in ("--set", one))]
-    refused = subprocess.run(
-        [sys.executable, "-m", "bestman_bt.cli.main", *command],
-        capture_output=True,
-        text=True,
-        check=False,
-        stdin=subprocess.DEVNULL,
-    )
-    assert refused.returncode == 2
-    assert "--yes" in refused.stderr
-    assert robot.connections[connection].held() is not None
-    told = subprocess.run(
-        [sys.executable, "-m", "bestman_bt.cli.main", *command, "--yes", "--json"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert told.returncode == 0, told.stderr
-    (line,) = (folder / "bestman-bt" / "releases.jsonl").read_text().splitlines()
-    assert json.loads(line) == json.loads(told.stdout)["released"][0]
-    assert json.loads(line)["controller"] == connection
-    assert twin.addresses[connection] not in told.stdout + told.stderr + line
-    robot.connect()
-
-
-def stays_stopped_while_away(
-    robot: HardwareRobot, twin: TwinProcess, connection: str, part: str, read: Callable[[], object]
-) -> None:
-    """While a controller is lost its part reads nothing, and the stop cannot be cleared, in words without addresses."""
-    assert robot.stopped
-    with pytest.raises(NotConnectedError, match=part):
-        read()
-    with pytest.raises(ConnectionFailedError, match=connection) as refusal:
-        robot.clear_stop()
-    assert twin.addresses[connection] not in str(refusal.value)
-    assert robot.stopped
 
 
 def wait_in_twin(twin: TwinProcess, seconds: float) -> None:

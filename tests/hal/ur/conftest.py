@@ -5,15 +5,6 @@ A UR takes one client at a time: a module of tests uses ``shared_robot`` or ``is
 
 from __future__ import annotations
 
-from pathlib import Path
+from tests.rigs.twinned_robots import UR5E, fixtures_of
 
-from tests.hal.twinned import fixtures_of
-
-ROBOT = Path(__file__).parent / "ur5e_on_a_base.yaml"
-
-twin, twin_model, make_robot, shared_robot, isolated_robot, robot = fixtures_of(
-    ROBOT,
-    "rtde_control",
-    "ur",
-    {"arm_controller": ("restore", "released"), "hand_controller": ("restore", "gripper_free")},
-)
+twinned, twin, twin_model, make_robot, shared_robot, isolated_robot, robot = fixtures_of(UR5E)

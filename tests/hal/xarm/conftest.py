@@ -2,12 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from tests.rigs.twinned_robots import XARM6, fixtures_of
 
-from tests.hal.twinned import fixtures_of
-
-ROBOT = Path(__file__).parent / "xarm6_on_a_base.yaml"
-
-twin, twin_model, make_robot, shared_robot, isolated_robot, robot = fixtures_of(
-    ROBOT, "xarm", "xarm", {"arm_controller": ("restore", "released", "gripper_free")}
-)
+twinned, twin, twin_model, make_robot, shared_robot, isolated_robot, robot = fixtures_of(XARM6)

@@ -111,7 +111,9 @@ def test_only_what_is_answered_is_a_sign_of_life(wire: XArmWire, clock: Clock, c
     clock.time = 6.0
     wire.tell("set-point", lambda arm: code)
     assert wire.heard == (6.0 if heard else 0.0)
-    assert (wire.fault is not None) is (code == 9)
+    assert (wire.fault is not None) is (code in (-1, 9))
+    assert wire.stopped is (wire.fault is not None)
+    assert wire.fault is None or (wire.fault.code is MotionErrorCode.DISCONNECTED) is (code == -1)
 
 
 @pytest.mark.parametrize(
