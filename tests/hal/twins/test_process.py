@@ -12,6 +12,8 @@ import pytest
 
 from tests.rigs.twinned_robots import XARM6
 
+pytestmark = [pytest.mark.real_time, pytest.mark.slow]
+
 STARTER = """
 import os, signal, sys
 from hal.twins.process import TwinProcess
@@ -22,7 +24,6 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-@pytest.mark.slow
 def test_twins_end_with_the_program_that_started_them() -> None:
     arguments = [sys.executable, "-c", STARTER, str(XARM6.robot_file)]
     done = subprocess.run(arguments, stdout=subprocess.PIPE, text=True, check=False, timeout=120)
