@@ -29,9 +29,11 @@ from tests.hal.twinned import (
     wait_for,
     wait_in_twin,
 )
-from tests.hal.xarm.conftest import ROBOT
+from tests.rigs.twinned_robots import XARM6
 
 pytestmark = [pytest.mark.real_time, pytest.mark.slow]
+
+ROBOT = XARM6.robot_file
 
 FIRST_JOINT = np.eye(6)[0]
 
