@@ -58,14 +58,14 @@ MOVED = 5e-4
 
 
 @dataclass(frozen=True, eq=False)
-class StateCapture:
+class Exposure:
     """When and from where an image was taken; ``map_from_optical`` is the true pose, used for rendering alone."""
 
     map_from_optical: Pose
     stamp: float
 
 
-class SimulatedCamera(SimulatedSensor[StateCapture], Camera):
+class SimulatedCamera(SimulatedSensor[Exposure], Camera):
     """Renders on request. With a latency, it takes images at its rate and returns the latest that has arrived.
 
     Only requested images are rendered: objects moving in front of the camera are drawn at their current pose, up to a
@@ -80,7 +80,7 @@ class SimulatedCamera(SimulatedSensor[StateCapture], Camera):
         self._reader: Reader | None = None
         self._here: Callable[[], Pose] = Pose
         self._robot = -1
-        self._rendered: tuple[StateCapture, SensorFault | None, RGBDImage] | None = None
+        self._rendered: tuple[Exposure, SensorFault | None, RGBDImage] | None = None
 
     def capture(self) -> RGBDImage:
         """Render colour and depth, and spoil the depth as the model says."""
@@ -93,14 +93,14 @@ class SimulatedCamera(SimulatedSensor[StateCapture], Camera):
         self._rendered = capture, fault, image
         return image
 
-    def begin(self, simulation: Simulation) -> Callable[[], StateCapture]:
+    def begin(self, simulation: Simulation) -> Callable[[], Exposure]:
         """Look into this simulation."""
         reader = self._reader = simulation.reader(ReadPurpose.SENSOR)
         self._rendered, self._robot = None, simulation.built.robot
         self._here = lambda: simulation.link_pose(reader, self.optical_frame)
-        return lambda: StateCapture(self._here(), simulation.now)
+        return lambda: Exposure(self._here(), simulation.now)
 
-    def _render(self, capture: StateCapture) -> RGBDImage:
+    def _render(self, capture: Exposure) -> RGBDImage:
         assert self._reader is not None
         model = self._model
         taken, here = capture.map_from_optical, self._here()

@@ -47,8 +47,8 @@ class WorldState:
     leaves: dict[str, float]
 
 
-class StateCapture:
-    """Captures states of a running simulation; constructed before time runs, used in the world's thread."""
+class WorldStateReader:
+    """Reads states of a running simulation; constructed before time runs, used in the world's thread."""
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self._robot = robot
@@ -57,7 +57,7 @@ class StateCapture:
         coupled = [gripper.joint_positions(gripper.max_width) for gripper in robot.model.of(GripperModel).values()]
         self._joints = list(dict.fromkeys(chain(robot.simulation.joint_names, *coupled)))
 
-    def take(self) -> WorldState:
+    def read(self) -> WorldState:
         """Return the present state; a few hundred microseconds."""
         built, reader, leaves = self._built, self._reader, self._built.articulations.items()
         pose, robot = reader.body_pose, built.robot

@@ -18,7 +18,7 @@ from bestman_bt.scene.scene import World
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.parameters import SimulationParameters
 from hal.simulation.robot import SimulatedRobot
-from hal.twins.camera_render_process import CameraRenderProcess, StateCapture
+from hal.twins.camera_render_process import CameraRenderProcess, WorldStateReader
 from hal.twins.errors import TwinError
 from hal.twins.machine_watch import MachineWatch
 
@@ -57,7 +57,7 @@ class TwinWorld:
         self._drawing = simulated, model, world, seed
         self._cameras = cameras
         self._truth: GroundTruth | None = None
-        self._capture: StateCapture | None = None
+        self._state_reader: WorldStateReader | None = None
         self._renderer: CameraRenderProcess | None = None
         self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._closing = threading.Event()
@@ -99,9 +99,9 @@ class TwinWorld:
 
         Callable from any thread except the world's. Physics continues meanwhile: it takes about 0.2 s.
         """
-        if self._capture is None or self._renderer is None:
+        if self._state_reader is None or self._renderer is None:
             raise TwinError("this world was made without cameras, or does not run yet")
-        state = self.call(self._capture.take)
+        state = self.call(self._state_reader.read)
         packed = self._renderer.render(camera, state, pack)
         lens = self._drawing[1].of(CameraPart)[camera].intrinsics
         self.watch.frame(camera, time.time() - state.wall_time, lens.width * lens.height)
@@ -112,7 +112,7 @@ class TwinWorld:
         self._thread = threading.get_ident()
         try:
             with self.robot as robot:
-                self._truth, self._capture = GroundTruth(robot), StateCapture(robot)
+                self._truth, self._state_reader = GroundTruth(robot), WorldStateReader(robot)
                 if self._cameras:
                     self._renderer = CameraRenderProcess(*self._drawing)
                 ready()

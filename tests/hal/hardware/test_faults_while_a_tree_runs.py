@@ -1,4 +1,4 @@
-"""A robot with its twins and a session on it, which faults of its controllers strike while a tree runs."""
+"""Whatever goes wrong with a robot's controllers while a tree runs: the robot stops, the leaf says why, it goes on."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ from collections.abc import Iterator
 
 import pytest
 
-from benchmarks.fault_trials.client_trial import ClientTrial
+from benchmarks.fault_trials.client_trial import CLIENT_TRIALS, ClientTrial, run_client_trial
 from benchmarks.fault_trials.left_behind import LeftBehind
-from benchmarks.fault_trials.trial import GRACE, UR, XARM, Trial, strike
+from benchmarks.fault_trials.trial import GRACE, TRIALS, UR, XARM, Trial, strike
 from benchmarks.twin_faults import SEED, TASK, hardware_setup
 from bestman_bt.runtime.robot_session import RobotSession, open_session
 from hal.twins.process import TwinProcess
 
+pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]
+
+CLIENTS = tuple(f"client/{XARM} {what}" for what in ("arm killed", "arm stopped", "base all killed"))
 SDKS = {XARM: ("xarm", "xarm"), UR: ("ur", "rtde_control")}
 """Robot → the extra of its arm and the module that comes with it."""
 OVERDUE = 1.5
@@ -49,8 +52,21 @@ def of_their_robots(*trials: Trial | ClientTrial) -> pytest.MarkDecorator:
     return pytest.mark.parametrize(("robot_name", "trial"), cases, indirect=["robot_name"], scope="module")
 
 
-def robot_stops_and_recovers(twin: TwinProcess, session: RobotSession, trial: Trial) -> None:
-    """In time, the leaf says why, and the recovery goes on."""
+# These come first: while the session is open, nobody else may command the robot.
+@of_their_robots(*(trial for trial in CLIENT_TRIALS if trial.name in CLIENTS))
+def test_a_client_that_is_killed_or_stopped_leaves_the_robot_at_rest_and_nothing_behind(
+    robot_name: str, twin: TwinProcess, trial: ClientTrial
+) -> None:
+    report = run_client_trial(trial, twin, hardware_setup(robot_name, twin))
+    assert report.rest < trial.allowed + OVERDUE, report.words
+    assert report.orphans == ()
+    assert report.code == trial.exit_code, report.words
+
+
+@of_their_robots(*TRIALS)
+def test_the_robot_stops_the_leaf_says_why_and_the_recovery_goes_on(
+    twin: TwinProcess, session: RobotSession, trial: Trial
+) -> None:
     report = strike(trial, twin, session)
     assert report.code in trial.codes, report.words
     assert report.words
@@ -60,7 +76,3 @@ def robot_stops_and_recovers(twin: TwinProcess, session: RobotSession, trial: Tr
     assert (report.stopped is not None) is trial.stops
     assert report.at_rest
     assert report.recovered, [failure.why for failure in session.skills.failures]
-
-
-FIXTURES = robot_name, twin, session
-"""For a module of tests: under these names."""
