@@ -21,7 +21,7 @@ POLL = 0.05
 
 
 class _BackgroundServer(socketserver.ThreadingTCPServer):
-    """Serves in the background from ``start()`` to ``close()``, each client in a thread of its own."""
+    """Serves in the background from ``start()`` to ``close()``, each client in its own thread."""
 
     allow_reuse_address = daemon_threads = True
     _started = False
@@ -32,7 +32,7 @@ class _BackgroundServer(socketserver.ThreadingTCPServer):
         threading.Thread(target=self.serve_forever, args=(POLL,), name="twin server", daemon=True).start()
 
     def close(self) -> None:
-        """Stop accepting; clients are let go when the process ends."""
+        """Stop accepting; connections end with the process."""
         if self._started:
             self.shutdown()
         self.server_close()
