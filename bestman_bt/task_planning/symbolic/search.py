@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import heapq
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from bestman_bt.errors import MissingExtraError
 from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.symbolic.fast_downward import FastDownwardPlanner
 from bestman_bt.task_planning.symbolic.grounding import GroundProblem, ground
 from bestman_bt.task_planning.symbolic.problem import PlanningError, PlanningProblem, TaskPlan, Unsolvable
 
@@ -96,11 +99,14 @@ class Found:
     exhausted: bool = False
 
 
-def best_first(problem: GroundProblem, weight: float, max_evaluations: int, bound: float = math.inf) -> Found:
+def best_first(
+    problem: GroundProblem, weight: float, max_evaluations: int, bound: float = math.inf, newest_first: bool = False
+) -> Found:
     """Lazy best-first search with a second queue for helpful actions (Richter and Helmert, 2009).
 
     ``weight``: of the estimate against the cost so far; infinite: greedy. ``bound``: upper bound of the cost. A state
     is evaluated when it is expanded, ordered by its parent's estimate; if reached at a lower cost, it is reopened.
+    ``newest_first``: of equal rank, the state reached last comes first: longer plans, but found through large plateaus.
     """
     relaxed = RelaxedPlan(problem)
     cheapest: dict[int, float] = {problem.initial: 0.0}
@@ -133,7 +139,7 @@ def best_first(problem: GroundProblem, weight: float, max_evaluations: int, boun
             cheapest[reached] = total
             came_by[reached] = (state, action)
             rank = estimate.cost if weight == math.inf else total + weight * estimate.cost
-            pushed += 1
+            pushed += -1 if newest_first else 1
             for queue in queues if action in estimate.helpful else queues[:1]:
                 heapq.heappush(queue, (rank, pushed, reached, total))
     return Found(None, exhausted=True)
@@ -175,18 +181,27 @@ class SymbolicPlanner(TaskPlanner):
     weights and the best cost as bound searches for cheaper ones.
 
     The effort is counted in evaluated states, so that equal problems give equal plans. ``max_evaluations``: for the
-    first plan; in a furnished kitchen these take 5 to 8 s of processor time. ``improvement``: for cheaper plans, with
-    the ``weights`` of the estimate in turn.
+    first plan; in a furnished kitchen these take 5 to 8 s of processor time. After ``oldest_first`` of them, states of
+    equal rank are taken newest first. ``improvement``: for cheaper plans, with the ``weights`` of the estimate in turn.
+    ``hand_over``: problems of more ground actions than this go to Fast Downward where the extra ``planning`` is
+    installed; 0: none.
     """
 
     max_evaluations: int = 10_000
+    oldest_first: int = 1_000
     improvement: int = 300
     weights: tuple[float, ...] = (3.0, 1.0)
+    hand_over: int = 5_000
 
     def plan(self, problem: PlanningProblem) -> TaskPlan:
         """Return a plan. Raises Unsolvable, or PlanningError if the search limit is reached without a result."""
         grounded = ground(problem)
-        found = best_first(grounded, math.inf, self.max_evaluations)
+        if 0 < self.hand_over < len(grounded.actions):
+            with contextlib.suppress(MissingExtraError):
+                return FastDownwardPlanner().plan(problem)
+        found = best_first(grounded, math.inf, min(self.oldest_first, self.max_evaluations))
+        if found.actions is None and not found.exhausted and self.oldest_first < self.max_evaluations:
+            found = best_first(grounded, math.inf, self.max_evaluations - self.oldest_first, newest_first=True)
         if found.exhausted:
             unmet = problem.unmet_in(problem.state)
             raise Unsolvable(f"no order of actions leads to {' and '.join(map(str, unmet))}", unmet)

@@ -3,11 +3,16 @@ from __future__ import annotations
 import heapq
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bestman_bt.engine import NodeRegistry
+from bestman_bt.task_planning.domain import Domain
+from bestman_bt.task_planning.state import SUPERTYPES
 from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_fact, parse_literals
+from bestman_bt.task_planning.symbolic.fast_downward import FastDownwardPlanner, PlannerMissingError
 from bestman_bt.task_planning.symbolic.grounding import ground, instantiate
 from bestman_bt.task_planning.symbolic.plan_check import state_after
 from bestman_bt.task_planning.symbolic.problem import (
@@ -18,6 +23,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     Operator,
     PlanningError,
     PlanningProblem,
+    TaskPlan,
     Unsolvable,
 )
 from bestman_bt.task_planning.symbolic.search import Found, RelaxedPlan, SymbolicPlanner, best_first
@@ -186,6 +192,52 @@ def test_a_contradictory_goal_is_refused():
 def test_the_search_ends_by_count():
     with pytest.raises(PlanningError, match="no plan among the first 1 states"):
         planned(kitchen("on(mug, table) and not open(front)"), max_evaluations=1)
+
+
+def test_it_goes_on_newest_first_where_the_first_states_lead_nowhere():
+    problem = kitchen("on(mug, table) and on(cup, drawer) and not open(front)")
+    assert best_first(ground(problem), math.inf, 3).actions is None
+    with pytest.raises(PlanningError, match="no plan among the first 3 states"):
+        planned(problem, max_evaluations=3)
+    assert planned(problem, oldest_first=3)
+
+
+@pytest.mark.slow
+def test_eighty_things_are_each_brought_to_a_place():
+    rng = np.random.default_rng(3)
+    things, places = [f"thing_{n}" for n in range(80)], [f"place_{n}" for n in range(20)]
+    domain = Domain.of(NodeRegistry())
+    at = {name: str(rng.choice(places)) for name in things}
+    wanted = tuple(Literal(Fact("on", (name, str(rng.choice(places))))) for name in things)
+    state = {Fact("hand_empty"), Fact("tucked"), *(Fact("located", (name,)) for name in things)}
+    problem = PlanningProblem(
+        dict.fromkeys(things, "object") | dict.fromkeys(places, "place"),
+        frozenset(state | {Fact("on", both) for both in at.items()}),
+        wanted,
+        domain.operators,
+        SUPERTYPES,
+        {name: types for name, types in domain.signatures.items() if name != "accessible"},
+    )
+    assert len(planned(problem, oldest_first=100, hand_over=0)) >= 2 * sum(
+        one.fact not in problem.state for one in wanted
+    )
+
+
+@pytest.mark.parametrize(("hand_over", "handed"), [(0, False), (1, True), (10_000, False)])
+def test_large_problems_go_to_fast_downward_where_it_is_installed(monkeypatch, hand_over, handed):
+    asked = []
+    monkeypatch.setattr(FastDownwardPlanner, "plan", lambda self, problem: asked.append(problem) or TaskPlan(()))
+    problem = kitchen("on(mug, table)")
+    assert (SymbolicPlanner(hand_over=hand_over).plan(problem).actions == ()) == handed
+    assert asked == [problem] * handed
+
+
+def test_without_fast_downward_large_problems_are_planned_here(monkeypatch):
+    def missing(*_):
+        raise PlannerMissingError("up_fast_downward is missing")
+
+    monkeypatch.setattr(FastDownwardPlanner, "plan", missing)
+    assert planned(kitchen("on(mug, table)"), hand_over=1) == planned(kitchen("on(mug, table)"))
 
 
 def test_equal_problems_give_equal_plans():
