@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
 from py_trees.ports import PortInformation
+from typing_extensions import override
 
 from behaviours.skill import ErrorReporting
 from bestman_bt.engine import Node, OneOf, Out
@@ -34,8 +35,8 @@ NAV2_NAMES: Final = ("GridBased", "FollowPath", "route_smoother", "SmoothPath")
 class OursOrNav2s(OneOf):
     """A name of this library, or Nav2's name of a configured algorithm."""
 
+    @override
     def refusal(self, value: Any) -> str:
-        """Return why ``value`` is not accepted; empty if it is."""
         return "" if value in NAV2_NAMES else super().refusal(value)
 
 
@@ -49,8 +50,8 @@ class AlgorithmName(OursOrNav2s):
 
     slot: str
 
+    @override
     def refusal(self, value: Any) -> str:
-        """Return why ``value`` is not accepted; empty if it is."""
         return "" if ":" in value else super().refusal(value)
 
 
@@ -66,8 +67,8 @@ class Nav2Errors(ErrorReporting):
         self.error_msg = why
         return super().explain(code, why, failure)
 
+    @override
     def succeed(self, why: str = "") -> int:
-        """Clear the error outputs; returns SUCCESS."""
         self.error_code_id = ""
         self.error_msg = ""
         return super().succeed(why)

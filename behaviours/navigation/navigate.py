@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from py_trees.ports import PortInformation
+from typing_extensions import override
 
 from behaviours.computation import Until, passed
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
@@ -236,8 +237,8 @@ class ReturnToStart(NavigateTo):
     FAILS: ClassVar = {"no_start": "the start pose is unknown: NavigateTo a named pose"}
     DECLARATION = Declaration(effects=("at({goal})",))
 
+    @override
     def execute(self) -> SkillCoroutine[None]:
-        """Drive there."""
         goal: Pose2D | None = self.goal or self.board.get("@start")
         if goal is None:
             raise SkillFailure("no_start", "the robot's start pose is not known on its map")

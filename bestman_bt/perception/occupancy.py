@@ -11,6 +11,7 @@ from typing import Annotated
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import (
     VOXEL_FREE,
@@ -164,15 +165,15 @@ class LogOdds(OccupancyMapper):
     _seen: NDArray[np.bool_] = field(init=False, repr=False)
     _stamp: float = field(default=0.0, init=False, repr=False)
 
+    @override
     def begin(self, region: VoxelRegion) -> None:
-        """Forget everything and map this region from now on."""
         self._region = region
         self._odds = np.zeros(region.shape, dtype=np.float32)
         self._seen = np.zeros(region.shape, dtype=bool)
         self._stamp = 0.0
 
+    @override
     def add(self, view: View) -> None:
-        """Add one view, given in the frame of the region."""
         region = self._begun()
         image = view.image
         trusted = np.isfinite(image.depth) & (image.depth > 0.0) & (image.depth <= self.max_range)
@@ -185,8 +186,8 @@ class LogOdds(OccupancyMapper):
         self._seen |= surface | free
         self._stamp = max(self._stamp, image.stamp)
 
+    @override
     def grid(self) -> VoxelGrid:
-        """Return the current grid."""
         region = self._begun()
         states = np.where(self._odds > 0.0, VOXEL_OCCUPIED, VOXEL_FREE)
         states = np.where(self._seen, states, VOXEL_UNKNOWN).astype(np.uint8)

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
+from typing_extensions import override
 
 from bestman_bt.configuration.errors import Problem, as_far_as_read
 from bestman_bt.facts.evidence import Evidence, Verdict, joined
@@ -83,8 +84,8 @@ class Facts(Goal[FactsFields]):
         """Return the entries ``goal``, ``planner``, ``builder``, ``limits``, ``replans``."""
         return {name: getattr(self.asked, name) for name in ("goal", "planner", "builder", "limits", "replans")}
 
+    @override
     def told(self) -> dict[str, str]:
-        """Return object → full name of its surface, as given by the task."""
         found = {}
         for name, place in self.asked.told.items():
             furniture, surface = self.world_model.map.surface(place)

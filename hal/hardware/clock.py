@@ -7,6 +7,8 @@ import threading
 import time
 from collections.abc import Callable
 
+from typing_extensions import override
+
 from hal.api import Clock, Timer
 
 # The clock of another machine, by when its messages arrive here, and whether they come late.
@@ -152,8 +154,8 @@ class RealTimer(Timer):
         self._calls = max(self._calls + 1, int((now - self._start) / self._period + 1e-9))
         self._call()
 
+    @override
     def cancel(self) -> None:
-        """Stop calling; idempotent."""
         self.cancelled = True
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
+from typing_extensions import override
+
 from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
 from bestman_bt.robot_model.part_fields import PartConfig
 from bestman_bt.robot_model.sensor_parts import CameraPart, ForceTorquePart, ImuPart, LidarPart
@@ -92,8 +94,8 @@ class HardwareCamera(HardwareSensor[RGBDImage], Camera):
         super().__init__(name, model, latch, read)
         self.intrinsics, self.optical_frame = model.intrinsics, model.optical_frame
 
+    @override
     def capture(self) -> RGBDImage:
-        """Take one image now."""
         return self.read()
 
 
@@ -104,8 +106,8 @@ class HardwareLidar(HardwareSensor[LaserScan], Lidar):
         super().__init__(name, model, latch, read)
         self.frame = model.frame
 
+    @override
     def scan(self) -> LaserScan:
-        """Return the latest scan."""
         return self.read()
 
 
@@ -116,8 +118,8 @@ class HardwareForceTorque(HardwareSensor[Wrench], ForceTorque):
         super().__init__(name, model, latch, read)
         self.frame = model.frame
 
+    @override
     def wrench(self) -> Wrench:
-        """Return the latest wrench."""
         return self.read()
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from typing_extensions import override
+
 from hal.api import Clock, NotConnectedError, Timer
 
 # A timer or a sleep that ends within this share of a physics step counts as ended.
@@ -29,8 +31,8 @@ class SimulatedTimer(Timer):
         self._calls += 1
         self.call()
 
+    @override
     def cancel(self) -> None:
-        """Stop calling; idempotent."""
         self.cancelled = True
 
 

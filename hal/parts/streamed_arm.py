@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import JointTrajectory
 from bestman_bt.robot_model.model import ArmModel
@@ -106,8 +107,8 @@ class StreamedArm(StreamedJointGroup, Arm):
             self._take_over(Stream(start, target, interval), None)
             self._wanted = start
 
+    @override
     def cycle(self, elapsed: float) -> None:
-        """Run one control period."""
         self._time += elapsed
         super().cycle(elapsed)
 

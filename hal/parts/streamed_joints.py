@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import JointTrajectory, MotionObstacle, MotionStage
 from bestman_bt.robot_model.model import JointedModel
@@ -206,13 +207,13 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         self._connection.check_reading()
         return self._channel.published().positions
 
+    @override
     def velocities(self) -> Array:
-        """Return the measured velocities, (n,) rad/s or m/s."""
         self._connection.check_reading()
         return self._channel.published().velocities
 
+    @override
     def efforts(self) -> Array:
-        """Return the measured efforts, (n,) N m or N."""
         self._connection.check_reading()
         return self._channel.published().efforts
 
@@ -272,8 +273,8 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             self._take_over(move, motion)
             return motion
 
+    @override
     def brake(self) -> None:
-        """Come to rest within half a second."""
         with self._connection.lock:
             self._leave_effort_mode()
             if not self._settled and not isinstance(self._setpoints, Brake):

@@ -13,6 +13,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from typing_extensions import override
+
 from hal.api import (
     ForceTorque,
     Gripper,
@@ -62,8 +64,8 @@ class RecordedRobot(Robot):
         return self._robot.unsupported
 
     @property
+    @override
     def stopped(self) -> bool:
-        """Return whether the robot is stopped."""
         return self._robot.stopped
 
     def connect(self) -> None:

@@ -10,6 +10,7 @@ from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import numpy as np
+from typing_extensions import override
 
 import hal.api
 from bestman_bt.messages import JointTrajectory
@@ -120,12 +121,12 @@ class ReplayRobot(Robot):
         self._stopped = True
         self._end_motions(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
 
+    @override
     def clear_stop(self) -> None:
-        """Accept commands again."""
         self._stopped = False
 
+    @override
     def diagnostics(self) -> dict[str, str]:
-        """Return diagnostic texts by subject."""
         return {
             "implementation": "replay",
             "connected": "yes" if self._connected else "no",

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
+from typing_extensions import override
+
 URCAP_PORT, MODBUS_PORT = 63352, 502
 ACTIVATE, GO = 1 << 0, 1 << 3
 
@@ -72,14 +74,14 @@ class URCapWire(RobotiqWire):
         self._socket: socket.socket | None = None
         self._buffer = b""
 
+    @override
     def open(self) -> None:
-        """Connect."""
         self._socket = socket.create_connection(self._address, self._timeout)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._buffer = b""
 
+    @override
     def close(self) -> None:
-        """Close."""
         wire, self._socket = self._socket, None
         if wire is not None:
             wire.close()
@@ -91,20 +93,20 @@ class URCapWire(RobotiqWire):
         state, felt, fault, echo, position, goes = (self._value(name) for name in names)
         return RobotiqStatus(state, felt, fault, echo, position, bool(goes))
 
+    @override
     def reset(self) -> None:
-        """Deactivate the gripper."""
         self._set(ACT=0, ATR=0)
 
+    @override
     def activate(self) -> None:
-        """Start the activation."""
         self._set(ACT=1)
 
+    @override
     def go(self, position: int, speed: int, force: int) -> None:
-        """Send a target position."""
         self._set(POS=position, SPE=speed, FOR=force, GTO=1)
 
+    @override
     def halt(self) -> None:
-        """Stay where the fingers are."""
         self._set(GTO=0)
 
     def _set(self, **values: int) -> None:
@@ -165,16 +167,16 @@ class ModbusWire(RobotiqWire):
         self._client: Any = None
         self._bytes = [0, 0, 0, 0, 0, 0]
 
+    @override
     def open(self) -> None:
-        """Connect."""
         client = self._load("pymodbus.client").ModbusTcpClient
         logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # it would tell the address
         self._client = client(self._address, port=self._port, timeout=self._timeout, retries=0)
         if not self._client.connect():
             raise OSError("no device answers")
 
+    @override
     def close(self) -> None:
-        """Close."""
         client, self._client = self._client, None
         if client is not None:
             with contextlib.suppress(OSError):
@@ -189,23 +191,23 @@ class ModbusWire(RobotiqWire):
         position = answer.registers[2] >> 8
         return RobotiqStatus(state >> 4 & 3, state >> 6 & 3, fault & 15, echo, position, bool(state & GO))
 
+    @override
     def reset(self) -> None:
-        """Deactivate the gripper."""
         self._bytes = [0, 0, 0, 0, 0, 0]
         self._write()
 
+    @override
     def activate(self) -> None:
-        """Start the activation."""
         self._bytes[0] = ACTIVATE
         self._write()
 
+    @override
     def go(self, position: int, speed: int, force: int) -> None:
-        """Send a target position."""
         self._bytes = [ACTIVATE | GO, 0, 0, position, speed, force]
         self._write()
 
+    @override
     def halt(self) -> None:
-        """Stay where the fingers are."""
         self._bytes[0] = ACTIVATE
         self._write()
 

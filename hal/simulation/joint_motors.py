@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from typing_extensions import override
 
 from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose, Sphere
 from bestman_bt.robot_model.model import JointedModel
@@ -128,8 +129,8 @@ class JointMotors(SimulatedChannel, JointChannel):
         self._drive(self._sent_to, np.zeros_like(self._sent_to))
         simulation.effort_controls += (self._interpolate, self._apply_torques)
 
+    @override
     def detach(self) -> None:
-        """Disconnect from the simulation."""
         super().detach()
         self.encoders.detach()
 

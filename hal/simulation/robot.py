@@ -14,6 +14,7 @@ from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.registry import SIMULATED_SENSORS
 from bestman_bt.robot_model.model import (
@@ -209,8 +210,8 @@ class SimulatedRobot(Robot):
         """
         self._recorder.keep_in(folder)
 
+    @override
     def clear_stop(self) -> None:
-        """Accept commands again; nothing moves by itself."""
         self._latch.clear()
 
     @property
@@ -218,8 +219,8 @@ class SimulatedRobot(Robot):
         """Return whether the stop is latched."""
         return bool(self._latch)
 
+    @override
     def diagnostics(self) -> dict[str, str]:
-        """Return diagnostic texts by subject."""
         texts = {
             "implementation": self.engine_name,
             "connected": "yes" if self._simulation is not None else "no",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from typing_extensions import override
+
 from bestman_bt.robot_model.part_config import SuctionPart
 from hal.parts.channels import GripperChannel, GripperReading
 from hal.simulation.bodies import Vector
@@ -48,8 +50,8 @@ class SuctionPump(SimulatedChannel, GripperChannel):
         self._width = self._part.max_width
         simulation.effort_controls.append(self._suck)
 
+    @override
     def detach(self) -> None:
-        """Disconnect from the simulation."""
         super().detach()
         self._reader = self._engine = None
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model.model import WheeledBaseModel
@@ -187,8 +188,8 @@ class WheelDrive(SimulatedChannel, BaseChannel):
         motors.park()
         simulation.controls.append(self._watch)
 
+    @override
     def detach(self) -> None:
-        """Disconnect from the simulation."""
         super().detach()
         self._attached_motors = None
         self.encoders.detach()

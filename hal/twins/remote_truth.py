@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from typing_extensions import override
 
 from bestman_bt.messages import Pose
 from hal.simulation.audit_record import AuditRecord, ContactIncident, DisturbanceEvent, Finding, Penetration
@@ -36,34 +37,34 @@ class RemoteTruth(GroundTruth):
         return float(self._ask("time")["time"])
 
     @property
+    @override
     def object_names(self) -> tuple[str, ...]:
-        """The movable objects."""
         return tuple(self._ask("object_names"))
 
+    @override
     def object_pose(self, name: str) -> Pose:
-        """Return the true pose of an object."""
         return _pose(self._ask("object_pose", name))
 
+    @override
     def object_speed(self, name: str) -> tuple[float, float]:
-        """Return the speed of an object in m/s and its rotation rate in rad/s."""
         speed, turn_rate = self._ask("object_speed", name)
         return speed, turn_rate
 
+    @override
     def furniture_pose(self, name: str) -> Pose:
-        """Return the true pose of a piece of furniture."""
         return _pose(self._ask("furniture_pose", name))
 
     @property
+    @override
     def articulation_names(self) -> tuple[str, ...]:
-        """Doors and drawers."""
         return tuple(self._ask("articulation_names"))
 
+    @override
     def articulation_position(self, name: str) -> float:
-        """Return how far a door or drawer is open."""
         return float(self._ask("articulation_position", name))
 
+    @override
     def base_pose(self) -> Pose:
-        """Return the true pose of the robot's base frame."""
         return _pose(self._ask("base_pose"))
 
     def frame_pose(self, frame: str) -> Pose:

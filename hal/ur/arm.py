@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import override
 
 from bestman_bt.robot_model.model import ArmModel
 from bestman_bt.robot_model.payload import Payload
@@ -159,8 +160,8 @@ class URArm(StreamedArm):
         """Return whether no motion is commanded."""
         return self._own is None and super().resting
 
+    @override
     def brake(self) -> None:
-        """Come to rest."""
         with self._connection.lock:
             if self._own is not None:
                 self._own.stopping = True

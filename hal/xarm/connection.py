@@ -9,6 +9,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import override
 
 from bestman_bt.robot_model.model import ArmModel, GripperModel
 from bestman_bt.robot_model.payload import Payload, arm_payload
@@ -181,8 +182,8 @@ class XArmConnection(Connection):
         if self._gripper is not None:
             self.add_loop("gripper", options.gripper_rate, self._gripper.cycle)
 
+    @override
     def close(self) -> None:
-        """Close the connection."""
         self._wire.close()
 
     def heard(self) -> float:

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from typing_extensions import override
+
 from bestman_bt.configuration.errors import Problem
 from bestman_bt.configuration.quantity import PositiveLength
 from bestman_bt.facts.evidence import Evidence, Verdict
@@ -40,8 +42,8 @@ class Lifted(Goal[LiftedFields]):
         """``object``, ``source``."""
         return {"object": self.asked.object, "source": self.asked.source}
 
+    @override
     def subjects(self) -> list[str]:
-        """Return the object."""
         return [self.asked.object]
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:

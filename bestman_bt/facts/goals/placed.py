@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+from typing_extensions import override
 
 from bestman_bt.configuration.checked import numbered
 from bestman_bt.configuration.errors import Problem, as_far_as_read
@@ -131,8 +132,8 @@ class Placed(Goal[PlacedFields]):
         furniture, surface = self.world_model.map.surface(self.goal.source)
         return {self.goal.object: f"{furniture.name}/{surface.name}"}
 
+    @override
     def subjects(self) -> list[str]:
-        """Return the object."""
         return [self.goal.object]
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:

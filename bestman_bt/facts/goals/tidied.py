@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from typing_extensions import override
 
 from bestman_bt.configuration.checked import numbered
 from bestman_bt.configuration.errors import Problem, as_far_as_read
@@ -62,8 +63,8 @@ class Tidied(Goal[TidiedFields]):
         region = {"region_x": list(asked.x), "region_y": list(asked.y)}
         return {"objects": list(asked.objects), "source": asked.source, "target": asked.surface, **region}
 
+    @override
     def subjects(self) -> list[str]:
-        """Return the objects."""
         return list(self.asked.objects)
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:

@@ -16,6 +16,7 @@ import coal
 import numpy as np
 import pinocchio
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import override
 
 from bestman_bt.manipulation.collision.base import CollisionModel, CollisionWorld
 from bestman_bt.manipulation.collision.planning_scene import PlanningScene, VoxelObstacle
@@ -120,8 +121,8 @@ class CoalCollisionModel(CollisionModel):
                 body.geometry = _convex(body.geometry)
         return geometry
 
+    @override
     def world(self, scene: PlanningScene, arm: str = "arm") -> CoalCollisionWorld:
-        """Return the world of ``arm`` in ``scene``. Raises ManipulationError naming an unknown joint, link or arm."""
         if arm not in self.robot.of(ArmModel):
             known = ", ".join(self.robot.of(ArmModel)) or "none"
             raise ManipulationError(f"robot {self.robot.name!r} has no arm {arm!r}; it has {known}")

@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.lapack import dposv
+from typing_extensions import override
 
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import joint_vector
@@ -123,14 +124,14 @@ class DampedLeastSquares(InverseKinematics):
         """Forward kinematics: base_from_tool at ``positions`` (n,)."""
         return to_pose(self._root_from_base.actInv(self._place(self._checked(positions, "positions"))))
 
+    @override
     def tool_direction(self, positions: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the tool's direction ``axis`` (3,) in the base frame at ``positions`` (n,)."""
         placement = self._place(positions)
         direction: NDArray[np.float64] = self._root_from_base.rotation.T @ (placement.rotation @ axis)
         return direction
 
+    @override
     def jacobian(self, positions: ArrayLike) -> NDArray[np.float64]:
-        """Return the tool's Jacobian (6, n) at ``positions`` (n,): linear over angular velocity, in the tool frame."""
         q = self._to_model(self._checked(positions, "positions"))
         columns: NDArray[np.float64] = pinocchio.computeFrameJacobian(
             self._model, self._data, q, self._tool, pinocchio.LOCAL
@@ -187,10 +188,8 @@ class DampedLeastSquares(InverseKinematics):
             closest = self._errors(target, solutions[0])
         return IKResult(tuple(solutions), *closest, tried, rejected)
 
+    @override
     def track(self, base_from_tool: Pose, start: ArrayLike) -> NDArray[np.float64] | None:
-        """Return the solution (n,) that continues smoothly from ``start`` (n,), without restarts, or None if there is
-        none.
-        """
         origin = self._checked(start, "start")
         lower, upper = self._bounds
         # A start inside the margin must not jump out of it.

@@ -14,6 +14,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import LaserScan, Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.messages.shapes import Count, NonNegative, NotBelow, Positive
@@ -89,8 +90,8 @@ class ObstacleAwareFollower(PathFollower):
         free.
         """
 
+    @override
     def configure(self, base: BaseModel) -> None:
-        """Set the model of the base; called once, before the first ``reset``."""
         limits = base.part
         self._limits = limits = replace(
             limits,
@@ -107,8 +108,8 @@ class ObstacleAwareFollower(PathFollower):
         self._check = FootprintCheck(footprint)
         self._begin(limits, Critics(self.critics, footprint, limits.max_vy > 0.0))
 
+    @override
     def observe(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
-        """Process a new scan and its pose."""
         self.obstacles.update(scan, map_from_lidar)
         self._since_field = self.field_every
 

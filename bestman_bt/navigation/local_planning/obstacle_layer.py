@@ -14,6 +14,7 @@ from typing import Annotated
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import LaserScan, Pose2D
 from bestman_bt.messages.shapes import Count, NonNegative, Positive
@@ -210,16 +211,16 @@ class LocalObstacles(ObstacleLayer):
             self._rasterise_map(self.origin)
             self._measure()
 
+    @override
     def centre_on(self, pose: Pose2D) -> None:
-        """Shift the square so that it lies around ``pose``."""
         before = self.origin
         super().centre_on(pose)
         if self.origin is not None and self.origin != before:
             self._rasterise_map(self.origin)
             self._measure()
 
+    @override
     def update(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
-        """Process a scan and its pose."""
         super().update(scan, map_from_lidar)
         self._measure()
 

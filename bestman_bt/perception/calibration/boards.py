@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from typing_extensions import override
 
 from bestman_bt.messages import CameraIntrinsics, Pose
 from bestman_bt.perception.errors import PerceptionError
@@ -97,8 +98,8 @@ class CharucoBoard(Board):
             raise CalibrationError(f"{self} needs {needed} markers, {self.dictionary} has {there}")
 
     @property
+    @override
     def size(self) -> tuple[float, float]:
-        """Extents (x, y) of the pattern, metres."""
         return self.columns * self.square, self.rows * self.square
 
     @property
@@ -106,8 +107,8 @@ class CharucoBoard(Board):
         """True: the markers determine the orientation."""
         return True
 
+    @override
     def find(self, rgb: NDArray[np.uint8]) -> BoardSighting | None:
-        """Return the corners in an (H, W, 3) image, or None if there are fewer than six, or all are collinear."""
         corners, ids, _, _ = self._detector.detectBoard(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY))
         if corners is None or ids is None:
             return None
@@ -148,8 +149,8 @@ class Checkerboard(Board):
             raise CalibrationError(f"a checkerboard has at least 4 × 4 squares of positive size, not {self}")
 
     @property
+    @override
     def size(self) -> tuple[float, float]:
-        """Extents (x, y) of the pattern, metres."""
         return self.columns * self.square, self.rows * self.square
 
     @property

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from typing_extensions import override
 
 from bestman_bt.messages import Pose
 from bestman_bt.perception.calibration.boards import (
@@ -201,8 +202,8 @@ def _chosen(
 class ParkMartin(HandEye):
     """Rotation first, from the logarithms of the motions; then the translation, by linear least squares."""
 
+    @override
     def closed_form(self, motions: RelativeMotions) -> Pose:
-        """Return X from relative motions."""
         turn_a, turn_b = motions.carrier[:, :3, :3], motions.eye[:, :3, :3]
         alpha, beta = Rotation.from_matrix(turn_a).as_rotvec(), Rotation.from_matrix(turn_b).as_rotvec()
         # alpha = R beta for all pairs: R = (MᵀM)^(-1/2) Mᵀ with M = Σ beta alphaᵀ, by the singular values of M.
@@ -222,8 +223,8 @@ class ParkMartin(HandEye):
 class Daniilidis(HandEye):
     """Rotation and translation at once: the dual quaternion of X spans the null space of all motions."""
 
+    @override
     def closed_form(self, motions: RelativeMotions) -> Pose:
-        """Return X from relative motions."""
         a, a_dual = _dual_quaternions(motions.carrier)
         b, b_dual = _dual_quaternions(motions.eye)
         difference, total = a[:, 1:] - b[:, 1:], a[:, 1:] + b[:, 1:]
