@@ -1,4 +1,4 @@
-"""Motions that a UR's controller plans by itself, its digital outputs, and its one client."""
+"""Motions that a UR's controller plans by itself, its digital outputs, its one client, and faults of a UR alone."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import pytest
 
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.runtime.wrist_check import check_wrist
-from hal.api import CommandRefusedError, ForceTorque, MotionStatus
+from hal.api import CommandRefusedError, ForceTorque, MotionErrorCode, MotionStatus
 from hal.hardware.robot import HardwareRobot
 from hal.parts.gate import ToolLimits
 from hal.parts.part_connection import ConnectionFailedError
 from hal.twins.process import TwinProcess
 from hal.ur.arm import URArm
 from hal.ur.connection import URConnection
-from tests.hal.twinned import ended, wait_for, wait_in_twin
+from tests.hal.twinned import ended, stopped_within, strike, wait_for, wait_in_twin, works_again
+from tests.rigs.twinned_robots import ARM, UR_ARM
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone]
 
-CONTROLLER = "arm_controller"
 STEP = np.array([0.3, 0, 0, 0, 0, 0])
 
 
@@ -129,11 +129,11 @@ def test_the_sign_of_the_wrist_is_told_from_the_hands_weight_in_two_postures(
     found = check_wrist(robot, "arm", "wrist_force_torque")
     assert found.fault is None, found
     assert arm.positions() == pytest.approx(here, abs=0.005)
-    twin.fault(CONTROLLER, "other_wrench_sign")
+    twin.fault(ARM, "other_wrench_sign")
     try:
         assert "the opposite sign" in (check_wrist(robot, "arm", "wrist_force_torque").fault or "")
     finally:
-        twin.fault(CONTROLLER, "other_wrench_sign")
+        twin.fault(ARM, "other_wrench_sign")
 
 
 @pytest.mark.slow
@@ -159,7 +159,7 @@ def test_motions_of_the_controller_begin_at_the_operators_speed_and_not_while_th
 def test_the_controller_counts_on_what_the_hand_holds_also_after_its_program_was_begun_anew(
     robot: HardwareRobot, twin: TwinProcess
 ) -> None:
-    connection, arm = robot.connections[CONTROLLER], robot.part("arm", URArm)
+    connection, arm = robot.connections[ARM], robot.part("arm", URArm)
     assert isinstance(connection, URConnection)
 
     def counted() -> float:
@@ -168,7 +168,7 @@ def test_the_controller_counts_on_what_the_hand_holds_also_after_its_program_was
     hand = counted()
     arm.carry(1.5, (0.0, 0.0, 0.02))
     wait_for(lambda: abs(counted() - hand - 1.5) < 1e-3, "the controller counts on it")
-    twin.fault(CONTROLLER, "program_stop")
+    twin.fault(ARM, "program_stop")
     wait_for(lambda: robot.stopped, "the robot stops")
     robot.clear_stop()
     wait_for(lambda: abs(counted() - hand - 1.5) < 1e-3, "the controller counts on it")
@@ -177,7 +177,7 @@ def test_the_controller_counts_on_what_the_hand_holds_also_after_its_program_was
 
 
 def test_outputs_are_switched_read_back_and_refused_while_stopped(robot: HardwareRobot) -> None:
-    connection = robot.connections[CONTROLLER]
+    connection = robot.connections[ARM]
     assert isinstance(connection, URConnection)
     for kind in ("standard", "configurable", "tool"):
         for on in (True, False):
@@ -194,9 +194,9 @@ def test_outputs_are_switched_read_back_and_refused_while_stopped(robot: Hardwar
 def test_a_second_client_is_refused_as_long_as_the_first_one_is_there(
     robot: HardwareRobot, twin_model: RobotModel, twin: TwinProcess
 ) -> None:
-    with pytest.raises(ConnectionFailedError, match=CONTROLLER) as refusal:
+    with pytest.raises(ConnectionFailedError, match=ARM) as refusal:
         HardwareRobot(twin_model).connect()
-    assert twin.addresses[CONTROLLER] not in str(refusal.value)
+    assert twin.addresses[ARM] not in str(refusal.value)
 
 
 @pytest.mark.slow
@@ -205,12 +205,12 @@ def test_a_motion_keeps_to_a_speed_slider_that_the_arm_could_not_follow(
 ) -> None:
     arm = robot.part("arm", URArm)
     start = arm.positions()
-    twin.fault(CONTROLLER, "speed_slider", 0.1)
+    twin.fault(ARM, "speed_slider", 0.1)
     try:
         motion = ended(robot, arm.move_to(start + 2 * STEP))
         assert motion.status is MotionStatus.SUCCEEDED, motion.failure
     finally:
-        twin.fault(CONTROLLER, "speed_slider", 1.0)
+        twin.fault(ARM, "speed_slider", 1.0)
     ended(robot, arm.move_to(start))
 
 
@@ -227,12 +227,12 @@ def test_a_motion_waits_while_the_program_is_paused_and_goes_on(
         else arm.move_to(start + 2 * STEP, speed_scale=0.3)
     )
     wait_for(lambda: abs(arm.positions()[0] - start[0]) > 0.1, "the arm sets out")
-    twin.fault(CONTROLLER, "pause")
+    twin.fault(ARM, "pause")
     wait_in_twin(twin, 0.5)
     assert np.max(np.abs(twin.judge("joints", "arm")["velocities"])) < 0.01
     assert not motion.done
     assert not robot.stopped
-    twin.fault(CONTROLLER, "play")
+    twin.fault(ARM, "play")
     assert ended(robot, motion).status is MotionStatus.SUCCEEDED, motion.failure
     assert arm.positions() == pytest.approx(start + 2 * STEP, abs=0.005)
     ended(robot, arm.move_to(start))
@@ -246,13 +246,44 @@ def test_an_arm_that_was_stopped_while_its_program_is_paused_stands_when_it_is_p
     start = arm.positions()
     arm.move_to(start + 4 * STEP, speed_scale=0.5)
     wait_for(lambda: abs(arm.velocities()[0]) > 0.5, "the arm sets out")
-    twin.fault(CONTROLLER, "pause")
+    twin.fault(ARM, "pause")
     wait_for(lambda: abs(arm.velocities()[0]) < 0.01, "the arm comes to rest")
     robot.stop()
     wait_in_twin(twin, 0.5)
     there = np.array(twin.judge("joints", "arm")["positions"])
-    twin.fault(CONTROLLER, "play")
+    twin.fault(ARM, "play")
     wait_in_twin(twin, 0.5)
     assert twin.judge("joints", "arm")["positions"] == pytest.approx(there, abs=1e-3)
     robot.clear_stop()
     ended(robot, arm.move_to(start))
+
+
+@pytest.mark.slow
+def test_an_sdk_process_that_was_killed_for_its_silence_is_begun_anew(
+    robot: HardwareRobot, twin: TwinProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    motion = UR_ARM.begin(robot)
+    since = strike(robot, twin, ARM, "program_stop")
+    assert stopped_within(robot, motion, since, 0.1) is MotionErrorCode.FAULT
+    twin.fault(ARM, "drop")
+    monkeypatch.setattr("hal.ur.connection.READY_TIME", 0.5)
+    with pytest.raises(ConnectionFailedError, match="does not answer within"):
+        robot.clear_stop()
+    monkeypatch.undo()
+    twin.fault(ARM, "restore")
+    works_again(robot, UR_ARM.begin)
+
+
+@pytest.mark.slow
+def test_an_emergency_stop_can_only_be_released_at_the_robot(robot: HardwareRobot, twin: TwinProcess) -> None:
+    motion = UR_ARM.begin(robot)
+    since = strike(robot, twin, ARM, "emergency_stop")
+    assert stopped_within(robot, motion, since, 0.1) is MotionErrorCode.STOPPED
+    with pytest.raises(ConnectionFailedError, match="released at the robot"):
+        robot.clear_stop()
+    assert robot.stopped
+    twin.fault(ARM, "emergency_release")  # which leaves the arm without power
+    with pytest.raises(ConnectionFailedError, match="POWER_OFF: inspect the robot"):
+        robot.clear_stop()
+    twin.fault(ARM, "released")
+    works_again(robot, UR_ARM.begin)
