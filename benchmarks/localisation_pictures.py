@@ -17,8 +17,7 @@ from matplotlib.figure import Figure
 
 from bestman_bt.messages import LaserScan, Pose2D
 from bestman_bt.navigation.localization.base import OdometryScan
-from bestman_bt.navigation.localization.correlative_search import CorrelativeSearch
-from bestman_bt.navigation.localization.distance_field import DistanceField
+from bestman_bt.navigation.localization.correlative_search import CorrelativeSearch, DistanceField
 from bestman_bt.navigation.localization.scan_to_map import cast_rays
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene

@@ -56,7 +56,7 @@ from bestman_bt.messages import Box, Cylinder, JointTrajectory, PlacedShape, Pos
 from bestman_bt.registry import ALGORITHMS
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import ArmModel, RobotModel
-from bestman_bt.robot_model.srdf import read_srdf
+from bestman_bt.robot_model.urdf_source import read_srdf
 from bestman_bt.robot_model.urdf_tree import UrdfTree
 from bestman_bt.runtime.part_import import PartRequest, import_part
 

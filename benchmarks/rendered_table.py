@@ -12,15 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.rendering import Color, DepthNoise, render_view
-from bestman_bt.messages import (
-    Box,
-    Cylinder,
-    Mesh,
-    ObjectModel,
-    PlacedShape,
-    Pose,
-    Sphere,
-)
+from bestman_bt.messages import Box, Cylinder, Mesh, ObjectModel, PlacedShape, Pose, Sphere
 from bestman_bt.perception.segmentation.base import Region
 from bestman_bt.perception.view import View
 

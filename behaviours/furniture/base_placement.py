@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from behaviours.context import DRIVEN
 from behaviours.furniture.close import FrontPush, pushes
-from behaviours.furniture.leaf import (
-    UNKNOWN_ARTICULATION,
-    FurnitureLeaf,
-    LeafPath,
-    find_leaf,
-    find_stands,
-    room_beside,
-)
+from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, FurnitureLeaf, LeafPath, find_leaf, find_stands, room_beside
 from behaviours.furniture.opening import Opening, before, plan_opening, pull_grasps, stations
 from behaviours.manipulation.base_placement import FindBasePlacement
 from behaviours.skill import ArticulationName, Declaration, Skill, SkillCoroutine, SkillFailure

@@ -7,14 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from behaviours.arm_motion import (
-    ARM_PLANNING_FAILS,
-    follow_path,
-    hand_contacts,
-    move_free,
-    timed_path,
-    unreached,
-)
+from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free, timed_path, unreached
 from behaviours.contacts import grasp as grasp_contact
 from behaviours.contacts import stopping_at, support, surface_below
 from behaviours.manipulation.grasp_candidates import grasp_candidates

@@ -10,13 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from behaviours.arm_motion import (
-    ARM_PLANNING_FAILS,
-    follow_path,
-    hand_contacts,
-    move_free,
-    with_room,
-)
+from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free, with_room
 from behaviours.contacts import grasp
 from behaviours.context import SkillContext
 from behaviours.skill import ArmNode, Declaration, PostureName, Skill, SkillCoroutine, SkillFailure

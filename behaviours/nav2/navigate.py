@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from behaviours.computation import Until
-from behaviours.nav2.ports import (
-    SERVER,
-    FollowerName,
-    Nav2Errors,
-    PlannerName,
-    nothing_written,
-    without_meaning,
-)
+from behaviours.nav2.ports import SERVER, FollowerName, Nav2Errors, PlannerName, nothing_written, without_meaning
 from behaviours.navigation.navigate import DRIVING_FAILS, NavigateTo
 from behaviours.skill import Declaration, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, Out

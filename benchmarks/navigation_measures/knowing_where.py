@@ -20,7 +20,7 @@ from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.facts.goals.at_goal import base_footprint
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning.costmap import Costmap
-from bestman_bt.navigation.localization.distance_field import DistanceField
+from bestman_bt.navigation.localization.correlative_search import DistanceField
 from bestman_bt.runtime.resolved_config import START_HEADING_ERROR, START_POSITION_ERROR, ResolvedConfig, prepare
 from bestman_bt.world_model.world_model import BasePose
 

@@ -16,8 +16,7 @@ from bestman_bt.bringup.brought_up_robot import BroughtUpRobot, fault_text
 from bestman_bt.bringup.controllers import turn_between
 from bestman_bt.bringup.finding import CheckFinding, StepResult, judged, not_applicable
 from bestman_bt.bringup.killed_processes import dead_man, killed_processes
-from bestman_bt.bringup.moving_parts import drive, gripper, joint_signs, turn
-from bestman_bt.bringup.stopping import stopping
+from bestman_bt.bringup.moving_parts import drive, gripper, joint_signs, stopping, turn
 from bestman_bt.messages import Pose, RGBDImage
 from bestman_bt.perception.calibration.boards import CharucoBoard, board_pose
 from bestman_bt.robot_model.bringup_file import BringUpFile, Signature, SignedStep

@@ -22,9 +22,14 @@ from bestman_bt.perception.calibration.boards import CalibrationError
 from bestman_bt.perception.calibration.intrinsics import IntrinsicsCalibration
 from bestman_bt.runtime.calibration.dataset import Progress as Report
 from bestman_bt.runtime.calibration.dataset import load_dataset
-from bestman_bt.runtime.calibration.result import CalibrationResult
 from bestman_bt.runtime.calibration.simulate import Kind, Simulated, compare, simulate
-from bestman_bt.runtime.calibration.solve import plot_residuals, solve_hand_eye, solve_head, solve_intrinsics
+from bestman_bt.runtime.calibration.solve import (
+    CalibrationResult,
+    plot_residuals,
+    solve_hand_eye,
+    solve_head,
+    solve_intrinsics,
+)
 
 
 class CalibrationKind(StrEnum):

@@ -19,13 +19,7 @@ import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.option_values import wrong_input
-from bestman_bt.cli.options import (
-    Json,
-    PlanningOptions,
-    grouped_options,
-    refuse_unwritable_folder,
-    writable_file,
-)
+from bestman_bt.cli.options import Json, PlanningOptions, grouped_options, refuse_unwritable_folder, writable_file
 from bestman_bt.configuration.run import RunConfig
 from bestman_bt.configuration.secret import shown_setting
 from bestman_bt.engine import TreeProblem, render_svg

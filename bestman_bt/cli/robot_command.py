@@ -191,8 +191,7 @@ def import_urdf(
 ) -> None:
     """Make a part of any URDF: its kind, joints, limits, tool frame and postures are found out as far as it goes."""
     from bestman_bt.robot_model.robot_config import name_fault
-    from bestman_bt.robot_model.srdf import read_srdf
-    from bestman_bt.robot_model.urdf_source import UrdfError
+    from bestman_bt.robot_model.urdf_source import UrdfError, read_srdf
     from bestman_bt.runtime.part_import import PartRequest, import_part
     from bestman_bt.runtime.robot_facts import robot_facts
 

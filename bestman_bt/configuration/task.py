@@ -16,14 +16,7 @@ from bestman_bt.configuration.checked import numbered, salvage
 from bestman_bt.configuration.data import beside, data_names, find_data
 from bestman_bt.configuration.document import Document, FieldPath, read_document
 from bestman_bt.configuration.errors import ConfigurationError, Problem, as_far_as_read
-from bestman_bt.configuration.quantity import (
-    Frequency,
-    PositiveAngle,
-    PositiveLength,
-    PositiveTime,
-    SmallerFirst,
-    Time,
-)
+from bestman_bt.configuration.quantity import Frequency, PositiveAngle, PositiveLength, PositiveTime, SmallerFirst, Time
 from bestman_bt.registry import suggestion
 
 DisturbanceKind = Literal["moved", "elsewhere", "slips", "shut"]

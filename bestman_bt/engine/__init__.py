@@ -76,13 +76,7 @@ from bestman_bt.engine.errors import (
 )
 from bestman_bt.engine.graphics import current_states, render_dot, render_paths, render_svg, render_text
 from bestman_bt.engine.leaves.base import AlwaysFailure, AlwaysSuccess, Condition, Sleep, StatefulAction, SyncAction
-from bestman_bt.engine.leaves.blackboard import (
-    PopFromQueue,
-    QueueSize,
-    SetBlackboard,
-    UnsetBlackboard,
-    WasEntryUpdated,
-)
+from bestman_bt.engine.leaves.blackboard import PopFromQueue, QueueSize, SetBlackboard, UnsetBlackboard, WasEntryUpdated
 from bestman_bt.engine.leaves.coroutine import CoroutineAction, ThreadedAction
 from bestman_bt.engine.leaves.function import Context, FunctionLeafError, Output, action, condition
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
@@ -91,15 +85,7 @@ from bestman_bt.engine.loading import load_python_tree, load_tree
 from bestman_bt.engine.own_files import raise_no_such_name
 from bestman_bt.engine.simulation import SimulatedRun, simulate
 from bestman_bt.engine.snapshot import BlackboardBackup, backup, from_json, restore, to_json
-from bestman_bt.engine.status import (
-    FAILURE,
-    IDLE,
-    RUNNING,
-    SKIPPED,
-    SUCCESS,
-    NodeStatus,
-    status_name,
-)
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, NodeStatus, status_name
 from bestman_bt.engine.substitution import SubstitutionError, SubstitutionRules
 from bestman_bt.engine.validation import ineffective_parts, tree_warnings, validate_file
 from bestman_bt.engine.xml.document import XmlDocument, XmlElement

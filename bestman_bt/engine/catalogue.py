@@ -7,13 +7,7 @@ from typing import Final
 from bestman_bt.engine import controls, decorators
 from bestman_bt.engine.core.registry import BUILTIN_NODES
 from bestman_bt.engine.leaves.base import AlwaysFailure, AlwaysSuccess, Sleep
-from bestman_bt.engine.leaves.blackboard import (
-    PopFromQueue,
-    QueueSize,
-    SetBlackboard,
-    UnsetBlackboard,
-    WasEntryUpdated,
-)
+from bestman_bt.engine.leaves.blackboard import PopFromQueue, QueueSize, SetBlackboard, UnsetBlackboard, WasEntryUpdated
 from bestman_bt.engine.leaves.script import Script, ScriptCondition
 
 _LEAVES: Final = (

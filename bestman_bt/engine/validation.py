@@ -18,6 +18,7 @@ from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.registry import NodeRegistry
 from bestman_bt.engine.core.strict_order import STRICT, upwards
 from bestman_bt.engine.core.tree import Tree
+from bestman_bt.engine.coverage import unreachable_children
 from bestman_bt.engine.dataflow import SCRIPT_ATTRIBUTES, EntryUse, entry_uses
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import TreeLoadError, TreeProblem
@@ -25,9 +26,8 @@ from bestman_bt.engine.leaves.base import Condition, StatefulAction
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
 from bestman_bt.engine.loading import load_tree
 from bestman_bt.engine.models.foreign import Placeholders, main_of, open_documents
+from bestman_bt.engine.models.node_models import is_placeholder
 from bestman_bt.engine.models.package import Package
-from bestman_bt.engine.models.placeholders import is_placeholder
-from bestman_bt.engine.reachability import unreachable_children
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.unwritten import SubTrees, UnwrittenRead, problem_at, unwritten_reads
 from bestman_bt.engine.xml.documents import Documents, read_documents

@@ -18,9 +18,8 @@ from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, L
 from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.shards import Contradiction, KnownDurations, Shard, gathered, journals
-from bestman_bt.evaluation.suite import Suite, SuiteEntry
+from bestman_bt.evaluation.suite import Suite, SuiteEntry, check_targets
 from bestman_bt.evaluation.summary import summarize
-from bestman_bt.evaluation.targets import check_targets
 from bestman_bt.evaluation.versions import versions
 
 OnResult = Callable[[SuiteEntry, RunResult], None]

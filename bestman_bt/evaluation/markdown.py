@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from bestman_bt.evaluation.suite import ALWAYS_ASKED
 from bestman_bt.evaluation.summary import spread_words
-from bestman_bt.evaluation.targets import ALWAYS_ASKED
 
 
 def markdown(document: dict[str, Any]) -> str:

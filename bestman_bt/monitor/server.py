@@ -255,6 +255,7 @@ def bind(host: str, port: int) -> socket.socket:
 
 
 # Connections to the monitor: a bounded number, each with a short time for its request, so that a stop always gets in.
+# Half-open connections, which send no request, do not keep out the others.
 
 
 HEADER_TIME = 5.0

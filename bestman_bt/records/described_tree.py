@@ -9,7 +9,7 @@ from bestman_bt.engine import EngineError, Node, StateChanges, Tree, TreeLoadErr
 from bestman_bt.engine.conversion import text_of
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.logs.btlog import LogError
-from bestman_bt.engine.models.placeholders import is_placeholder
+from bestman_bt.engine.models.node_models import is_placeholder
 from bestman_bt.engine.status import IDLE
 from bestman_bt.engine.xml.elements import Element, parse_xml
 from bestman_bt.engine.xml.writer import XmlError, escape, full_tree_xml

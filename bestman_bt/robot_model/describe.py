@@ -36,12 +36,7 @@ from bestman_bt.robot_model.part_config import (
 )
 from bestman_bt.robot_model.part_fields import PartConfig
 from bestman_bt.robot_model.placed_part import PlacedPart
-from bestman_bt.robot_model.sensor_parts import (
-    BumperPart,
-    ForceTorquePart,
-    MountedBumper,
-    MountedForceTorque,
-)
+from bestman_bt.robot_model.sensor_parts import BumperPart, ForceTorquePart, MountedBumper, MountedForceTorque
 from bestman_bt.robot_model.urdf_elements import joints_to, parent_of
 
 _ORDER = (

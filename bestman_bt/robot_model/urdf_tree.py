@@ -10,10 +10,8 @@ from pathlib import Path
 from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.sensor_parts import CameraPart, ImuPart, LidarPart, MountedForceTorque, TactilePart
-from bestman_bt.robot_model.srdf import Srdf, SrdfGroup
-from bestman_bt.robot_model.urdf_elements import child_of, joints_to, parent_of
-from bestman_bt.robot_model.urdf_faults import structure_faults, value_faults
-from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, distinguish_joints, read_subtree
+from bestman_bt.robot_model.urdf_elements import child_of, joints_to, parent_of, structure_faults, value_faults
+from bestman_bt.robot_model.urdf_source import Srdf, SrdfGroup, Subtree, UrdfError, distinguish_joints, read_subtree
 
 # Which joints, and which arm, carry a frame.
 

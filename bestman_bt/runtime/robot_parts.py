@@ -28,20 +28,7 @@ from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.urdf_tree import arm_of
 from bestman_bt.runtime.algorithms import SLOTS, Algorithms
 from bestman_bt.world_model.world_model import WorldModel
-from hal.api import (
-    Arm,
-    Bumper,
-    Camera,
-    ForceTorque,
-    Gripper,
-    Imu,
-    JointGroup,
-    Lidar,
-    MobileBase,
-    Part,
-    Robot,
-    Tactile,
-)
+from hal.api import Arm, Bumper, Camera, ForceTorque, Gripper, Imu, JointGroup, Lidar, MobileBase, Part, Robot, Tactile
 
 PartType = TypeVar("PartType", bound=Part)
 

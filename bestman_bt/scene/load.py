@@ -1,27 +1,36 @@
-"""Scenes from YAML: one file, or one that extends another."""
+"""Scenes from YAML: one file, or one that extends another, and what is placed wrongly in it."""
 
 from __future__ import annotations
 
 import copy
+import itertools
+import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from bestman_bt.configuration.checked import override, salvage
 from bestman_bt.configuration.data import beside, find_data
 from bestman_bt.configuration.document import Document, read_document
-from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
-from bestman_bt.messages import ObjectModel
+from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector, UnreadError, as_far_as_read
+from bestman_bt.messages import Box, Cylinder, Mesh, ObjectModel, Pose, Shape, Sphere
 from bestman_bt.registry import suggestion
 from bestman_bt.scene.apartment_generator.furnish import NEEDED
 from bestman_bt.scene.furniture_file import read_furniture
 from bestman_bt.scene.object_file import read_object
-from bestman_bt.scene.placement_faults import given, placement_faults
-from bestman_bt.scene.scene import FurnitureModel
-from bestman_bt.scene.scene_config import SceneConfig, SceneFile
+from bestman_bt.scene.placing import standing_furniture
+from bestman_bt.scene.plane_geometry import Points, overlap_depth
+from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture, Surface
+from bestman_bt.scene.scene_config import FurniturePlacement, GoalPlacement, ObjectPlacement, SceneConfig, SceneFile
 
 # What types cannot tell of a scene's file: names that clash, what a generator makes.
 
@@ -180,3 +189,228 @@ def _resolved(scene: SceneConfig, problems: list[Problem]) -> SceneConfig:
     scene = replace(scene, furniture=furniture, models=models, goal_models=goal_models, unmapped=unmapped)
     problems += list(placement_faults(scene, document, problems))
     return scene
+
+
+# Faults of placements in a scene: missing surfaces, places off their surface, overlaps.
+
+
+# Furniture that stands in other furniture: its solids compared as upright prisms, part by part.
+
+
+TOLERANCE = 0.005
+"""Metres by which solids may reach into each other: what touches or stands on something else is no fault."""
+_CIRCLE = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+
+
+@dataclass(frozen=True, eq=False)
+class _Prism:
+    """What a part covers seen from above (N, 2), convex and counter-clockwise, and between which heights, metres."""
+
+    outline: Points
+    bottom: float
+    top: float
+
+
+def furniture_overlaps(pieces: Sequence[PlacedFurniture]) -> Iterator[tuple[str, str, float]]:
+    """Yield each two pieces that overlap by more than ``TOLERANCE``, and the depth, metres.
+
+    Pieces are at their nominal poses, doors and drawers at their initial openings. An upright part is exact, a tilted
+    one counts as its enclosing prism.
+    """
+    solids = {piece.name: list(_prisms(piece)) for piece in pieces}
+    for index, later in enumerate(pieces):
+        for earlier in pieces[:index]:
+            depth = max((_depth(a, b) for a, b in product(solids[earlier.name], solids[later.name])), default=0.0)
+            if depth > TOLERANCE:
+                yield earlier.name, later.name, depth
+
+
+def _depth(a: _Prism, b: _Prism) -> float:
+    upright = min(a.top, b.top) - max(a.bottom, b.bottom)
+    return min(upright, overlap_depth(a.outline, b.outline)) if upright > TOLERANCE else 0.0
+
+
+def _prisms(piece: PlacedFurniture) -> Iterator[_Prism]:
+    frame = piece.nominal.to_pose(piece.elevation)
+    bodies = [(frame, piece.model.parts)]
+    bodies += [(frame @ leaf.moved(piece.open.get(leaf.name, 0.0)), leaf.parts) for leaf in piece.model.articulations]
+    for body, parts in bodies:
+        for part in parts:
+            yield _prism(part.shape, body @ part.pose)
+
+
+def _prism(shape: Shape, pose: Pose) -> _Prism:
+    points = pose.apply(_outermost(shape))
+    outline = points[ConvexHull(points[:, :2]).vertices, :2]
+    return _Prism(outline, float(points[:, 2].min()), float(points[:, 2].max()))
+
+
+def _outermost(shape: Shape) -> NDArray[np.float64]:
+    """Points (N, 3) whose hull is that of the shape, in its frame; round ones by points on their rims."""
+    rim = np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE), np.zeros_like(_CIRCLE)])
+    match shape:
+        case Box():
+            return np.array(list(product((-0.5, 0.5), repeat=3))) * shape.size
+        case Cylinder():
+            ends = [shape.radius * rim + (0.0, 0.0, z) for z in (-shape.length / 2, shape.length / 2)]
+            return np.concatenate(ends)
+        case Sphere():
+            return shape.radius * np.concatenate([rim, rim[:, [1, 2, 0]], rim[:, [2, 0, 1]]])
+        case Mesh():
+            return shape.vertices
+
+
+def placement_faults(scene: SceneConfig, document: Document, found: Sequence[Problem]) -> Iterator[Problem]:
+    """Yield all faults of places, each with its line.
+
+    ``found``: known faults, which are left out of ``scene``; their consequences are not reported.
+    """
+    yield from _choice_faults(scene, document)
+    yield from _opening_faults(scene, document)
+    faults = list(_surface_faults(scene, document))
+    yield from faults
+    yield from _object_overlaps(scene, document)
+    for earlier, later, depth in furniture_overlaps(standing_furniture(_rightly_placed(scene, (*found, *faults)))):
+        message = f"stands {100.0 * depth:.1f} cm deep in {earlier!r}; furniture may touch or stand on other furniture"
+        yield document.problem(("furniture", later, "at"), message)
+
+
+def given(entries: Mapping[str, Any], field: str) -> dict[str, Any]:
+    """Name and field of all entries of a mapping in a scene's file whose field could be read."""
+    read = {}
+    for name, entry in entries.items():
+        with suppress(UnreadError):
+            read[name] = getattr(entry, field)
+    return read
+
+
+def _rightly_placed(scene: SceneConfig, found: Sequence[Problem]) -> SceneConfig:
+    """Return the scene with the furniture alone that nothing is wrong with, and that stands on none with faults."""
+    right: dict[str, FurniturePlacement] = {}
+    for name, placement in scene.file.furniture.items():
+        fields = ("furniture", f"furniture.{name}")
+        wrong = any(one.field in fields or one.field.startswith(f"{fields[1]}.") for one in found)
+        if not wrong and name in scene.furniture and (placement.on or name).partition("/")[0] in {*right, name}:
+            right[name] = placement
+    return replace(scene, file=SceneFile(furniture=right))
+
+
+def _choice_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]:
+    for thing in scene.file.objects:
+        written = document.data["objects"][thing]
+        given = [key for key in ("region", "at") if written.get(key) is not None]
+        if not given:
+            yield document.problem(("objects", thing), "one of 'region' and 'at' should be given")
+        elif len(given) == 2:
+            message = "'region' is given too; 'region: null' takes it away"
+            yield document.problem(("objects", thing, "at"), message)
+
+
+def _opening_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]:
+    placed = [("furniture", name, item.open, scene.furniture) for name, item in scene.file.furniture.items()]
+    placed += [("unmapped", name, item.open, scene.unmapped) for name, item in scene.file.unmapped.items()]
+    for kind, piece, opened, models in placed:
+        for name, why in _misopened(piece, opened, models[piece]) if piece in models else ():
+            yield document.problem((kind, piece, "open", name), why)
+    every = {**scene.furniture, **scene.unmapped}
+    doors = [f"{piece}/{leaf.name}" for piece, model in every.items() for leaf in model.articulations]
+    for name in scene.file.moving_doors if scene.file.generator is None else ():
+        if name not in doors and _can_be_judged(name, scene, document):
+            yield document.problem(("moving_doors", name), f"is no door here; {suggestion(name, doors)}")
+
+
+def _surface_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]:
+    asked: list[tuple[str, str, ObjectPlacement | GoalPlacement]] = []
+    asked += [("objects", name, placement) for name, placement in scene.file.objects.items()]
+    asked += [("goals", name, placement) for name, placement in scene.file.goals.items()]
+    for kind, name, placement in asked:
+        yield from _faults_on_surface(scene, document, (kind, name), placement)
+    names = list(scene.file.furniture)
+    for name, on in given(scene.file.furniture, "on").items():
+        below = (on or "").partition("/")[0]
+        if on is None:
+            continue
+        yield from _unknown_surface(scene, document, ("furniture", name, "on"), on)
+        if below in names and names.index(below) >= names.index(name):
+            message = f"{below!r} should be named above what stands on it, got {on!r}"
+            yield document.problem(("furniture", name, "on"), message)
+
+
+@as_far_as_read
+def _faults_on_surface(
+    scene: SceneConfig, document: Document, path: tuple[str, str], placement: ObjectPlacement | GoalPlacement
+) -> Iterator[Problem]:
+    """Of what stands on a surface: one that there is not, and places beside it."""
+    name = placement.surface
+    unknown = list(_unknown_surface(scene, document, (*path, "surface"), name))
+    yield from unknown
+    if unknown or name.partition("/")[0] not in scene.furniture:
+        return
+    _, surface = scene.surface(name)
+    at = placement.at if isinstance(placement, ObjectPlacement) else None
+    if at is not None and _is_beside([(at[0], at[0]), (at[1], at[1])], surface):
+        yield document.problem((*path, "at"), _beside(name, surface))
+    if placement.region is not None and _is_beside([placement.region.x, placement.region.y], surface):
+        yield document.problem((*path, "region"), _beside(name, surface))
+
+
+def _unknown_surface(
+    scene: SceneConfig, document: Document, path: tuple[str, str, str], name: str
+) -> Iterator[Problem]:
+    try:
+        scene.surface(name)
+    except KeyError as error:
+        if name == "floor":
+            remedy = "leave 'on' out" if path[0] == "furniture" else "name a surface of furniture, such as table/top"
+            what = "furniture without 'on' stands there" if path[0] == "furniture" else "nothing lies there"
+            yield document.problem(path, f"the floor is no surface: {what}; {remedy}")
+        elif _can_be_judged(name, scene, document):
+            yield document.problem(path, str(error.args[0]))
+
+
+def _can_be_judged(name: str, scene: SceneConfig, document: Document) -> bool:
+    """Return whether it can be said that there is no ``piece/part``: not where the piece itself could not be read."""
+    written = [document.data.get(kind) for kind in ("furniture", "unmapped")]
+    piece, read = name.partition("/")[0], {*scene.furniture, *scene.unmapped}
+    unread = [pieces is not None and (not isinstance(pieces, dict) or piece in {*pieces} - read) for pieces in written]
+    return not scene.unread_base and not any(unread)
+
+
+def _is_beside(ranges: Sequence[tuple[float, float]], surface: Surface) -> bool:
+    """Return whether no point with coordinates in ``ranges`` lies over the surface."""
+    sizes = zip(ranges, surface.size, strict=True)
+    return any(lower > size / 2 or upper < -size / 2 for (lower, upper), size in sizes)
+
+
+def _beside(name: str, surface: Surface) -> str:
+    x, y = (50.0 * size for size in surface.size)
+    reach = f"from {-x:.4g} to {x:.4g} cm along its x, from {-y:.4g} to {y:.4g} cm along its y"
+    return f"lies beside {name!r}, which reaches {reach}"
+
+
+def _object_overlaps(scene: SceneConfig, document: Document) -> Iterator[Problem]:
+    """Of objects that stand exactly somewhere: circles that lie within both of their outlines overlap."""
+    surfaces, places = given(scene.file.objects, "surface"), given(scene.file.objects, "at")
+    placed = {
+        name: (surface, places[name])
+        for name, surface in surfaces.items()
+        if places[name] is not None and name in scene.models
+    }
+    for (earlier, (surface, here)), (later, (other, there)) in itertools.combinations(placed.items(), 2):
+        radii = sum(float(scene.models[name].size[:2].min()) / 2 for name in (earlier, later))
+        depth = radii - math.dist(here[:2], there[:2])
+        if surface == other and depth > 0.0:
+            message = f"stands {100.0 * depth:.1f} cm deep in {earlier!r}; each object needs a place of its own"
+            yield document.problem(("objects", later, "at"), message)
+
+
+def _misopened(piece: str, opened: Mapping[str, float], model: FurnitureModel) -> Iterator[tuple[str, str]]:
+    """Names of doors and drawers that cannot stand open as asked, and why."""
+    leaves = {leaf.name: leaf for leaf in model.articulations}
+    for name, position in opened.items():
+        if name not in leaves:
+            yield name, f"{piece!r} has no door or drawer {name!r}; {suggestion(name, list(leaves))}"
+        elif not 0.0 <= position <= leaves[name].upper:
+            scale, unit = (math.degrees(1.0), " deg") if leaves[name].kind == "revolute" else (100.0, " cm")
+            upper, asked = scale * leaves[name].upper, scale * position
+            yield name, f"opens from 0 to {upper:.4g}{unit}, got {asked:.4g}{unit}"

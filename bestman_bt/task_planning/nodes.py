@@ -25,9 +25,8 @@ from bestman_bt.facts.predicate import Beliefs
 from bestman_bt.registry import PREDICATES, UnknownNameError
 from bestman_bt.task_planning.base import TaskPlanner, made_planner
 from bestman_bt.task_planning.builders.base import made_builder
-from bestman_bt.task_planning.builders.plan_tree import PlanTree
+from bestman_bt.task_planning.builders.plan_tree import PlanTree, steps_one_by_one
 from bestman_bt.task_planning.builders.regression import Kernel, staircase
-from bestman_bt.task_planning.builders.steps import steps_one_by_one
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
 from bestman_bt.task_planning.state import holds

@@ -28,7 +28,7 @@ from bestman_bt.engine import (
     load_tree,
 )
 from bestman_bt.registry import suggestion
-from bestman_bt.task_planning.builders.steps import depend
+from bestman_bt.task_planning.builders.plan_tree import depend
 from bestman_bt.task_planning.simulation import SymbolicWorld, dry_run
 from bestman_bt.task_planning.symbolic.grounding import instantiate
 from bestman_bt.task_planning.symbolic.problem import Action, Operator, PlanningError, PlanningProblem

@@ -29,7 +29,7 @@ from bestman_bt.messages.shapes import (
     check_bounds,
 )
 from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
-from bestman_bt.navigation.localization.distance_field import DistanceField
+from bestman_bt.navigation.localization.correlative_search import DistanceField
 from bestman_bt.navigation.localization.map_lines import PlanarMap
 
 

@@ -22,8 +22,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from bestman_bt.messages.shapes import Count, Positive, Share, WholeNumber
-from bestman_bt.navigation.global_planning.polyline_planner import PolylinePlanner
-from bestman_bt.navigation.global_planning.room import FreeSpace
+from bestman_bt.navigation.global_planning.polyline_planner import FreeSpace, PolylinePlanner
 
 _NEAR = 0.3
 """Metres beyond the distance at which the base can turn that count as near an obstacle."""

@@ -7,18 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from bestman_bt.robot_model.model import BaseModel, GripperModel, JointedModel
-from hal.api import (
-    Camera,
-    ForceTorque,
-    Gripper,
-    Imu,
-    JointGroup,
-    Lidar,
-    MobileBase,
-    Robot,
-    Tactile,
-    UnknownPartError,
-)
+from hal.api import Camera, ForceTorque, Gripper, Imu, JointGroup, Lidar, MobileBase, Robot, Tactile, UnknownPartError
 from hal.conformance.requirement import ConformanceError, require, require_refusal
 from hal.conformance.subject import BASES, GRIPPERS, GROUPS, Check, parts_of
 

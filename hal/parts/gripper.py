@@ -8,15 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bestman_bt.robot_model.model import GripperModel
-from hal.api import (
-    CommandRefusedError,
-    Failure,
-    Gripper,
-    GripperState,
-    Motion,
-    MotionErrorCode,
-    MotionStatus,
-)
+from hal.api import CommandRefusedError, Failure, Gripper, GripperState, Motion, MotionErrorCode, MotionStatus
 from hal.parts.channels import GripperChannel, GripperReading, StoppablePart
 from hal.parts.stop_latch import StopLatch
 

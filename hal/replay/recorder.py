@@ -15,18 +15,7 @@ from typing import Any
 
 from typing_extensions import override
 
-from hal.api import (
-    ForceTorque,
-    Gripper,
-    JointGroup,
-    MobileBase,
-    Motion,
-    Part,
-    Robot,
-    RobotError,
-    Sensor,
-    Timer,
-)
+from hal.api import ForceTorque, Gripper, JointGroup, MobileBase, Motion, Part, Robot, RobotError, Sensor, Timer
 from hal.parts.channels import interface_of, stand_in
 from hal.parts.simulated_clock import SimulatedClock
 from hal.replay.tape import error_to_json, to_json

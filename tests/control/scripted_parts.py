@@ -11,16 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from bestman_bt.messages import JointTrajectory, LaserScan, Pose2D, Twist2D
 from bestman_bt.navigation.localization.scan_to_map import cast_rays
 from bestman_bt.robot_model.model import BaseModel
-from hal.api import (
-    Arm,
-    CommandRefusedError,
-    Gripper,
-    GripperState,
-    Lidar,
-    MobileBase,
-    Motion,
-    MotionErrorCode,
-)
+from hal.api import Arm, CommandRefusedError, Gripper, GripperState, Lidar, MobileBase, Motion, MotionErrorCode
 from hal.parts.simulated_clock import SimulatedClock
 from tests.robot_models import arm_model, base_model, gripper_model
 

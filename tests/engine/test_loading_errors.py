@@ -7,15 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.engine import (
-    SUCCESS,
-    NodeRegistry,
-    PortInformation,
-    SyncAction,
-    TreeLoadError,
-    build_tree,
-    load_tree,
-)
+from bestman_bt.engine import SUCCESS, NodeRegistry, PortInformation, SyncAction, TreeLoadError, build_tree, load_tree
 from bestman_bt.engine.errors import TreeProblem
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.engine import NodeRegistry, StatefulAction, SyncAction, Tree, load_tree
-from bestman_bt.engine.reachability import possible_results, unreachable_children
+from bestman_bt.engine.coverage import possible_results, unreachable_children
 from tests.engine.planned_leaves import LETTERS
 
 S, F, A, C = "<AlwaysSuccess/>", "<AlwaysFailure/>", "<Act/>", "<Ask/>"

@@ -10,13 +10,7 @@ import pytest
 
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, ManualClock, load_tree
 from bestman_bt.engine.logs.btlog import BtLog, BtLogWriter, read_btlog
-from bestman_bt.engine.logs.segmented_file import (
-    SMALLEST,
-    SegmentedFile,
-    full_segments,
-    read_segment,
-    read_segments,
-)
+from bestman_bt.engine.logs.segmented_file import SMALLEST, SegmentedFile, full_segments, read_segment, read_segments
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Repeat num_cycles="-1"><Sequence>
   <AlwaysSuccess name="a"/><Sleep msec="100" name="b"/></Sequence></Repeat></BehaviorTree></root>"""

@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.evaluation.suite import EntryConfig, Spread, Successes, load_suite
-from bestman_bt.evaluation.targets import check_targets
+from bestman_bt.evaluation.suite import EntryConfig, Spread, Successes, check_targets, load_suite
 
 
 def summary(succeeded: int, episodes: int, **other: Any) -> dict[str, Any]:

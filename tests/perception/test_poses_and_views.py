@@ -14,11 +14,7 @@ from bestman_bt.perception.pose_estimation.model_surface import model_surface
 from bestman_bt.perception.pose_estimation.multi_start import covariance_in_frame
 from bestman_bt.perception.pose_estimation.multi_view import pooled
 from bestman_bt.perception.pose_estimation.point_to_plane import into_model
-from bestman_bt.perception.pose_estimation.registration import (
-    Registration,
-    end_aligned_poses,
-    yaw_difference,
-)
+from bestman_bt.perception.pose_estimation.registration import Registration, end_aligned_poses, yaw_difference
 from bestman_bt.perception.pose_estimation.yaw_profile import YawProfile
 from bestman_bt.perception.segmentation.base import Cluster, SupportPlane, voxel_means
 from bestman_bt.perception.segmentation.horizontal_plane import least_squares_plane, rectangle

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.robot_model.srdf import read_srdf
-from bestman_bt.robot_model.urdf_source import UrdfError, locate_mesh, locate_urdf, read_subtree
+from bestman_bt.robot_model.urdf_source import UrdfError, locate_mesh, locate_urdf, read_srdf, read_subtree
 from bestman_bt.robot_model.urdf_tree import UrdfTree
 from tests.robot_model.small_robot import SRDF, arm_urdf, written
 

@@ -12,8 +12,7 @@ from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.quantity import parse_quantity
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import BaseModel, GripperModel
-from bestman_bt.robot_model.srdf import read_srdf
-from bestman_bt.robot_model.urdf_source import UrdfError, locate_urdf
+from bestman_bt.robot_model.urdf_source import UrdfError, locate_urdf, read_srdf
 from bestman_bt.runtime.part_import import ImportedPart, PartRequest, import_part
 from tests.robot_model.small_robot import JOINTS, SRDF, arm_urdf, written
 

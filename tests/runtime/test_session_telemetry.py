@@ -11,15 +11,7 @@ from PIL import Image
 from behaviours.manipulation.move_arm import MoveArm
 from behaviours.skill import ErrorReporting
 from bestman_bt.engine import Sequence, SyncAction
-from bestman_bt.records.events import (
-    EndEvent,
-    Event,
-    ImageEvent,
-    MapEvent,
-    RobotEvent,
-    RunEvent,
-    ScanEvent,
-)
+from bestman_bt.records.events import EndEvent, Event, ImageEvent, MapEvent, RobotEvent, RunEvent, ScanEvent
 from bestman_bt.records.reader import read_events, read_log
 from bestman_bt.runtime.robot_session import RobotSession, session
 

@@ -10,12 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.control.arm.arm_coordinator import ArmCoordinator
-from bestman_bt.control.arm.constraint_following import (
-    ConstraintFollowing,
-    FollowedMotion,
-    FollowGoal,
-    Following,
-)
+from bestman_bt.control.arm.constraint_following import ConstraintFollowing, FollowedMotion, FollowGoal, Following
 from bestman_bt.control.arm.guarded_move import (
     GuardedMove,
     GuardedOutcome,

@@ -12,7 +12,7 @@ from itertools import zip_longest
 from typing import Any, Final
 
 from bestman_bt.engine.graphics import NodeBox, render_boxes
-from bestman_bt.engine.models.placeholders import KINDS
+from bestman_bt.engine.models.node_models import KINDS
 from bestman_bt.engine.xml.documents import Documents
 from bestman_bt.engine.xml.elements import Element
 

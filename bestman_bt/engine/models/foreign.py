@@ -16,9 +16,8 @@ from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.errors import TreeProblem
 from bestman_bt.engine.loading import load_tree
-from bestman_bt.engine.models.node_models import Models, seen_ports, with_foreign
+from bestman_bt.engine.models.node_models import Models, is_placeholder, placeholder, seen_ports, with_foreign
 from bestman_bt.engine.models.package import Package
-from bestman_bt.engine.models.placeholders import is_placeholder, placeholder
 from bestman_bt.engine.xml.checking import Checker
 from bestman_bt.engine.xml.documents import Documents, TreeDefinition, read_documents
 from bestman_bt.engine.xml.elements import Element

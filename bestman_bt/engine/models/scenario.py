@@ -20,7 +20,7 @@ from bestman_bt.engine.core.registry import NodeInfo, make_info
 from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.leaves.base import StatefulAction
 from bestman_bt.engine.models.foreign import Placeholders
-from bestman_bt.engine.models.placeholders import PlaceholderControl, PlaceholderDecorator
+from bestman_bt.engine.models.node_models import PlaceholderControl, PlaceholderDecorator
 from bestman_bt.engine.status import FAILURE, RUNNING, STATUS_NAMES, SUCCESS, NodeStatus
 from bestman_bt.engine.substitution import SubstitutionRules
 from bestman_bt.engine.xml.checking import Checker

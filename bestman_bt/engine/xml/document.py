@@ -180,7 +180,9 @@ class _DocumentReader:
             content.append(XmlText(text, self.verbatim))
 
 
-# The canonical form of a tree file, for rewriting it in a normal form.
+# The canonical form of a tree file, for rewriting it in a normal form: UTF-8 with a declaration, four spaces per level,
+# one element or comment per line, double quotes, one space between attributes, ``<A/>`` for empty elements. Order,
+# comments, names and values are preserved; text between elements stays on one line with its element.
 
 
 def canonical(document: XmlDocument) -> str:

@@ -18,11 +18,7 @@ from numpy.typing import NDArray
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
-from bestman_bt.manipulation.policy.errors import (
-    PolicyActionError,
-    PolicyModelError,
-    PolicyObservationError,
-)
+from bestman_bt.manipulation.policy.errors import PolicyActionError, PolicyModelError, PolicyObservationError
 from bestman_bt.manipulation.policy.features import feature_vector
 from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
 

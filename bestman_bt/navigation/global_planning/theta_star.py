@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.navigation.global_planning.grid_search import Cell, cheapest_way, search_in_corridor
-from bestman_bt.navigation.global_planning.polyline_planner import PolylinePlanner
-from bestman_bt.navigation.global_planning.room import FreeSpace
+from bestman_bt.navigation.global_planning.polyline_planner import FreeSpace, PolylinePlanner
 
 
 @dataclass(frozen=True)

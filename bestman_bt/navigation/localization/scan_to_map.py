@@ -20,13 +20,7 @@ from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import Count, NonNegative, NotBelow, Positive, Share
 from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch, checked_std
 from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines, open_furniture, within
-from bestman_bt.navigation.localization.pose_uncertainty import (
-    WEAK_PRIOR,
-    deviation,
-    difference,
-    driven_on,
-    inverse,
-)
+from bestman_bt.navigation.localization.pose_uncertainty import WEAK_PRIOR, deviation, difference, driven_on, inverse
 
 
 @dataclass(eq=False)

@@ -114,7 +114,8 @@ class LineReference:
         return ScanAlignment(Pose2D(x, y, wrap_angle(theta)), information, count / max(len(scan), 1), residual)
 
 
-# Oriented points: the hits of a scan, each with the normal of its surface.
+# Oriented points: the hits of a scan, each with the normal of its surface. The normal faces the lidar, so that the two
+# faces of a thin wall are distinct.
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,8 @@ from bestman_bt.messages import Handle, Pose
 from bestman_bt.messages.handle import HandleKind, HingeSide, JointKind
 from bestman_bt.perception.affordance.fronts import FrontPlane, FrontSearch
 from bestman_bt.perception.affordance.grooves import GrooveSearch
-from bestman_bt.perception.affordance.panel_borders import BorderSearch, PanelBorders, Side
 from bestman_bt.perception.affordance.protrusions import HandleOnFront, ProtrusionSearch
-from bestman_bt.perception.affordance.rectified import RectifiedFront, rectify, relief
+from bestman_bt.perception.affordance.rectified import BorderSearch, PanelBorders, RectifiedFront, Side, rectify, relief
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.segmentation.base import SupportPlane
 from bestman_bt.perception.view import View

@@ -12,9 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.perception.affordance.panel_borders import BorderSearch, PanelBorders, Side
 from bestman_bt.perception.affordance.protrusions import HandleOnFront
-from bestman_bt.perception.affordance.rectified import HeightMap, RectifiedFront
+from bestman_bt.perception.affordance.rectified import BorderSearch, HeightMap, PanelBorders, RectifiedFront, Side
 
 Kind = Literal["notch", "slot", "strip"]
 

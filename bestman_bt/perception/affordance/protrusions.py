@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages.handle import HandleKind
-from bestman_bt.perception.affordance.panel_borders import PanelBorders
-from bestman_bt.perception.affordance.rectified import HeightMap
+from bestman_bt.perception.affordance.rectified import HeightMap, PanelBorders
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,7 @@ from scipy.spatial.transform import Rotation
 from typing_extensions import override
 
 from bestman_bt.messages import Pose
-from bestman_bt.perception.calibration.boards import (
-    CalibrationError,
-    ContradictingViewsError,
-    DegenerateMotionError,
-)
+from bestman_bt.perception.calibration.boards import CalibrationError, ContradictingViewsError, DegenerateMotionError
 from bestman_bt.perception.calibration.hand_eye_refinement import HandEyeNoise, Refined, mean_target, refine, whitened
 
 LARGEST_ANGLE = math.radians(170.0)

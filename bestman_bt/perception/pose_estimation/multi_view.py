@@ -21,11 +21,7 @@ from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.pose_estimation.base import PoseHypothesis
 from bestman_bt.perception.pose_estimation.evidence import PoseEvidence, color_distance
 from bestman_bt.perception.pose_estimation.model_surface import ModelSurface, model_palette
-from bestman_bt.perception.pose_estimation.multi_start import (
-    MultiStart,
-    SeenCluster,
-    covariance_in_frame,
-)
+from bestman_bt.perception.pose_estimation.multi_start import MultiStart, SeenCluster, covariance_in_frame
 from bestman_bt.perception.pose_estimation.registration import Fit
 from bestman_bt.perception.pose_estimation.yaw_profile import YawProfile
 from bestman_bt.perception.segmentation.base import Cluster, SupportPlane

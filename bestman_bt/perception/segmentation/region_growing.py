@@ -33,6 +33,10 @@ from bestman_bt.perception.view import View
 class FragmentMerging:
     """Rules for merging smooth fragments into objects. Lengths in metres.
 
+    Three reasons join two pieces. Seen from above one lies over the other: the head and the body of a duck. One is the
+    hollow inside of what stands before it: the far wall of a cup. One does not reach down to the surface though nothing
+    hides its lower end: a handle, so it hangs on its neighbour.
+
     ``merge_overlap``: minimum overlap of two footprints of one object, as a fraction of the smaller one.
     ``hollow_depth``: minimum depth of the middle of a hollow below its sides; ``rim_tolerance``: maximum height
     difference between its rim and the wall in front of it. ``foot_height``: a fragment whose lowest points are higher

@@ -1,4 +1,4 @@
-"""Trees that execute a plan, as self-contained XML and as nodes, and that replan when it fails."""
+"""Plans as steps, and trees that execute them, as self-contained XML and as nodes, and replan when they fail."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from typing import Any
 from bestman_bt.configuration.data import shipped_trees
 from bestman_bt.engine import NodeRegistry, Tree, XmlDocument, XmlElement, load_tree, tree_to_xml
 from bestman_bt.engine.xml.document import XmlItem, XmlText
-from bestman_bt.task_planning.builders.steps import PlanStep
 from bestman_bt.task_planning.limits import PlanLimits
-from bestman_bt.task_planning.symbolic.problem import Action, Literal, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, TaskPlan
 
 ABILITIES_FILE = "subtrees/abilities.xml"
 """Where the shipped abilities are, in the folder of trees."""
@@ -136,3 +135,68 @@ def with_replanning(
     document.root.content.insert(0, XmlElement("include", {"path": PLAN_AND_EXECUTE_FILE}))
     document.root.content.append(XmlElement("BehaviorTree", {"ID": RUN_ID}, [either]))
     return tree_to_xml(load_tree(document.to_xml(), registry, search_path=shipped_trees()))
+
+
+# Plans as steps: independent actions that use different parts of the robot run in parallel.
+
+
+@dataclass(frozen=True)
+class PlanStep:
+    """One action, or several independent ones in parallel."""
+
+    actions: tuple[Action, ...]
+
+    def __str__(self) -> str:
+        return " beside ".join(str(action) for action in self.actions)
+
+    @property
+    def pre(self) -> frozenset[Literal]:
+        """The preconditions of the step."""
+        return frozenset().union(*(action.pre for action in self.actions))
+
+    @property
+    def effects(self) -> frozenset[Literal]:
+        """The effects of the step."""
+        return frozenset().union(*(action.effects for action in self.actions))
+
+    @property
+    def alone(self) -> tuple[PlanStep, ...]:
+        """The actions of a parallel step as separate steps, used when the other actions are done; empty for one
+        action.
+        """
+        return tuple(PlanStep((action,)) for action in self.actions) if len(self.actions) > 1 else ()
+
+
+def steps_one_by_one(plan: TaskPlan) -> tuple[PlanStep, ...]:
+    """Return each action as a step."""
+    return tuple(PlanStep((action,)) for action in plan.actions)
+
+
+def steps_side_by_side(plan: TaskPlan) -> tuple[PlanStep, ...]:
+    """Return steps in which each action is placed after everything that it depends on, as early as possible.
+
+    Two actions that depend on each other, or use the same part, keep their order.
+    """
+    steps: list[list[Action]] = []
+    for action in plan.actions:
+        last = max((i for i, step in enumerate(steps) if any(depend(other, action) for other in step)), default=-1)
+        if last + 1 == len(steps):
+            steps.append([])
+        steps[last + 1].append(action)
+    return tuple(PlanStep(tuple(step)) for step in steps)
+
+
+def depend(first: Action, second: Action) -> bool:
+    """Return whether the order of two actions matters; an action without declared parts may use any."""
+    if not first.parts or not second.parts or set(first.parts) & set(second.parts):
+        return True
+    changes, needs = _changed(first), _needed(first)
+    return bool(changes & (_changed(second) | _needed(second)) or needs & _changed(second))
+
+
+def _changed(action: Action) -> frozenset[Fact]:
+    return action.add | action.delete
+
+
+def _needed(action: Action) -> frozenset[Fact]:
+    return frozenset(literal.fact for literal in action.pre)

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 from bestman_bt.engine import XmlElement
 from bestman_bt.task_planning.builders.base import TreeBuilder
-from bestman_bt.task_planning.builders.plan_tree import Writer
+from bestman_bt.task_planning.builders.plan_tree import Writer, steps_one_by_one, steps_side_by_side
 from bestman_bt.task_planning.builders.regression import staircase
-from bestman_bt.task_planning.builders.steps import steps_one_by_one, steps_side_by_side
 from bestman_bt.task_planning.symbolic.problem import Literal, TaskPlan
 
 

@@ -11,7 +11,7 @@ import operator
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from bestman_bt.task_planning.builders.steps import PlanStep
+from bestman_bt.task_planning.builders.plan_tree import PlanStep
 from bestman_bt.task_planning.symbolic.problem import Fact, Literal, PlanningError
 
 Kernel = frozenset[Literal]

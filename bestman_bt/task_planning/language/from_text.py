@@ -177,7 +177,7 @@ def plan_from_text(
     return Proposal(meant, plan, usage)
 
 
-# Checks of answers before they become a tree: the goal is valid, the steps are feasible and reach it within the
+# Checks of answers before they become a tree: the goal is valid, the steps are feasible and reach it within the limits.
 
 
 def checked_goal(problem: PlanningProblem, answer: GoalAnswer) -> PlanningProblem:

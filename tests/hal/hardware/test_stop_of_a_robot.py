@@ -13,15 +13,7 @@ from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from bestman_bt.robot_model.model import RobotModel
-from hal.api import (
-    CommandRefusedError,
-    Failure,
-    Gripper,
-    MobileBase,
-    MotionErrorCode,
-    MotionStatus,
-    NotConnectedError,
-)
+from hal.api import CommandRefusedError, Failure, Gripper, MobileBase, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.hardware.connection import Connection, PartFactory
 from hal.hardware.robot import HardwareRobot
 from hal.parts.channels import BaseChannel, BaseReading, GripperChannel, GripperReading

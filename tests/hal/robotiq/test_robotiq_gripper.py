@@ -18,14 +18,7 @@ import pytest
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from bestman_bt.robot_model.model import GripperModel, RobotModel
-from hal.api import (
-    CommandRefusedError,
-    Gripper,
-    GripperState,
-    Motion,
-    MotionErrorCode,
-    MotionStatus,
-)
+from hal.api import CommandRefusedError, Gripper, GripperState, Motion, MotionErrorCode, MotionStatus
 from hal.hardware.robot import HardwareRobot
 from hal.parts.gripper import CommandedGripper
 from hal.parts.part_connection import ConnectionFailedError

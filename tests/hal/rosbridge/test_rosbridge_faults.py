@@ -6,27 +6,11 @@ import pytest
 
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.sensor_parts import LidarPart
-from hal.api import (
-    Camera,
-    CommandRefusedError,
-    Lidar,
-    MobileBase,
-    MotionErrorCode,
-    MotionStatus,
-    NoDataError,
-)
+from hal.api import Camera, CommandRefusedError, Lidar, MobileBase, MotionErrorCode, MotionStatus, NoDataError
 from hal.hardware.robot import HardwareRobot
 from hal.parts.part_connection import ConnectionFailedError
 from hal.twins.process import TwinProcess
-from tests.hal.twinned import (
-    disconnected,
-    ended,
-    stopped_within,
-    strike,
-    twin_settings,
-    wait_for,
-    works_again,
-)
+from tests.hal.twinned import disconnected, ended, stopped_within, strike, twin_settings, wait_for, works_again
 from tests.rigs.twinned_robots import PLATFORM, ROS, base_comes_to_rest, turn
 
 pytestmark = pytest.mark.real_time

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from bestman_bt.messages import LaserScan, OccupancyGrid, Pose2D
-from bestman_bt.navigation.localization.distance_field import DistanceField
+from bestman_bt.navigation.localization.correlative_search import DistanceField
 from bestman_bt.navigation.localization.scan_to_map import cast_rays
 from bestman_bt.world_model.semantic_map import SemanticMap
 

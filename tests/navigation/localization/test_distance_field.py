@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.navigation.localization.distance_field import DistanceField
+from bestman_bt.navigation.localization.correlative_search import DistanceField
 from bestman_bt.world_model.semantic_map import SemanticMap
 from tests.navigation.localization.simulated_scans import grid_of
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.perception.affordance.panel_borders import PanelBorders
 from bestman_bt.perception.affordance.protrusions import HandleOnFront
+from bestman_bt.perception.affordance.rectified import PanelBorders
 
 PANEL = PanelBorders(-0.4, 0.4, -0.1, 0.1)
 

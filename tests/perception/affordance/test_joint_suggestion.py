@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.perception.affordance.front_handles import JointRules
-from bestman_bt.perception.affordance.panel_borders import PanelBorders
+from bestman_bt.perception.affordance.rectified import PanelBorders
 
 RULES = JointRules()
 SEEN = (np.array([-1.0, -1.0]), np.array([1.0, 1.0]))

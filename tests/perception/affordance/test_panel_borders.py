@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.perception.affordance.panel_borders import BorderSearch, PanelBorders
-from bestman_bt.perception.affordance.rectified import RectifiedFront
+from bestman_bt.perception.affordance.rectified import BorderSearch, PanelBorders, RectifiedFront
 
 CELL = 0.004
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from bestman_bt.perception.affordance.front_handles import parted
-from bestman_bt.perception.affordance.panel_borders import PanelBorders
 from bestman_bt.perception.affordance.protrusions import HandleOnFront
+from bestman_bt.perception.affordance.rectified import PanelBorders
 
 WHOLE = PanelBorders(-0.4, 0.4, 0.0, 0.75)
 """A chest without visible seams."""

@@ -14,11 +14,10 @@ from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, NodeRegistry
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.builders.backchain import BackchainBuilder
 from bestman_bt.task_planning.builders.base import TreeBuilder
-from bestman_bt.task_planning.builders.plan_tree import with_replanning
+from bestman_bt.task_planning.builders.plan_tree import depend, steps_one_by_one, steps_side_by_side, with_replanning
 from bestman_bt.task_planning.builders.reactive import ReactiveBuilder
 from bestman_bt.task_planning.builders.regression import kernels, staircase
 from bestman_bt.task_planning.builders.sequence import SequenceBuilder
-from bestman_bt.task_planning.builders.steps import depend, steps_one_by_one, steps_side_by_side
 from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.simulation import SymbolicWorld, dry_run, load_simulated
 from bestman_bt.task_planning.symbolic.facts import parse_literals

@@ -12,11 +12,7 @@ import pytest
 
 from bestman_bt.task_planning.language.chat import ChatRequest, Message
 from bestman_bt.task_planning.language.endpoint import ApiKey, EndpointAddress, EndpointLimits, HttpEndpoint
-from bestman_bt.task_planning.language.errors import (
-    EndpointNotSetError,
-    EndpointReplyError,
-    EndpointUnreachableError,
-)
+from bestman_bt.task_planning.language.errors import EndpointNotSetError, EndpointReplyError, EndpointUnreachableError
 from tests.answering_server import (
     Handler,
     Server,
