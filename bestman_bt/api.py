@@ -95,10 +95,10 @@ def evaluate(  # noqa: PLR0913 - the options of bestman-bt eval, each by its nam
 class Session(AbstractContextManager["Session"]):
     """A robot in a world, ready to run judged trees: ``with Session(scene="kitchen", seed=1) as session:``.
 
-    The arguments are those of ``runtime.session``: a ``task`` sets goal and limits, and the robot and scene unless they
-    are given; without a task they default to diff_panda and the kitchen. Entering the context connects the robot;
-    leaving it always stops and disconnects the robot. Entering raises ConfigurationError listing every fault before
-    anything starts.
+    The arguments are those of ``runtime.robot_session.session``: a ``task`` sets goal and limits, and the robot and
+    scene unless they are given; without a task they default to diff_panda and the kitchen. Entering the context
+    connects the robot; leaving it always stops and disconnects the robot. Entering raises ConfigurationError listing
+    every fault before anything starts.
     """
 
     def __init__(

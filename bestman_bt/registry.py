@@ -396,12 +396,14 @@ def part(kind: str) -> Callable[[T], T]:
 
 
 def simulated_sensor(kind: str) -> Callable[[T], T]:
-    """Register the decorated ``hal.simulation.SimulatedSensor`` for a kind of part: ``@simulated_sensor("kind")``."""
+    """Register the decorated ``hal.simulation.sensor_pipeline.SimulatedSensor`` for a kind of part:
+    ``@simulated_sensor("kind")``.
+    """
     return SIMULATED_SENSORS.adding(kind)
 
 
 def connection(driver: str) -> Callable[[T], T]:
-    """Register the decorated ``hal.hardware.Connection`` as a driver: ``@connection("driver")``."""
+    """Register the decorated ``hal.hardware.connection.Connection`` as a driver: ``@connection("driver")``."""
     return CONNECTIONS.adding(driver)
 
 

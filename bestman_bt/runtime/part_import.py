@@ -323,7 +323,8 @@ def base_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
     if len(wheels) == 4:
         notes.append(
             f"'turning_slip: {GUESSED_SLIP:g}' and 'rotor_inertia' are guesses: "
-            "control.wheeled.measure_turning_slip measures how much wider the track seems in turns"
+            "measure_turning_slip of bestman_bt.control.wheeled.turning_slip measures how much wider the track seems "
+            "in turns"
         )
     fields: dict[str, Any] = {
         "drive": "differential" if len(wheels) == 2 else "skid",

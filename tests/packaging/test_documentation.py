@@ -7,6 +7,7 @@ import re
 import runpy
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -245,3 +246,41 @@ def test_the_files_of_where_do_i_change_are_there() -> None:
     named = re.findall(r"`([\w/]+(?:/|\.\w+))`", table)
     assert len(named) >= 30
     assert [name for name in named if not (CHECKOUT / name).exists()] == []
+
+
+PACKAGES = ("bestman_bt", "behaviours", "hal")
+SUB_PACKAGES = sorted(f.parent.name for package in PACKAGES for f in (CHECKOUT / package).glob("*/__init__.py"))
+WHOLE_NAME = re.compile(rf"(?<![\w./:-])(?:{'|'.join(PACKAGES)})(?:\.(?!md\b|py\b)[A-Za-z_]\w*)+")
+SHORT_NAME = re.compile(rf"(?<=`)(?:{'|'.join(SUB_PACKAGES)})(?:\.[A-Za-z_]\w*)+(?=[`(\[ ])")
+NO_NAMES = {"control.sock", "parts.arm.xyz", "simulation.actor", "bestman_bt.scene.walker", "behaviours.grasp"}
+NO_NAMES |= {f"world_model.{attribute}" for attribute in ("obstacles", "occupancy", "articulations")}
+"""A file, a key of a robot file, attributes of objects, and old modules in an error that docs/migration.md quotes."""
+
+
+@cache
+def is_defined(name: str) -> bool:
+    """Whether a dotted name is a module of the checkout or is defined in one; nothing is imported."""
+    place, parts = CHECKOUT, name.split(".")
+    while parts and (place / parts[0]).is_dir():
+        place /= parts.pop(0)
+    if parts and (module := place / f"{parts[0]}.py").is_file():
+        return len(parts) == 1 or bool(re.search(rf"^(def |class )?{parts[1]}\b", module.read_text(), re.MULTILINE))
+    return not parts or bool(re.search(rf"\b{parts[0]}\b", (place / "__init__.py").read_text()))
+
+
+def test_the_dotted_names_in_pages_docstrings_and_messages_exist() -> None:
+    files = [CHECKOUT / "README.md", CHECKOUT / "CONTRIBUTING.md", *DOCS.rglob("*.md")]
+    files += [file for package in PACKAGES for file in (CHECKOUT / package).rglob("*.py")]
+    texts = {file: re.sub(r"^\s*(from|import) .*", "", file.read_text(), flags=re.MULTILINE) for file in files}
+    old_names = re.compile(r"^\|.*? \|", re.MULTILINE)
+    texts[DOCS / "migration.md"] = old_names.sub("", texts[DOCS / "migration.md"])
+    groups = {group for text in texts.values() for group in re.findall(r'Registry\(\s*"([\w.]+)"', text)}
+    named = [(file, name, [name]) for file, text in texts.items() for name in WHOLE_NAME.findall(text)]
+    for file, text in texts.items():
+        named += [(file, name, [f"{package}.{name}" for package in PACKAGES]) for name in SHORT_NAME.findall(text)]
+    assert len(named) > 500
+    assert [
+        f"{file.relative_to(CHECKOUT)}: {name}"
+        for file, name, meant in named
+        if name not in NO_NAMES | groups and not any(is_defined(one) for one in meant)
+    ] == []

@@ -16,8 +16,14 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 from weakref import WeakKeyDictionary
 
-from py_trees import behaviours, composites, decorators, timers
+from py_trees import composites, decorators, timers
 from py_trees.behaviour import Behaviour
+from py_trees.behaviours import (
+    CheckBlackboardVariableExists,
+    CheckBlackboardVariableValue,
+    CheckBlackboardVariableValues,
+    CompareBlackboardVariables,
+)
 from py_trees.common import Status as PyTreesStatus
 
 from bestman_bt.engine.core.node import Node, line_that_makes
@@ -150,10 +156,10 @@ _ADAPTERS: Final[dict[Any, type[PyTreesBehaviour]]] = {
     composites.Parallel: NativeParallel,
     composites.Composite: NativeComposite,
     decorators.Decorator: NativeDecorator,
-    behaviours.CheckBlackboardVariableExists: NativeCondition,
-    behaviours.CheckBlackboardVariableValue: NativeCondition,
-    behaviours.CheckBlackboardVariableValues: NativeCondition,
-    behaviours.CompareBlackboardVariables: NativeCondition,
+    CheckBlackboardVariableExists: NativeCondition,
+    CheckBlackboardVariableValue: NativeCondition,
+    CheckBlackboardVariableValues: NativeCondition,
+    CompareBlackboardVariables: NativeCondition,
 }
 
 
