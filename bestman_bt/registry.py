@@ -231,7 +231,7 @@ ALGORITHMS = Registry(
         "view_planning/expected_yaw": "bestman_bt.perception.view_planning:ExpectedYaw",
     },
 )
-"""``slot/name`` → class; its parameters are the dataclass ``<Class>Parameters`` beside it."""
+"""``slot/name`` → dataclass whose fields are the parameters."""
 
 PLUGIN_EXAMPLES = {
     "global_planning/prm": "examples/plugins/sampled_roads.py:PRM",

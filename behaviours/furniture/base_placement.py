@@ -1,4 +1,4 @@
-"""Base placement for opening a door or drawer: where to see its handle from, and where to pull it from."""
+"""Base placements for doors and drawers: to see a handle, to pull it open and to push the front shut."""
 
 from __future__ import annotations
 

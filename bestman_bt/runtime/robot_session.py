@@ -44,8 +44,6 @@ from bestman_bt.runtime.tree_checks import unfilled_entries
 from hal.api import NotConnectedError, Robot, Sensor
 from hal.parts.simulated_clock import SimulatedClock
 
-# The content of the first event of a run.
-
 
 def describe_run(setup: ResolvedConfig, executor: Executor, folder: Path | None) -> RunEvent:
     """Return the event that describes an execution of this process, at its start."""

@@ -25,7 +25,7 @@ from bestman_bt.task_planning.symbolic.problem import GoalError, Literal
 class FactsFields:
     """The facts of ``goal``, such as ``on(cup, table) and closed(drawer_3)``, are the goal.
 
-    ``told``: object → its given surface. ``planner``, ``builder``, ``limits``: as for the node ``ReachGoal``.
+    ``told``: object → its given surface. ``planner``, ``builder``, ``limits``: as for the tree ``ReachGoal``.
     ``replans``: largest number of replans.
     """
 

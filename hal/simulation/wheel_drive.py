@@ -84,7 +84,7 @@ class SteeredDrive(Drive):
     radii: Array
 
     def steering_angles(self, velocity: Velocity, present: Array) -> Array:
-        """Return a wheel turns by at most a quarter: else it rolls the other way round. Standing, it stays as it is."""
+        """Return angles at most 90° from the present ones, as wheels can roll backwards; at rest the present ones."""
         ways = self._wheel_velocities(velocity)
         wanted = np.arctan2(ways[:, 1], ways[:, 0])
         turn = (wanted - present + np.pi / 2) % np.pi - np.pi / 2

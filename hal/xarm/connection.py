@@ -113,8 +113,10 @@ def _set_position(arm: Any, pulses: int, turns: int) -> int:
 
 REPORTS, REPORT_PERIOD = 3, 0.1
 """How many reports are waited for, which come five times a second; seconds between two looks."""
-COUNTS, PAYLOAD_STEP = "the controller counts on", 0.01
-"""Tolerances of a payload that is read back, kg: it is transferred in single precision."""
+COUNTS = "the controller counts on"
+"""Beginning of a remark on a payload that differs."""
+PAYLOAD_STEP = 0.01
+"""Tolerance of a payload that is read back, kg: it is transferred in single precision."""
 BLIND = "a Lite 6's gripper has no encoder: it knows no widths between, nor whether it holds something or is empty"
 
 

@@ -21,7 +21,6 @@ from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPla
 from bestman_bt.messages.shapes import Count
 
 # One search by a planner of OMPL: exact solutions only, seeded, ended by counts.
-# Sucan, Moll and Kavraki, "The Open Motion Planning Library", IEEE Robotics & Automation Magazine 2012.
 
 
 def ompl_search(
