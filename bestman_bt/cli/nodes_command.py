@@ -95,7 +95,7 @@ def _tell(info: NodeInfo) -> None:
         if port.required:
             facts.append("required")
         elif port.default is not None:
-            facts.append(f"default {port.default}")
+            facts.append(port.default_in_words)
         print(f"      {port.name} ({', '.join(facts)}): {port.description}")
     for code, advice in own_failures(info.cls).items():
         print(f"      fails as {code}: {advice}")

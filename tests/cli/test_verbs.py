@@ -64,6 +64,7 @@ def test_nodes_lists_the_library_with_ports(bestman_bt: Command) -> None:
 
 def test_nodes_tells_how_a_skill_fails_and_what_to_try_then(bestman_bt: Command) -> None:
     answer = bestman_bt("nodes", "PlanGrasp")
+    assert "arm (input, str, default ''): which arm" in answer.out
     assert "fails as no_grasp: stand elsewhere: FindStandPose, NavigateTo" in answer.out
     assert "fails as stopped" not in answer.out, "every skill may"
 

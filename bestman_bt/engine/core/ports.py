@@ -51,6 +51,11 @@ class Port:
         """The type with its bounds, such as ``float from 0 to 1``."""
         return f"{self.type_name} {range_in_words(self.bounds or ())}".rstrip()
 
+    @property
+    def default_in_words(self) -> str:
+        """Such as ``default 0.5`` or ``default ''``; empty without a default."""
+        return "" if self.default is None else f"default {str(self.default) or repr('')}"
+
 
 def declared_ports(cls: type[Node]) -> dict[str, Port]:
     """Return the ports of a class, its bases' first; a name among inputs and outputs is one inout port."""

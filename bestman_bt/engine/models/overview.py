@@ -41,7 +41,7 @@ def models_text(models: Iterable[NodeInfo]) -> str:
     for info in sorted(models, key=lambda info: (info.kind, info.name)):
         lines.append(f"{info.kind} {info.name}: {' '.join(info.description.split())}".rstrip(": "))
         for port in info.ports.values():
-            default = "" if port.default is None else f", default {port.default}"
+            default = "" if port.default is None else f", {port.default_in_words}"
             words = " ".join(port.description.split())
             lines.append(
                 f"    {port.name} ({port.direction}, {port.type_name}{default})" + (f": {words}" if words else "")

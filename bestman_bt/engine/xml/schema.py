@@ -60,7 +60,7 @@ def _element(info: NodeInfo) -> str:
 
 def _port(info: NodeInfo, name: str) -> str:
     port = info.ports[name]
-    default = "" if port.default is None else f"; default {port.default}"
+    default = "" if port.default is None else f"; {port.default_in_words}"
     words = f"{port.direction}, {port.accepts}{default}. {port.description}"
     use = ' use="required"' if port.required else ""
     return f'<xs:attribute name="{escape(name)}"{use}>{_documented(words)}</xs:attribute>'
