@@ -24,7 +24,7 @@ from behaviours.skill import (
 )
 from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import In, InOut, Out
-from bestman_bt.messages import Pose
+from bestman_bt.messages import GRAVITY, Pose
 from bestman_bt.messages.shapes import Count, Positive
 from bestman_bt.perception.view import View
 from bestman_bt.world_model.world_model import HeldObject, ObjectBelief
@@ -92,9 +92,6 @@ class CheckHeld(ArmNode, Skill):
         gap = look_between_fingers(with_own_body, skills.base_from_tool(), skills.gripper_model, width)
         is_empty = gap.empty > skills.parameters.grasp.empty_gap
         return f"the camera sees through {gap.empty:.0%} of the gap" if is_empty else ""
-
-
-GRAVITY = 9.81
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.option_values import wrong_input
+from bestman_bt.cli.option_values import confirmed, wrong_input
 from bestman_bt.cli.options import Json, Settings
 from bestman_bt.configuration.data import find_data
 from bestman_bt.configuration.errors import ConfigurationError, Problem
@@ -52,7 +52,7 @@ def bringup(
 
     def ask(one: Step) -> None:
         question = f"{one.name}: {one.moves}. Is the space clear, and is a person at the emergency stop?"
-        if one.moves and not (yes or twin or _agreed(question)):
+        if one.moves and not (yes or twin or confirmed(question)):
             raise wrong_input("bestman-bt robot bringup", f"{one.name} was not done: nothing has moved")
 
     with json_output(as_json) as write, _controllers(name, given, twin) as reached:
@@ -163,9 +163,3 @@ def _check_connections(name: str, model: Any) -> None:
     ]
     if missing:
         raise ConfigurationError(missing)
-
-
-def _agreed(question: str) -> bool:
-    if not sys.stdin.isatty():
-        raise wrong_input("--yes", "is required without a terminal, where no confirmation is possible")
-    return typer.confirm(question, err=True)

@@ -1,6 +1,10 @@
-"""Checks of option values that typer does not do, and their error."""
+"""Checks of option values that typer does not do, their error, and the confirmation that ``--yes`` replaces."""
 
 from __future__ import annotations
+
+import sys
+
+import typer
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.quantity import parse_quantity
@@ -20,3 +24,10 @@ def number(option: str, text: str, *dimensions: str, allow_zero: bool = False) -
     if value < 0.0 or (value == 0.0 and not allow_zero):
         raise wrong_input(option, f"should be {'0 or more' if allow_zero else 'more than 0'}, got {text}")
     return value
+
+
+def confirmed(question: str) -> bool:
+    """Return whether the user agrees, asked in the terminal. Raises ConfigurationError without a terminal."""
+    if not sys.stdin.isatty():
+        raise wrong_input("--yes", "is required without a terminal, where no confirmation is possible")
+    return typer.confirm(question, err=True)

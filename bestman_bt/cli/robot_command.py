@@ -11,7 +11,7 @@ import typer
 
 from bestman_bt.cli.bringup_command import bringup
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.option_values import wrong_input
+from bestman_bt.cli.option_values import confirmed, wrong_input
 from bestman_bt.cli.options import Json, Png, Settings, grouped_options
 from bestman_bt.configuration.data import own_parts, pybullet_data
 from bestman_bt.configuration.errors import ConfigurationError, Problem
@@ -242,7 +242,7 @@ def release(
             held = held_controllers(name, settings or ())
             for controller, cause in held:
                 print(f"{controller.name}: {cause}", file=sys.stderr, flush=True)
-                if not yes and not _agreed("Have you inspected the robot, and may it be released?"):
+                if not yes and not confirmed("Have you inspected the robot, and may it be released?"):
                     raise wrong_input(
                         "bestman-bt robot release", f"{controller.name} stays stopped: the inspection was not confirmed"
                     )
@@ -278,7 +278,7 @@ def wrist(
         sensor = next((part for part in robot.parts if part in robot.model.of(MountedForceTorque)), None)
         if arm is None or sensor is None:
             raise wrong_input(name, "has no arm with a force-torque sensor behind its connections")
-        if not yes and not _agreed("Is the hand empty and the space around the arm clear?"):
+        if not yes and not confirmed("Is the hand empty and the space around the arm clear?"):
             raise wrong_input("bestman-bt robot wrist", "nothing has moved")
         try:
             with robot:
@@ -292,12 +292,6 @@ def wrist(
             _tell(facts | {"fault": found.fault or "none"})
     if found.fault is not None:
         raise typer.Exit(1)
-
-
-def _agreed(question: str) -> bool:
-    if not sys.stdin.isatty():
-        raise wrong_input("--yes", "is required without a terminal, where no confirmation is possible")
-    return typer.confirm(question, err=True)
 
 
 def _picture(model: Any, png: Path, posture: str) -> str:

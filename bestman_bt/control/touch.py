@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
-from bestman_bt.messages import Pose, Wrench
+from bestman_bt.messages import GRAVITY, Pose, Wrench
 from bestman_bt.robot_model.payload import payload
 from hal.api import Clock, ForceTorque, RobotError, Tactile, Timer
 
@@ -59,9 +59,6 @@ class TactileSensor:
         reading = self.pad.read()
         pressed = reading.pressure.sum() > self.pressed_force
         return bool(pressed and np.hypot(*reading.sliding) > self.slip_speed)
-
-
-GRAVITY = 9.81
 
 
 @dataclass(eq=False)

@@ -166,7 +166,7 @@ class BasePlacements:
                     break
                 solutions.append(result.best)
             if len(solutions) == len(poses):
-                reached.append((min(_comfort(q, arm.limits) for q in solutions), number, solutions[0]))
+                reached.append((min(joint_margin(q, arm.limits) for q in solutions), number, solutions[0]))
         if not reached:
             return None
         comfort, number, positions = max(reached, key=lambda entry: entry[0])
@@ -188,12 +188,6 @@ class BasePlacement:
     reachable: int
     alternative: int
     positions: NDArray[np.float64]
-
-
-def _comfort(positions: NDArray[np.float64], limits: JointLimits) -> float:
-    """Distance of the worst joint from its limits, 0 at a limit, 1 in the middle of all ranges."""
-    room = np.minimum(positions - limits.lower, limits.upper - positions) / (limits.upper - limits.lower)
-    return float(np.clip(2.0 * room.min(), 0.0, 1.0))
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,11 @@ from bestman_bt.messages.handle import Handle, HandleKind, HingeSide, JointKind
 from bestman_bt.messages.joint_trajectory import JointTrajectory, Path2D, joint_motion
 from bestman_bt.messages.object_model import ObjectGrasp, ObjectModel, YawSet
 from bestman_bt.messages.pose import Goals, Pose, Pose2D, Twist2D, wrap_angle
-from bestman_bt.messages.sensor_readings import CameraIntrinsics, LaserScan, PointCloud, RGBDImage, Wrench
+from bestman_bt.messages.sensor_readings import GRAVITY, CameraIntrinsics, LaserScan, PointCloud, RGBDImage, Wrench
 from bestman_bt.messages.shapes import Box, Cylinder, Mesh, PlacedShape, Shape, Sphere, distance_to_shape
 
 __all__ = [
+    "GRAVITY",
     "VOXEL_FREE",
     "VOXEL_OCCUPIED",
     "VOXEL_UNKNOWN",

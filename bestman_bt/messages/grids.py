@@ -58,6 +58,12 @@ class VoxelGrid:
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 
 
+def cell_centres(cells: ArrayLike, resolution: float, origin: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the map points (..., 2), metres, at the centres of cells (row, column) (..., 2) of a grid."""
+    centres: NDArray[np.float64] = (np.asarray(cells, dtype=float)[..., ::-1] + 0.5) * resolution
+    return centres + origin
+
+
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
     """A 2D occupancy grid. ``data``: (rows, columns) int8, 0 free, 100 occupied, -1 unknown; row 0 is at the smallest
@@ -81,8 +87,7 @@ class OccupancyGrid:
 
     def to_points(self, cells: ArrayLike) -> NDArray[np.float64]:
         """Return the map points (..., 2), metres, at the centres of cells (row, column) (..., 2)."""
-        centres: NDArray[np.float64] = (np.asarray(cells, dtype=float)[..., ::-1] + 0.5) * self.resolution
-        return centres + self.origin
+        return cell_centres(cells, self.resolution, self.origin)
 
     def contains(self, cells: ArrayLike) -> NDArray[np.bool_]:
         """Return which of the cells (row, column) (..., 2) lie inside the grid, (...) bool."""

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from bestman_bt.messages.frozen_array import frozen_array
 from bestman_bt.messages.pose import Pose
 
+GRAVITY = 9.81
+"""Acceleration by gravity, m/s²."""
+
 # Forces and torques.
 
 

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from bestman_bt.messages import GRAVITY
 from bestman_bt.robot_model.model import JointedModel
 from bestman_bt.robot_model.sensor_parts import LidarPart, MountedForceTorque
 from hal.api import (
@@ -34,7 +35,6 @@ AHEAD = 0.01
 """Seconds that a stamp may be ahead of the robot's clock, for rounding."""
 FARTHEST = 100.0
 """Metres; a depth beyond that was given in another unit."""
-GRAVITY = 9.81
 OVERSHOOT = 0.05
 """Radians or metres that a joint may be beyond its limits."""
 EFFORT_MARGIN = 1.5

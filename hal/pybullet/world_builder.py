@@ -9,7 +9,7 @@ from itertools import combinations
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from bestman_bt.messages import Box, PlacedShape, Pose
+from bestman_bt.messages import GRAVITY, Box, PlacedShape, Pose
 from bestman_bt.robot_model.finger_linkage import MimicJoint
 from bestman_bt.robot_model.model import (
     ArmModel,
@@ -40,7 +40,7 @@ ARMS_FLAGS = (*ROBOT_FLAGS, "URDF_USE_SELF_COLLISION")
 
 def build_world(client: PhysicsClient, model: RobotModel, world: World, parameters: PhysicsParameters) -> BuiltWorld:
     """Fill an empty physics server. Raises SimulationError if pybullet cannot load a body."""
-    client.setGravity(0.0, 0.0, -9.81)
+    client.setGravity(0.0, 0.0, -GRAVITY)
     client.setTimeStep(parameters.time_step)
     client.setPhysicsEngineParameter(numSolverIterations=parameters.solver_iterations, deterministicOverlappingPairs=1)
     with TemporaryDirectory() as name:

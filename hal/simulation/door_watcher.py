@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bestman_bt.messages import GRAVITY
 from bestman_bt.robot_model.model import GripperModel
 from bestman_bt.scene.scene import LATCH_TRAVEL, Articulation, PlacedFurniture, World
 from hal.simulation.audit_record import Finding
@@ -23,7 +24,6 @@ GAIN = 1e-3
 MOVING = 1e-3
 SLIDING = 0.05
 EFFORT_TOLERANCE = (0.02, 0.01)  # share and least
-GRAVITY = 9.81
 
 
 @dataclass

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import Wrench
+from bestman_bt.messages import GRAVITY, Wrench
 from bestman_bt.robot_model.sensor_parts import MountedForceTorque
 from hal.api import ForceTorque
 from hal.simulation.bodies import SimulationError, Vector
@@ -21,7 +21,6 @@ from hal.simulation.guards import Reader, ReadPurpose
 from hal.simulation.sensor_pipeline import SimulatedSensor
 from hal.simulation.simulation import Simulation
 
-GRAVITY = 9.81
 OLDEST_PREVIOUS = 0.05  # seconds back to which the rate of the momentum is taken
 
 

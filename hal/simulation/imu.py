@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.messages import GRAVITY
 from bestman_bt.robot_model.sensor_parts import ImuPart
 from hal.api import Imu, ImuReading
 from hal.simulation.guards import ReadPurpose
@@ -14,7 +15,7 @@ from hal.simulation.joint_motors import FrameTracker
 from hal.simulation.sensor_pipeline import SimulatedSensor
 from hal.simulation.simulation import Simulation
 
-GRAVITY = np.array([0.0, 0.0, -9.81])
+FREE_FALL = np.array([0.0, 0.0, -GRAVITY])
 
 
 class SimulatedImu(SimulatedSensor[ImuReading], Imu):
@@ -47,7 +48,7 @@ class SimulatedImu(SimulatedSensor[ImuReading], Imu):
             acceleration = (motion.linear - velocity) / (now - stamp)
         self._before = now, motion.linear
         sensor_from_map = motion.pose.rotation.T
-        true = np.concatenate([sensor_from_map @ motion.angular, sensor_from_map @ (acceleration - GRAVITY)])
+        true = np.concatenate([sensor_from_map @ motion.angular, sensor_from_map @ (acceleration - FREE_FALL)])
         values = true + self._bias + self._deviations * self._rng.standard_normal(6)
         values = np.clip(values, -self._most, self._most)
         return ImuReading(values[:3], values[3:], now)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import Twist2D
+from bestman_bt.messages import GRAVITY, Twist2D
 from bestman_bt.robot_model.model import LeggedBaseModel
 from bestman_bt.robot_model.payload import Payload
 from hal.api import Imu, NoDataError
@@ -61,7 +61,7 @@ class LegDrive(SimulatedChannel, BaseChannel):
             reading = self._imu.read()
             turning, force = reading.angular_velocity, reading.linear_acceleration
         except NoDataError:  # before its first reading, and where it is switched off
-            turning, force = np.zeros(3), np.array([0.0, 0.0, 9.81])
+            turning, force = np.zeros(3), np.array([0.0, 0.0, GRAVITY])
         shape = (len(self._model.legs), 3)
         step = self._parameters.time_step
         torques = self._walker.update(

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from bestman_bt.messages import GRAVITY
 from bestman_bt.scene.scene import World
 from hal.simulation.audit_record import AuditRecord, DisturbanceEvent, DisturbanceLog, Finding
 from hal.simulation.bodies import BodyState, Vector
@@ -30,7 +31,6 @@ MOVED = 3e-3
 SAME = 0.25
 PRESSING_SHARE = 0.1
 ROLLING = 1.5
-GRAVITY = 9.81
 
 
 class AttachmentCheck:

@@ -8,6 +8,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.messages import GRAVITY
 from bestman_bt.robot_model.model import ArmModel, GripperModel, JointGroupModel, LeggedBaseModel
 from hal.simulation.audit_record import Finding
 from hal.simulation.bodies import BodyState
@@ -27,7 +28,6 @@ DRIFT_DECAY = 0.98
 ROTATION_JUMP = 0.01
 JOINT_JUMP = 0.01
 STUTTER = 1.5
-GRAVITY = 9.81
 FREE_FALL_TOLERANCE = 0.1
 RESTS_ON_NOTHING = 30  # looks in a row
 LIMIT_TOLERANCE = 5e-3

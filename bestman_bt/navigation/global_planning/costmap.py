@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.messages import OccupancyGrid, Pose2D
 from bestman_bt.messages.frozen_array import frozen_array
-from bestman_bt.messages.grids import FREE, OCCUPIED
+from bestman_bt.messages.grids import FREE, OCCUPIED, cell_centres
 from bestman_bt.messages.shapes import NonNegative, NotBelow, Positive
 from bestman_bt.navigation.global_planning.footprint import Footprint, at_poses
 from bestman_bt.navigation.global_planning.layers import (
@@ -182,8 +182,7 @@ class Costmap:
 
     def grid_points(self, cells: ArrayLike) -> NDArray[np.float64]:
         """Return the map points (..., 2), metres, at the centres of ``cells`` (row, column) (..., 2)."""
-        centres: NDArray[np.float64] = (np.asarray(cells, dtype=float)[..., ::-1] + 0.5) * self.resolution
-        return centres + self.origin
+        return cell_centres(cells, self.resolution, self.origin)
 
     def cells(self, points: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return rows and columns of the cells at map points (..., 2), metres; points outside get the nearest border

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bestman_bt.configuration.quantity import PositiveLength, Torque
+from bestman_bt.messages import GRAVITY
 from bestman_bt.scene.furniture_generator.handle_design import HandleOptions, draw_handle
 from bestman_bt.scene.furniture_generator.leaf import GAP, SEAM, Front, LeafDesign, door
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
@@ -15,7 +16,6 @@ from bestman_bt.scene.furniture_generator.solid import block
 from bestman_bt.scene.scene import FurnitureModel
 
 _WALL, _PLINTH, _DOOR, _TOP = 0.020, 0.10, 0.035, 0.025
-_GRAVITY = 9.81
 _LEAST_FRICTION = 6.0  # N m; less would let an open hand push it open
 
 
@@ -54,7 +54,7 @@ def dishwasher(name: str, options: DishwasherOptions, rng: np.random.Generator) 
     solids.append(block((front + 0.04, -half + 0.01, 0.0), (rear, half - 0.01, _PLINTH), (0.15, 0.15, 0.16)))
     solids.append(block((face, -half, height - _TOP), (rear, half, height), finish.body))
     bottom, top, density = _PLINTH, height - _TOP - SEAM, 180.0
-    weight = density * width * thickness * (top - bottom) * _GRAVITY
+    weight = density * width * thickness * (top - bottom) * GRAVITY
     leaf = door(
         "door",
         Front((face, 0.0, (bottom + top) / 2), width - SEAM, top - bottom),
