@@ -44,6 +44,16 @@ TO_PY_TREES: Final = {
 """py_trees' status for each internal code; negative codes are idle nodes with their last result."""
 
 
+def state_code(uid: int, state: int) -> int:
+    """Return the entry of ``StateChanges.codes`` for a node and one of its states."""
+    return uid * 8 + state
+
+
+def uid_and_state(code: int) -> tuple[int, int]:
+    """Return what ``state_code`` has put into ``code``."""
+    return divmod(code, 8)
+
+
 def from_py_trees(status: PyTreesStatus) -> int:
     """Return the engine's status for a py_trees status (``IDLE`` for ``INVALID``)."""
     if status is PyTreesStatus.SUCCESS:

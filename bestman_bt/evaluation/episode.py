@@ -17,6 +17,7 @@ from bestman_bt.configuration.errors import Problem, told_to_programs
 from bestman_bt.configuration.run import RunConfig
 from bestman_bt.engine import FAILURE, RUNNING, Node, StateChanges, Tree
 from bestman_bt.engine.models.foreign import missing_nodes
+from bestman_bt.engine.status import state_code
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.declared_contacts import ContactLog
 from bestman_bt.evaluation.disturbances import Disturbances
@@ -124,7 +125,7 @@ class _FailedLeaf:
     """Notices which leaf of a tree has failed last."""
 
     def __init__(self, tree: Tree) -> None:
-        self._leaves = {node.uid * 8 + FAILURE: node for node in tree.nodes if not node.children}
+        self._leaves = {state_code(node.uid, FAILURE): node for node in tree.nodes if not node.children}
         self.node: Node | None = None
         tree.subscribe(self._look)
 

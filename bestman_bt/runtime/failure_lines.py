@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from behaviours.failure import NodeFailure, declared_failures
 from bestman_bt.engine import FAILURE, Tree
 from bestman_bt.engine.errors import TreeProblem
+from bestman_bt.engine.status import state_code
 from bestman_bt.engine.unwritten import problem_at
 from bestman_bt.records.described_tree import category_of
 
@@ -76,5 +77,5 @@ class FailureLines:
 def failure_codes(tree: Tree) -> frozenset[int]:
     """Return the entries of ``StateChanges.codes`` that mark the failure of an action."""
     return frozenset(
-        node.uid * 8 + FAILURE for node in tree.nodes if not node.children and category_of(node) == "action"
+        state_code(node.uid, FAILURE) for node in tree.nodes if not node.children and category_of(node) == "action"
     )

@@ -15,7 +15,8 @@ from types import TracebackType
 from typing import Protocol
 
 from behaviours.failure import NodeFailure
-from bestman_bt.engine import RUNNING, Node, StateChanges, Tree
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Node, StateChanges, Tree
+from bestman_bt.engine.status import state_code, uid_and_state
 from bestman_bt.monitor.event_stream import LOGS, EventStream, Publish
 from bestman_bt.monitor.subscriber_queue import SubscriberQueue
 from bestman_bt.records.described_tree import describe_tree
@@ -42,7 +43,6 @@ from bestman_bt.runtime.failure_lines import FailureLines, failure_codes
 
 LONGEST_MESSAGE = 2000
 """Largest number of characters of a node's feedback."""
-_STATE_BITS = 7
 
 
 class TreeListener:
@@ -65,7 +65,9 @@ class TreeListener:
         self._number, self._under = number, under
         leaves = [node for node in tree.nodes if not node.children]
         self._leaves = leaves
-        self._speaking = frozenset(node.uid * 8 + state for node in leaves for state in (1, 2, 3))
+        self._speaking = frozenset(
+            state_code(node.uid, state) for node in leaves for state in (RUNNING, SUCCESS, FAILURE)
+        )
         self._failures = failure_codes(tree)
         self._said: dict[int, str] = {}
         self._lost = False
@@ -95,20 +97,21 @@ class TreeListener:
 
     def _tell_all(self) -> None:
         nodes = self._tree.nodes
-        codes = [node.uid * 8 + node.state for node in nodes]
+        codes = [state_code(node.uid, node.state) for node in nodes]
         messages = {node.uid: node.feedback_message for node in nodes if node.feedback_message}
         self._states(*self._moment(self._tree.clock.now()), codes, messages)
 
     def _listen(self, changes: StateChanges) -> None:
         nodes, codes, messages = self._tree.nodes, changes.codes, {}
         for code in self._speaking.intersection(codes):
-            message = nodes[(code >> 3) - 1].feedback_message
+            uid, _ = uid_and_state(code)
+            message = nodes[uid - 1].feedback_message
             if message:
-                messages[code >> 3] = self._said[code >> 3] = message
+                messages[uid] = self._said[uid] = message
         time, ticks = self._moment(changes.stamp)
         self._states(time, ticks + 1, codes, messages)  # of the tick under way
         if not self._failures.isdisjoint(codes):
-            self._failed(self._tree, [code >> 3 for code in codes if code in self._failures])
+            self._failed(self._tree, [uid_and_state(code)[0] for code in codes if code in self._failures])
 
     def _states(self, time: float, tick: int, codes: Iterable[int], messages: dict[int, str]) -> None:
         self._lost |= not self._tell(partial(self._event, time, tick, codes, messages))
@@ -117,7 +120,7 @@ class TreeListener:
         return describe_tree(self._tree, self._number, None if self._under is None else self._under.uid)
 
     def _event(self, time: float, tick: int, codes: Iterable[int], messages: dict[int, str]) -> tuple[Event]:
-        changes = [(code >> 3, code & _STATE_BITS) for code in codes]
+        changes = [uid_and_state(code) for code in codes]
         short = {uid: text[:LONGEST_MESSAGE] for uid, text in messages.items()}
         return (StatesEvent(time, tick, changes, short, self._number),)
 

@@ -34,7 +34,7 @@ from bestman_bt.engine.core.py_trees_face import PyTreesFace
 from bestman_bt.engine.core.strict_order import Order, in_order, upwards
 from bestman_bt.engine.errors import NodeError
 from bestman_bt.engine.own_files import in_words
-from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS, state_code
 
 if TYPE_CHECKING:
     from bestman_bt.engine.blackboard import Blackboard
@@ -460,7 +460,7 @@ class Node(PyTreesFace):
         """Choose ``run``; children are bound before their parent.
 
         Args:
-            log: receives ``uid * 8 + state`` for every state change; None without listeners.
+            log: receives a ``state_code`` for every state change; None without listeners.
             visited: receives every ticked node, for py_trees' visitors; None without them.
         """
         self.log = log
@@ -472,7 +472,7 @@ class Node(PyTreesFace):
         fast = self.tick_bare if log is None else self.tick_traced
         core: Tick = self.on_tick if fast is None else fast
         if log is not None:
-            base = self.uid * 8
+            base = state_code(self.uid, IDLE)
             self.ev = (base, base + 1, base + 2, base + 3)
         if order is not None:
             core = in_order(self, core, order)

@@ -20,7 +20,7 @@ from bestman_bt.engine.clock import EngineClock, WakeableClock, WallClock
 from bestman_bt.engine.core.node import Node, wrapped
 from bestman_bt.engine.core.strict_order import Stopping, set_order
 from bestman_bt.engine.errors import EngineError, NodeError
-from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, NodeStatus
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, NodeStatus, state_code, uid_and_state
 
 if TYPE_CHECKING:
     from bestman_bt.engine.blackboard import SharedEntries
@@ -51,11 +51,11 @@ class StateChanges(Sequence["tuple[int, int]"]):
 
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
-            return [divmod(code, 8) for code in self.codes[index]]
-        return divmod(self.codes[index], 8)
+            return [uid_and_state(code) for code in self.codes[index]]
+        return uid_and_state(self.codes[index])
 
     def __iter__(self) -> Iterator[tuple[int, int]]:
-        return (divmod(code, 8) for code in self.codes)
+        return map(uid_and_state, self.codes)
 
 
 Listener = Callable[[StateChanges], None]
@@ -479,7 +479,7 @@ class Tree:
     def publish_idle(self) -> None:
         """Tell the listeners that no node is running any more: another tree takes the place of this one."""
         if self._log is not None:
-            self._log += [node.uid * 8 for node in self.nodes if node.state != IDLE]
+            self._log += [state_code(node.uid, IDLE) for node in self.nodes if node.state != IDLE]
             self.publish()
         self._status = IDLE
 
