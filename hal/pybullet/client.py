@@ -61,8 +61,10 @@ def kind_of(name: str) -> str:
     return "truth_reads" if name.startswith(READS) else "tampering"
 
 
-# Taken once, so that the guard on the module (raw_call_guard) does not see the calls that pass here.
-_FUNCTIONS: dict[str, Callable[..., Any]] = {name: value for name, value in vars(pybullet).items() if callable(value)}
+UNGUARDED_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    name: call for name, call in vars(pybullet).items() if callable(call)
+}
+"""Taken once, so that the guard on the module (raw_call_guard) does not see the calls that pass here."""
 
 
 class PhysicsClient:
@@ -86,14 +88,14 @@ class PhysicsClient:
         Raises SimulationError if it cannot be started, MissingExtraError without pybullet.
         """
         mode = pybullet.GUI if gui else pybullet.DIRECT
-        self.id = _FUNCTIONS["connect"](mode)
+        self.id = UNGUARDED_FUNCTIONS["connect"](mode)
         if self.id < 0:
             raise SimulationError(f"pybullet gave no {'GUI' if gui else 'DIRECT'} physics server")
 
     def disconnect(self) -> None:
         """Close the physics server; idempotent."""
         if self.id >= 0:
-            _FUNCTIONS["disconnect"](physicsClientId=self.id)
+            UNGUARDED_FUNCTIONS["disconnect"](physicsClientId=self.id)
         self.id = -1
         for name in self._bound:
             del self.__dict__[name]
@@ -114,11 +116,11 @@ class PhysicsClient:
             self.ledger.note(kind_of(name), name)
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-        if name.startswith("_") or name not in _FUNCTIONS:
+        if name.startswith("_") or name not in UNGUARDED_FUNCTIONS:
             raise AttributeError(f"pybullet has no function {name!r}")
         if self.id < 0:
             raise NotConnectedError("the simulation is not connected; call connect() first")
-        bound: Callable[..., Any] = functools.partial(_FUNCTIONS[name], physicsClientId=self.id)
+        bound: Callable[..., Any] = functools.partial(UNGUARDED_FUNCTIONS[name], physicsClientId=self.id)
         if self._counts and name not in ALLOWED:
             bound = self._counted(name, bound)
         self._bound.add(name)
@@ -180,6 +182,6 @@ def _guard(name: str, original: Callable[..., Any]) -> Callable[..., Any]:
 
 # Once and for good, when this package is imported: so what a plug-in takes from the module before a robot connects
 # ("from pybullet import resetJointState") is guarded as well.
-for _name, _function in _FUNCTIONS.items():
+for _name, _function in UNGUARDED_FUNCTIONS.items():
     if _name not in ALLOWED and not isinstance(_function, type):
         setattr(pybullet, _name, _guard(_name, _function))

@@ -15,7 +15,7 @@ from bestman_bt.robot_model.urdf_tree import joints_above
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from hal.api import Arm, MobileBase
-from hal.pybullet.client import _FUNCTIONS
+from hal.pybullet.client import UNGUARDED_FUNCTIONS
 from hal.pybullet.package import pybullet
 from hal.pybullet.robot import PyBulletRobot
 from hal.simulation.ground_truth import GroundTruth
@@ -365,7 +365,7 @@ def test_who_uses_pybullet_beside_the_robot_or_after_it_is_not_counted(robot, ju
 
 def _unguarded(name: str) -> Callable:
     """The function as a cheat would have it who took it from the module before the simulation was imported."""
-    return _FUNCTIONS[name]
+    return UNGUARDED_FUNCTIONS[name]
 
 
 def _fix(create: Callable, robot: int, hand: int, body: int) -> None:

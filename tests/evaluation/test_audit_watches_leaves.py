@@ -21,10 +21,10 @@ from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.scene import World
 from hal.api import Robot
-from hal.pybullet.client import _FUNCTIONS
+from hal.pybullet.client import UNGUARDED_FUNCTIONS
 from hal.pybullet.package import pybullet
 from hal.pybullet.robot import PyBulletRobot
-from hal.simulation.door_watcher import DoorWatcher, _Leaf
+from hal.simulation.door_watcher import DoorWatcher, WatchedLeaf
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.guards import ReadPurpose
 
@@ -59,7 +59,7 @@ def door(robot: PyBulletRobot) -> tuple[int, int]:
 @pytest.fixture
 def hidden(robot: PyBulletRobot) -> Callable[[str], Callable[..., Any]]:
     """Functions as a cheat has them who took them before the simulation was imported: only effects are seen."""
-    return lambda name: partial(_FUNCTIONS[name], physicsClientId=robot.client.id)
+    return lambda name: partial(UNGUARDED_FUNCTIONS[name], physicsClientId=robot.client.id)
 
 
 def judged(robot: PyBulletRobot, seconds: float = 0.1) -> Audit:
@@ -109,8 +109,8 @@ def test_a_motor_on_the_hinge_is_seen(robot, door, hidden, force) -> None:
 @pytest.mark.parametrize(("effort", "is_driven"), [(2.04, False), (2.06, True)])
 def test_a_joint_that_exerts_more_than_its_friction_is_driven_either_way(sense, effort, is_driven) -> None:
     watcher = object.__new__(DoorWatcher)
-    leaf = _Leaf(DOOR, 0, 0, 1.5, friction=2.0, latched=2.0, travel=0.0, falling=0.0, position=0.7, velocity=0.0)
-    assert ("is driven by its joint" in watcher._fault_of_motor(leaf, 0.0, sense * effort)) == is_driven
+    leaf = WatchedLeaf(DOOR, 0, 0, 1.5, friction=2.0, latched=2.0, travel=0.0, falling=0.0, position=0.7, velocity=0.0)
+    assert ("is driven by its joint" in watcher.motor_fault(leaf, 0.0, sense * effort)) == is_driven
 
 
 def test_a_motor_that_was_taken_from_the_module_early_is_counted(robot, door) -> None:

@@ -73,13 +73,13 @@ CURVE_EVERY = 4
 
 
 @dataclass(frozen=True, eq=False)
-class _Node:
+class SearchNode:
     """``poses``: (N, 3) from the parent's last one on; ``backwards``: how they are driven; ``cost``: so far."""
 
     poses: NDArray[np.float64]
     backwards: bool
     cost: float
-    parent: _Node | None = None
+    parent: SearchNode | None = None
 
 
 @dataclass(frozen=True)
@@ -109,17 +109,18 @@ class HybridAStar(StraightPieces, GlobalPlanner):
         if isinstance(ends, PlanningFailure):
             return ends
         exit_point, backwards, approach = ends
-        root = _Node(np.array([[*start.xy, start.theta], [*exit_point, start.theta]]), backwards, 0.0)
-        last = _Search(costmap, np.array([*approach, goal.theta]), self).run(root)
+        root = SearchNode(np.array([[*start.xy, start.theta], [*exit_point, start.theta]]), backwards, 0.0)
+        last = HybridAStarSearch(costmap, np.array([*approach, goal.theta]), self).run(root)
         if last is None:
             return PlanningFailure.no_path(start, goal)
-        return _path(
-            [*_branches(last), _Node(np.array([[*approach, goal.theta], [*goal.xy, goal.theta]]), False, 0.0)], goal
-        )
+        entry = SearchNode(np.array([[*approach, goal.theta], [*goal.xy, goal.theta]]), False, 0.0)
+        return _path([*_branches(last), entry], goal)
 
 
 @dataclass
-class _Search:
+class HybridAStarSearch:
+    """One search by ``planner`` for the pose ``goal``."""
+
     costmap: Costmap
     goal: NDArray[np.float64]
     planner: HybridAStar
@@ -133,7 +134,7 @@ class _Search:
         angles = [k * p.branch / p.turning_radius for k in (-1.0, 0.0, 1.0)]
         self._arcs = np.array([[_arc(angle, sense * p.branch) for angle in angles] for sense in (1.0, -1.0)])
 
-    def run(self, root: _Node) -> _Node | None:
+    def run(self, root: SearchNode) -> SearchNode | None:
         """Return the last branch of a way to the goal, or None without one."""
         p = self.planner
         closed: set[tuple[int, int, int]] = set()
@@ -151,13 +152,14 @@ class _Search:
                 if end is not None:
                     return end
                 until_curve = CURVE_EVERY
-            for branch in self._grown(node):
+            for branch in self.successors(node):
                 if self._state(branch.poses[-1]) not in closed:
                     pushed += 1
                     heapq.heappush(queue, (branch.cost + self._estimate(branch.poses[-1]), pushed, branch))
         return None
 
-    def _grown(self, node: _Node) -> list[_Node]:
+    def successors(self, node: SearchNode) -> list[SearchNode]:
+        """Return the free branches that leave ``node``, three forwards and three backwards at most."""
         x, y, theta = node.poses[-1]
         cos, sin = math.cos(theta), math.sin(theta)
         along, aside, turned = np.moveaxis(self._arcs, -1, 0)
@@ -170,12 +172,12 @@ class _Search:
             if np.isfinite(costs[back, turn])
         ]
 
-    def _node(self, parent: _Node, poses: NDArray[np.float64], backwards: bool, cost: float) -> _Node:
+    def _node(self, parent: SearchNode, poses: NDArray[np.float64], backwards: bool, cost: float) -> SearchNode:
         driven = cost * (self.planner.reverse_cost if backwards else 1.0)
         switched = self.planner.switch_cost if backwards != parent.backwards and parent.parent is not None else 0.0
-        return _Node(poses, backwards, parent.cost + driven + switched, parent)
+        return SearchNode(poses, backwards, parent.cost + driven + switched, parent)
 
-    def _curve(self, node: _Node) -> _Node | None:
+    def _curve(self, node: SearchNode) -> SearchNode | None:
         """Return the Reeds-Shepp curve to the goal as branches, one for each direction, or None if it touches
         something.
         """
@@ -224,8 +226,8 @@ def _arc(angle: float, length: float) -> NDArray[np.float64]:
     return np.column_stack([radius * np.sin(turned), radius * (1.0 - np.cos(turned)), turned])
 
 
-def _branches(last: _Node) -> list[_Node]:
-    node: _Node | None = last
+def _branches(last: SearchNode) -> list[SearchNode]:
+    node: SearchNode | None = last
     branches = []
     while node is not None:
         branches.append(node)
@@ -233,7 +235,7 @@ def _branches(last: _Node) -> list[_Node]:
     return branches[::-1]
 
 
-def _path(branches: list[_Node], goal: Pose2D) -> Path2D:
+def _path(branches: list[SearchNode], goal: Pose2D) -> Path2D:
     """Return the branches' places without repeated ones."""
     points, reverse = [branches[0].poses[0, :2]], []
     for branch in branches:

@@ -98,7 +98,7 @@ class PoseGraph:
 
     def chi_squares(self) -> NDArray[np.float64]:
         """Return the chi square of each constraint, (M,), at the current poses."""
-        edges = _Edges(self.constraints)
+        edges = ConstraintArrays(self.constraints)
         return edges.chi_squares(edges.errors(self.poses))
 
     def optimize(self) -> float:
@@ -108,7 +108,7 @@ class PoseGraph:
         (graduated non-convexity, H. Yang et al. 2020); otherwise good ones would be rejected under large drift. Every
         node must be connected to node 0.
         """
-        edges = _Edges(self.constraints)
+        edges = ConstraintArrays(self.constraints)
         poses = self.poses
         worst = float(edges.chi_squares(edges.errors(poses))[edges.doubtful].max(initial=0.0))
         scaling = max(self.scaling, worst)
@@ -120,7 +120,9 @@ class PoseGraph:
         self._poses = [(float(x), float(y), wrap_angle(float(theta))) for x, y, theta in poses]
         return cost
 
-    def _descend(self, poses: NDArray[np.float64], edges: _Edges, scaling: float) -> tuple[NDArray[np.float64], float]:
+    def _descend(
+        self, poses: NDArray[np.float64], edges: ConstraintArrays, scaling: float
+    ) -> tuple[NDArray[np.float64], float]:
         """Levenberg-Marquardt: the poses at the end and their cost."""
         cost = edges.cost(edges.errors(poses), scaling)
         damping = self.damping
@@ -142,9 +144,9 @@ class PoseGraph:
     def relative_covariance(self, first: int, second: int) -> NDArray[np.float64]:
         """Return the covariance (3, 3) of ``second`` relative to ``first``: x, y, theta in the frame of ``second``."""
         poses = self.poses
-        hessian, _ = _Edges(self.constraints).normal_equations(poses, self.scaling)
+        hessian, _ = ConstraintArrays(self.constraints).normal_equations(poses, self.scaling)
         # Node 0 is no unknown; the relative pose depends on both nodes by the Jacobian of a constraint between them.
-        edge = _Edges([Constraint(first, second, self.pose(first).inverse() @ self.pose(second), np.eye(3))])
+        edge = ConstraintArrays([Constraint(first, second, self.pose(first).inverse() @ self.pose(second), np.eye(3))])
         by_first, by_second = edge.jacobians(poses)
         jacobian = np.zeros((3, 3 * len(poses)))
         jacobian[:, 3 * first : 3 * first + 3] = by_first[0]
@@ -154,7 +156,7 @@ class PoseGraph:
         return covariance
 
 
-class _Edges:
+class ConstraintArrays:
     """Constraints as arrays; errors e are x, y, theta of (first⁻¹ second) as seen from ``relative``."""
 
     def __init__(self, constraints: list[Constraint]) -> None:
@@ -165,6 +167,7 @@ class _Edges:
         self.doubtful = np.array([c.doubtful for c in constraints], dtype=bool)
 
     def errors(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the errors (M, 3) at poses (N, 3)."""
         between = poses[self.second] - poses[self.first]
         across = _turned(between[:, :2], -poses[self.first, 2])
         position = _turned(across - self.relative[:, :2], -self.relative[:, 2])
@@ -172,6 +175,7 @@ class _Edges:
         return np.column_stack([position, (angle + np.pi) % (2.0 * np.pi) - np.pi])
 
     def chi_squares(self, errors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the squared Mahalanobis norms (M,) of errors."""
         squares: NDArray[np.float64] = np.einsum("ni,nij,nj->n", errors, self.information, errors)
         return squares
 

@@ -11,7 +11,7 @@ import pytest
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.messages import Pose
 from hal.mujoco.robot import MujocoEngine
-from hal.pybullet.client import _FUNCTIONS
+from hal.pybullet.client import UNGUARDED_FUNCTIONS
 from hal.simulation.audit_record import DisturbanceEvent
 from hal.simulation.disturbance_injector import DisturbanceInjector
 from hal.simulation.engine import Engine
@@ -48,7 +48,7 @@ class Run:
         if isinstance(self.engine, MujocoEngine):
             self.engine.model.body_mass[self.can] = 0.001
         else:
-            _FUNCTIONS["changeDynamics"](self.can, -1, mass=0.001, physicsClientId=self.engine.client.id)
+            UNGUARDED_FUNCTIONS["changeDynamics"](self.can, -1, mass=0.001, physicsClientId=self.engine.client.id)
 
     def stolen_injector(self) -> DisturbanceInjector:
         owners = (getattr(control, "__self__", None) for control in self.robot.simulation.controls)

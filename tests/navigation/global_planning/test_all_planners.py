@@ -12,7 +12,7 @@ from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFa
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.global_planning.grid_search import areas_of_disc
-from bestman_bt.navigation.global_planning.hybrid_astar import HybridAStar, _Node, _Search
+from bestman_bt.navigation.global_planning.hybrid_astar import HybridAStar, HybridAStarSearch, SearchNode
 from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar
 from bestman_bt.world_model.semantic_map import SemanticMap
@@ -189,10 +189,10 @@ def test_hybrid_astar_keeps_to_its_turning_radius(radius: float) -> None:
 def test_a_way_back_and_a_change_of_direction_cost_what_they_are_worth() -> None:
     costmap = Costmap.from_map(walls(*room(7.0, 6.0)), LONG)
     planner = HybridAStar(branch=0.2, reverse_cost=3.0, switch_cost=0.7)
-    search = _Search(costmap, np.array([5.0, 4.0, 0.0]), planner)
-    start = _Node(np.array([[3.5, 3.0, 0.5]]), False, 0.0)
-    ahead = search._grown(start)[1]
-    for node, cost in zip(search._grown(ahead), [0.2] * 3 + [0.6 + 0.7] * 3, strict=True):
+    search = HybridAStarSearch(costmap, np.array([5.0, 4.0, 0.0]), planner)
+    start = SearchNode(np.array([[3.5, 3.0, 0.5]]), False, 0.0)
+    ahead = search.successors(start)[1]
+    for node, cost in zip(search.successors(ahead), [0.2] * 3 + [0.6 + 0.7] * 3, strict=True):
         free = float(costmap.cost(costmap.distance_at(node.poses[:, :2]), LONG.inscribed_radius).mean())
         driven = cost if cost < 0.5 else 0.6
         assert node.cost - ahead.cost == pytest.approx(free * driven + cost - driven, rel=0.02), node.backwards

@@ -100,11 +100,11 @@ def test_covariance_grows_along_a_chain_as_the_sum_of_its_steps():
 
 
 def test_jacobians_are_the_derivatives_of_the_errors():
-    from bestman_bt.navigation.slam.pose_graph import _Edges
+    from bestman_bt.navigation.slam.pose_graph import ConstraintArrays
 
     rng = np.random.default_rng(3)
     poses = rng.uniform(-1.0, 1.0, (2, 3))
-    edges = _Edges([Constraint(0, 1, Pose2D(*rng.uniform(-1.0, 1.0, 3)), np.eye(3))])
+    edges = ConstraintArrays([Constraint(0, 1, Pose2D(*rng.uniform(-1.0, 1.0, 3)), np.eye(3))])
     for end, jacobian in enumerate(edges.jacobians(poses)):
         for coordinate in range(3):
             step = np.zeros((2, 3))
