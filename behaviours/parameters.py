@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from bestman_bt.messages.shapes import Count, NonNegative, Positive, PositiveShare, Share
+from bestman_bt.messages.shapes import Count, Fraction, NonNegative, Positive, PositiveFraction
 
 
 @dataclass(frozen=True)
@@ -26,14 +26,14 @@ class ArmMotionParameters:
     reached.
     """
 
-    free_speed: PositiveShare = 0.5
-    free_acceleration: PositiveShare = 0.35
-    carrying_speed: PositiveShare = 0.4
-    carrying_acceleration: PositiveShare = 0.21
-    recovery_speed: PositiveShare = 0.05
-    recovery_acceleration: PositiveShare = 0.05
-    approach_speed: PositiveShare = 0.35
-    retreat_speed: PositiveShare = 0.5
+    free_speed: PositiveFraction = 0.5
+    free_acceleration: PositiveFraction = 0.35
+    carrying_speed: PositiveFraction = 0.4
+    carrying_acceleration: PositiveFraction = 0.21
+    recovery_speed: PositiveFraction = 0.05
+    recovery_acceleration: PositiveFraction = 0.05
+    approach_speed: PositiveFraction = 0.35
+    retreat_speed: PositiveFraction = 0.5
     max_held_tilt: Annotated[Positive, "rad"] = math.radians(25.0)
     held_clearance: Annotated[NonNegative, "m"] = 0.012
     held_sag: NonNegative = 0.1
@@ -53,7 +53,7 @@ class GraspParameters:
 
     least_force: Annotated[Positive, "N"] = 20.0
     torque_safety: Positive = 4.0
-    empty_gap: Share = 0.6
+    empty_gap: Fraction = 0.6
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,8 @@ class PlaceParameters:
     loosening_forces: Annotated[tuple[Positive, ...], "N"] = (28.0, 20.0, 14.0, 10.0, 7.0, 5.0, 3.5)
     regrip_force: Annotated[Positive, "N"] = 3.0
     retreat: Annotated[NonNegative, "m"] = 0.1
-    max_occupied: Share = 0.03
-    min_free: Share = 0.4
+    max_occupied: Fraction = 0.03
+    min_free: Fraction = 0.4
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class PushParameters:
     standoff: Annotated[Positive, "m"] = 0.06
     palm_clearance: Annotated[NonNegative, "m"] = 0.01
     approach_gap: Annotated[NonNegative, "m"] = 0.003
-    finger_spread: Share = 0.5
+    finger_spread: Fraction = 0.5
     edge_margin: Annotated[NonNegative, "m"] = 0.03
     goal_tolerance: Annotated[Positive, "m"] = 0.004
 
@@ -134,11 +134,11 @@ class OpenParameters:
 
     drawer_margin: Annotated[NonNegative, "m"] = 0.025
     door_margin: Annotated[NonNegative, "rad"] = 0.09
-    max_opening: PositiveShare = 0.95
+    max_opening: PositiveFraction = 0.95
     finger_room: Annotated[NonNegative, "m"] = 0.03
     palm_gap: Annotated[NonNegative, "m"] = 0.01
     grasps: Count = 6
-    grip_depth: Share = 0.3
+    grip_depth: Fraction = 0.3
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ class CloseParameters:
     standoff: Annotated[NonNegative, "m"] = 0.08
     handle_clearance: Annotated[NonNegative, "m"] = 0.075
     palm_gap: Annotated[NonNegative, "m"] = 0.01
-    least_lever: Share = 0.5
+    least_lever: Fraction = 0.5
     places: Count = 6
     finger_force: Annotated[Positive, "N"] = 10.0
     touch_speed: Annotated[Positive, "m/s"] = 0.05

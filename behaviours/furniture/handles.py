@@ -18,7 +18,7 @@ from behaviours.furniture.leaf_measurement import (
 from behaviours.skill import ArticulationName, Declaration, FurnitureName, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, OneOf, Out
 from bestman_bt.messages import Handle, Pose
-from bestman_bt.messages.shapes import Share
+from bestman_bt.messages.shapes import Fraction
 from bestman_bt.world_model.semantic_map import MapFurniture
 from bestman_bt.world_model.world_model import HandleBelief
 
@@ -47,7 +47,7 @@ class DetectHandle(Skill):
     articulation = In[str | None](ArticulationName, "only on this door or drawer, furniture/leaf", required=False)
     near = In(Pose, "choose the handle nearest to this, map frame", required=False)
     joint = In[str | None](JointKind, "only handles of a revolute or a prismatic joint", required=False)
-    min_confidence = In[float](Share, "of the handle", default=0.5)
+    min_confidence = In[float](Fraction, "of the handle", default=0.5)
     handle = Out(str, "name of the handle in the belief")
     pose = Out(Pose, "pose of the handle, in the map frame")
     count = Out(int, "number of detected handles")

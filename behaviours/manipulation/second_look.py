@@ -17,7 +17,7 @@ from behaviours.perception.surfaces import SURFACE_NOT_SEEN
 from behaviours.skill import ALGORITHM_ERRORS, ArmNode, Declaration, ObjectName, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import PlacedShape, Pose
-from bestman_bt.messages.shapes import NonNegative, Share
+from bestman_bt.messages.shapes import Fraction, NonNegative
 from bestman_bt.world_model.world_model import ObjectBelief
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class SecondLook(ArmNode, Skill):
     REQUIRES = ("arm", "wrist_camera")
     object = In[str](ObjectName, "an object that was located")
     max_yaw_width = In[float](NonNegative, "acceptable yaw uncertainty, radians", default=0.35)
-    min_confidence = In[float](Share, "of the pose", default=0.5)
+    min_confidence = In[float](Fraction, "of the pose", default=0.5)
     pose = Out(Pose, "where the object is, in the map frame")
     yaw_width = Out(float, "remaining yaw uncertainty, radians")
     FAILS: ClassVar = {

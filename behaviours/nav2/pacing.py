@@ -15,7 +15,7 @@ from behaviours.skill import InstantSkill, RobotNode, SkillCondition, SkillFailu
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Decorator, In, Out, StatefulAction
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.messages import Goals, Path2D, Pose2D
-from bestman_bt.messages.shapes import Count, NonNegative, Positive, WholeNumber
+from bestman_bt.messages.shapes import Count, NonNegative, NonNegativeInt, Positive
 
 # Asking of goals, and keeping them up to date: GoalReached, GoalUpdated, GlobalUpdatedGoal, RemovePassedGoals, …
 
@@ -182,7 +182,7 @@ class CheckStopStatus(RobotNode, StatefulAction):
 
     REQUIRES = ("base", "lidar")
     velocity_threshold = In[float](Positive, "m/s and rad/s", default=0.01)
-    duration_stopped = In[int](WholeNumber, "milliseconds", default=1000)
+    duration_stopped = In[int](NonNegativeInt, "milliseconds", default=1000)
 
     def on_start(self) -> int:
         """Start the timer."""

@@ -16,7 +16,7 @@ from behaviours.skill import Declaration, InstantSkill, Skill, SkillCondition, S
 from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
-from bestman_bt.messages.shapes import Positive, WholeNumber
+from bestman_bt.messages.shapes import NonNegativeInt, Positive
 from bestman_bt.world_model.openness import containers_before, is_shut
 from bestman_bt.world_model.world_model import BasePose
 
@@ -91,7 +91,7 @@ class NavigateTo(Skill):
 
     REQUIRES = ("base", "lidar")
     goal = In(Pose2D, "x;y;theta in the map frame, metres and radians")
-    max_replans = In[int](WholeNumber, "recoveries after a block", default=5)
+    max_replans = In[int](NonNegativeInt, "recoveries after a block", default=5)
     path_ = Out(Path2D, "the current path", port="path")
     FAILS: ClassVar = {
         **DRIVING_FAILS,

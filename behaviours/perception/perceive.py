@@ -22,7 +22,7 @@ from behaviours.skill import (
 )
 from bestman_bt.engine import In, Out, SyncAction
 from bestman_bt.messages import Pose, wrap_angle
-from bestman_bt.messages.shapes import NonNegative, Positive, Share
+from bestman_bt.messages.shapes import Fraction, NonNegative, Positive
 from bestman_bt.world_model.world_model import ObjectBelief
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ class DetectObject(Skill):
     USES = ("wrist_camera",)
     object = In[str](ObjectName, "the object to find")
     surface = In[str](SurfaceName, "the surface to search, such as table")
-    min_confidence = In[float](Share, "of the pose", default=0.5)
+    min_confidence = In[float](Fraction, "of the pose", default=0.5)
     camera = In(str, "head, wrist, or its name", default="head")
     pose = Out(Pose, "where the object is, in the map frame")
     yaw_width = Out(float, "remaining yaw uncertainty, radians")
@@ -194,7 +194,7 @@ class EstimatePose(Skill):
     REQUIRES = ("camera",)
     USES = ("wrist_camera",)
     object = In[str](ObjectName, "an object that was detected")
-    min_confidence = In[float](Share, "of the pose", default=0.5)
+    min_confidence = In[float](Fraction, "of the pose", default=0.5)
     camera = In(str, "head, wrist, or its name", default="head")
     pose = Out(Pose, "where the object is, in the map frame")
     yaw_width = Out(float, "remaining yaw uncertainty, radians")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
-from bestman_bt.messages.shapes import Count, NonNegative, Positive, WholeNumber
+from bestman_bt.messages.shapes import Count, NonNegative, NonNegativeInt, Positive
 from bestman_bt.navigation.local_planning.rotate_to_heading import densified
 
 
@@ -114,7 +114,7 @@ class PathSmoother:
     smooth_weight: NonNegative = 0.3
     tolerance: NonNegative = 1e-6
     max_iterations: Count = 1000
-    refinements: WholeNumber = 2
+    refinements: NonNegativeInt = 2
 
     def smooth(self, path: Path2D) -> Path2D:
         """Return the smoothed path, which keeps its first and its last point and its cusps."""

@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import (
     Count,
+    Fraction,
     NonNegative,
+    NonNegativeInt,
     NotBelow,
     Positive,
-    PositiveShare,
-    Share,
-    WholeNumber,
+    PositiveFraction,
     check_bounds,
 )
 from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
@@ -125,23 +125,23 @@ class ParticleFilter(Localizer):
     beams: Count = 72
     hit_std: Annotated[Positive, "m"] = 0.04
     search_hit_std: Annotated[Positive, "m"] = 0.15
-    random: Share = 0.05
+    random: Fraction = 0.05
     independent_beams: Positive = 12.0
     resolution: Annotated[Positive, "m per cell"] = 0.02
     reach: Annotated[Positive, "m"] = 0.6
-    good_fit: Share = 0.7
-    slow: PositiveShare = 0.01
-    fast: Annotated[PositiveShare, NotBelow("slow")] = 0.2
+    good_fit: Fraction = 0.7
+    slow: PositiveFraction = 0.01
+    fast: Annotated[PositiveFraction, NotBelow("slow")] = 0.2
     candidates: Count = 5000
     unknown_std: Annotated[Positive, "m"] = 0.5
     place_radius: Annotated[Positive, "m"] = 0.5
     place_angle: Annotated[Positive, "rad"] = math.radians(30.0)
-    sure: Share = 0.9
+    sure: Fraction = 0.9
     inlier: Annotated[Positive, "m"] = 0.1
-    min_inlier_ratio: Share = 0.35
+    min_inlier_ratio: Fraction = 0.35
     clearance: Annotated[NonNegative, "m"] = 0.2
     move_every: Annotated[NonNegative, "m, rad"] = 0.1
-    seed: WholeNumber = 0
+    seed: NonNegativeInt = 0
     motion: OdometryMotion = field(default_factory=OdometryMotion)
     kld: KldSampling = field(default_factory=KldSampling)
 

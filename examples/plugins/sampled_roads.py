@@ -21,7 +21,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from bestman_bt.messages.shapes import Count, Positive, Share, WholeNumber
+from bestman_bt.messages.shapes import Count, Fraction, NonNegativeInt, Positive
 from bestman_bt.navigation.global_planning.polyline_planner import FreeSpace, PolylinePlanner
 
 _NEAR = 0.3
@@ -60,10 +60,10 @@ class RRTStar(PolylinePlanner):
     """
 
     samples: Count = 1500
-    near_obstacles: Share = 0.5
+    near_obstacles: Fraction = 0.5
     longest: Annotated[Positive, "m"] = 2.0
     goal_every: Count = 15
-    seed: WholeNumber = 0
+    seed: NonNegativeInt = 0
 
     TURNS_EVERYWHERE = (False,)
 
@@ -152,10 +152,10 @@ class PRM(PolylinePlanner):
     """
 
     samples: Count = 1000
-    near_obstacles: Share = 0.7
+    near_obstacles: Fraction = 0.7
     neighbours: Count = 10
     longest: Annotated[Positive, "m"] = 2.5
-    seed: WholeNumber = 0
+    seed: NonNegativeInt = 0
 
     TURNS_EVERYWHERE = (False,)
 

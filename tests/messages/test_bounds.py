@@ -14,14 +14,14 @@ from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.messages import JointTrajectory
 from bestman_bt.messages.shapes import (
     Count,
+    Fraction,
     NonNegative,
+    NonNegativeInt,
     NotBelow,
     OrderError,
     Positive,
-    PositiveShare,
+    PositiveFraction,
     Several,
-    Share,
-    WholeNumber,
     check_bounds,
 )
 
@@ -39,9 +39,9 @@ class Turning:
 class Drive:
     speed: Positive = 0.5
     margin: NonNegative = 0.0
-    share: Share = 0.5
-    rate: PositiveShare = 0.5
-    seed: WholeNumber = 0
+    share: Fraction = 0.5
+    rate: PositiveFraction = 0.5
+    seed: NonNegativeInt = 0
     steps: Count = 10
     knots: Several = 2
     height: float = 0.0

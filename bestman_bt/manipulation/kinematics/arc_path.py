@@ -18,7 +18,7 @@ from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import JointLimits, joint_vector
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.messages import Pose
-from bestman_bt.messages.shapes import Positive, WholeNumber
+from bestman_bt.messages.shapes import NonNegativeInt, Positive
 
 Stations = Sequence[Sequence[Pose]]
 """For each station the tool poses that are allowed there; neighbours in the list are neighbours in the hand's turn."""
@@ -36,7 +36,7 @@ class ArcSearch:
     limit where this ends. ``margin_weight``: cost of a joint at its limit, relative to rad² of motion.
     """
 
-    turn: WholeNumber = 1
+    turn: NonNegativeInt = 1
     max_step: Positive = 0.4
     centring: float = 0.1
     limit_margin: float = 0.02

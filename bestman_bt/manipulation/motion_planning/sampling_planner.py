@@ -23,7 +23,7 @@ from bestman_bt.manipulation.motion_planning.base import (
 from bestman_bt.manipulation.motion_planning.checked_edges import CheckedEdges, CountedValidity
 from bestman_bt.manipulation.motion_planning.query import PlanningQuery, check_query, in_the_way
 from bestman_bt.messages import MotionObstacle, MotionStage
-from bestman_bt.messages.shapes import Count, NonNegative, Positive, WholeNumber
+from bestman_bt.messages.shapes import Count, NonNegative, NonNegativeInt, Positive
 
 # Shortening a joint path: random shortcuts between any two of its points, checked lazily.
 # Geraerts and Overmars, "Creating high-quality paths for motion planning", IJRR 2007. A shortcut is accepted after a
@@ -171,8 +171,8 @@ class SamplingPlanner(MotionPlanner):
     max_checks: Count = 60_000
     max_iterations: Count = 20_000
     attempts: Count = 2
-    shortcut_attempts: WholeNumber = 100
-    shortcut_patience: WholeNumber = 25
+    shortcut_attempts: NonNegativeInt = 100
+    shortcut_patience: NonNegativeInt = 25
     limit_tolerance: Annotated[NonNegative, "rad"] = 0.01
     wall_limit: Annotated[Positive, "s"] = 60.0
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D
-from bestman_bt.messages.shapes import Count, NonNegative, NotBelow, Positive, Several, Share, WholeNumber
+from bestman_bt.messages.shapes import Count, Fraction, NonNegative, NonNegativeInt, NotBelow, Positive, Several
 from bestman_bt.navigation.local_planning.critics import Critics, Drives, Surroundings
 from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower
 from bestman_bt.robot_model.part_config import MobilePart
@@ -37,10 +37,10 @@ class MPPI(ObstacleAwareFollower):
     forward_std: Annotated[NonNegative, "m/s"] = 0.2
     sideways_std: Annotated[NonNegative, "m/s"] = 0.2
     turn_std: Annotated[NonNegative, "rad/s"] = 0.5
-    fine: Share = 0.3
+    fine: Fraction = 0.3
     temperature: Positive = 0.08
     reverse: Annotated[NonNegative, "m/s"] = 0.15
-    seed: WholeNumber = 0
+    seed: NonNegativeInt = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()

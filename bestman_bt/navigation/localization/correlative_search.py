@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from bestman_bt.messages import LaserScan, OccupancyGrid, Pose2D, wrap_angle
 from bestman_bt.messages.frozen_array import frozen_array
 from bestman_bt.messages.grids import FREE
-from bestman_bt.messages.shapes import Count, NonNegative, Positive, Share
+from bestman_bt.messages.shapes import Count, Fraction, NonNegative, Positive
 from bestman_bt.navigation.localization.base import GlobalLocalizer, LocalizationEstimate, OdometryScan, Place
 from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines
 from bestman_bt.navigation.localization.scan_to_map import ScanToMap, cast_rays
@@ -50,11 +50,11 @@ class BeamModel:
 
     beams: Count = 120
     hit_std: Annotated[Positive, "m"] = 0.06
-    hit: Share = 0.7
-    short: Share = 0.2
-    random: Share = 0.1
+    hit: Fraction = 0.7
+    short: Fraction = 0.2
+    random: Fraction = 0.1
     short_decay: Annotated[Positive, "m"] = 2.0
-    lost: Share = 0.1
+    lost: Fraction = 0.1
     explained_within: Annotated[Positive, "m"] = 0.12
 
     def agreement(self, segments: NDArray[np.float64], map_from_lidar: Pose2D, scan: LaserScan) -> Agreement:
@@ -109,7 +109,7 @@ class CorrelativeSearch(GlobalLocalizer):
     same: Annotated[NonNegative, "m"] = 0.2
     same_heading: Annotated[NonNegative, "rad"] = math.radians(6.0)
     independent_beams: Positive = 15.0
-    min_explained: Share = 0.5
+    min_explained: Fraction = 0.5
     clearance: Annotated[NonNegative, "m"] = 0.2
     beam_model: BeamModel = field(default_factory=BeamModel)
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
-from bestman_bt.messages.shapes import Count, NonNegative, NotBelow, Positive, Share
+from bestman_bt.messages.shapes import Count, Fraction, NonNegative, NotBelow, Positive
 from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch, checked_std
 from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines, open_furniture, within
 from bestman_bt.navigation.localization.pose_uncertainty import WEAK_PRIOR, deviation, difference, driven_on, inverse
@@ -45,7 +45,7 @@ class ScanToMap(Localizer):
     planar_map: PlanarMap
     iterations: Count = 8
     gate_first: Annotated[Positive, "m"] = 0.25
-    gate_decay: Share = 0.6
+    gate_decay: Fraction = 0.6
     gate_last: Annotated[Positive, "m"] = 0.04
     associate_again: Annotated[NonNegative, "m"] = 0.002
     robust_scale: Annotated[Positive, "m"] = 0.02
@@ -58,12 +58,12 @@ class ScanToMap(Localizer):
     drift: Annotated[NonNegative, "rad²/m"] = 4e-5
     dragged_turn_slip: Annotated[NonNegative, "rad²/rad"] = 0.02
     dragged_turn_shift: Annotated[NonNegative, "m²/rad"] = 0.005
-    min_inlier_ratio: Share = 0.35
-    min_seen_ratio: Share = 0.15
-    min_consistent_ratio: Share = 0.8
+    min_inlier_ratio: Fraction = 0.35
+    min_seen_ratio: Fraction = 0.15
+    min_consistent_ratio: Fraction = 0.8
     early_by: Annotated[NonNegative, "m"] = 0.15
     max_deviation: Positive = 4.5
-    sure_inlier_ratio: Annotated[Share, NotBelow("min_inlier_ratio")] = 0.6
+    sure_inlier_ratio: Annotated[Fraction, NotBelow("min_inlier_ratio")] = 0.6
     surprise: Positive = 4.0
     unknown_std: Annotated[Positive, "m"] = 0.5
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, maximum_filter1d
 
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.messages.shapes import Count, Positive, Share
+from bestman_bt.messages.shapes import Count, Fraction, Positive
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class LikelihoodPyramid:
     resolution: Annotated[Positive, "m per cell"] = 0.05
     std: Annotated[Positive, "m"] = 0.06
     levels: Count = 4
-    min_score: Share = 0.45
+    min_score: Fraction = 0.45
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 
 from bestman_bt.messages import OccupancyGrid, Pose2D
 from bestman_bt.messages.grids import FREE, OCCUPIED, UNKNOWN
-from bestman_bt.messages.shapes import Count, NonNegative, Positive, Share
+from bestman_bt.messages.shapes import Count, Fraction, NonNegative, Positive
 from bestman_bt.navigation.global_planning.costmap import Costmap
 
 # Ways over the free floor, from one place to many at once (E. Dijkstra 1959).
@@ -171,7 +171,7 @@ class FrontierExplorer:
     depth: Annotated[Positive, "m"] = 2.0
     min_gain: Annotated[NonNegative, "m²"] = 0.4
     closest: Annotated[NonNegative, "m"] = 0.40
-    discount: Annotated[Share, "1/m"] = 0.25
+    discount: Annotated[Fraction, "1/m"] = 0.25
     stops: Count = 8
     again: Annotated[NonNegative, "m"] = 0.3
     straight: Annotated[NonNegative, "m"] = 0.5

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.messages.shapes import Count, NonNegative, NotBelow, Positive, Share, WholeNumber, check_bounds
+from bestman_bt.messages.shapes import Count, Fraction, NonNegative, NonNegativeInt, NotBelow, Positive, check_bounds
 from bestman_bt.navigation.localization.pose_uncertainty import (
     WEAK_PRIOR,
     deviation,
@@ -41,7 +41,7 @@ class LoopCloser:
     deviations of the graph's prediction. ``position_std``, ``heading_std``: its additional error, metres and radians.
     """
 
-    separation: WholeNumber = 12
+    separation: NonNegativeInt = 12
     reach: Annotated[Positive, "m"] = 1.5
     candidates: Count = 2
     sigmas: Positive = 3.0
@@ -50,7 +50,7 @@ class LoopCloser:
     max_distance: Annotated[Positive, NotBelow("min_distance"), "m"] = 2.0
     max_angle: Annotated[Positive, NotBelow("min_angle"), "rad"] = math.radians(20.0)
     jump: Annotated[NonNegative, "m"] = 0.20
-    min_inlier_ratio: Share = 0.60
+    min_inlier_ratio: Fraction = 0.60
     max_residual: Annotated[Positive, "m"] = 0.025
     max_std: Annotated[Positive, "m"] = 0.03
     max_deviation: Positive = 4.0

@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from bestman_bt.messages import OccupancyGrid
 from bestman_bt.messages.grids import OCCUPIED
-from bestman_bt.messages.shapes import NonNegative, NotBelow, Positive, WholeNumber
+from bestman_bt.messages.shapes import NonNegative, NonNegativeInt, NotBelow, Positive
 
 
 @dataclass(eq=False)
@@ -26,7 +26,7 @@ class Overhangs:
     low: NonNegative = 0.10
     high: Annotated[Positive, NotBelow("low")] = 1.6
     range: Positive = 3.0
-    min_points: WholeNumber = 3
+    min_points: NonNegativeInt = 3
 
     def __post_init__(self) -> None:
         self._cells = np.zeros(0, dtype=np.int64)

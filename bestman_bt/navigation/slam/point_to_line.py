@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
 from bestman_bt.messages.frozen_array import frozen_array
-from bestman_bt.messages.shapes import Count, NonNegative, Positive, Several, Share
+from bestman_bt.messages.shapes import Count, Fraction, NonNegative, Positive, Several
 from bestman_bt.navigation.localization.pose_uncertainty import WEAK_PRIOR
 
 
@@ -33,7 +33,7 @@ class PointToLine:
 
     iterations: Count = 12
     gate_first: Annotated[Positive, "m"] = 0.30
-    gate_decay: Share = 0.6
+    gate_decay: Fraction = 0.6
     gate_last: Annotated[Positive, "m"] = 0.06
     robust_scale: Annotated[Positive, "m"] = 0.03
     range_std: Annotated[Positive, "m"] = 0.015

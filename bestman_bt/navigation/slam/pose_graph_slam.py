@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, OccupancyGrid, Pose2D, wrap_angle
 from bestman_bt.messages.grids import FREE, OCCUPIED, UNKNOWN
-from bestman_bt.messages.shapes import Count, NonNegative, NotBelow, Positive, Several, Share, check_bounds
+from bestman_bt.messages.shapes import Count, Fraction, NonNegative, NotBelow, Positive, Several, check_bounds
 from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch, checked_std
 from bestman_bt.navigation.localization.pose_uncertainty import (
     WEAK_PRIOR,
@@ -195,9 +195,9 @@ class PoseGraphSlam(Slam):
     drift: Annotated[NonNegative, "rad²/m"] = 4e-4
     rest_std: Annotated[NonNegative, "m"] = 0.002
     rest_heading_std: Annotated[NonNegative, "rad"] = 0.002
-    min_inlier_ratio: Annotated[Share, NotBelow("least_inlier_ratio")] = 0.45
-    least_inlier_ratio: Share = 0.20
-    sure_inlier_ratio: Annotated[Share, NotBelow("min_inlier_ratio")] = 0.60
+    min_inlier_ratio: Annotated[Fraction, NotBelow("least_inlier_ratio")] = 0.45
+    least_inlier_ratio: Fraction = 0.20
+    sure_inlier_ratio: Annotated[Fraction, NotBelow("min_inlier_ratio")] = 0.60
     sure_std: Annotated[Positive, "m"] = 0.03
     max_deviation: Positive = 3.0
     recovery_distance: Annotated[NonNegative, "m"] = 0.6
