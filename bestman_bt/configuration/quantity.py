@@ -163,7 +163,7 @@ AngularSpeedLimit = Annotated[float, Field(gt=0), BeforeValidator(_limit("angula
 SpeedLimitOrNone = Annotated[float, Field(ge=0), BeforeValidator(_limit("speed"))]
 """0 for a way that the part cannot go; so the next one."""
 AngularSpeedLimitOrNone = Annotated[float, Field(ge=0), BeforeValidator(_limit("angular speed"))]
-ForceLimit = Annotated[float, Field(ge=0), BeforeValidator(_limit("force"))]
+ForceLimit = Annotated[float, Field(gt=0), BeforeValidator(_limit("force"))]
 TorqueLimit = Annotated[float, Field(ge=0), BeforeValidator(_limit("torque"))]
 Rate = Annotated[float, Field(gt=0), BeforeValidator(_limit("frequency"))]
 JointLimit = Annotated[float, BeforeValidator(_limit("angle", "length"))]

@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bestman_bt.configuration.quantity import (
-    AngularSpeedLimitOrNone,
+    AngularSpeedLimit,
     ForceLimit,
     LengthLimit,
-    Share,
+    PositiveShare,
     SpeedLimit,
-    SpeedLimitOrNone,
     TimeLimit,
     WholeNumber,
 )
@@ -74,11 +73,11 @@ class SafetyConfig:
     after which the robot brakes. ``stop_input``: an external stop signal.
     """
 
-    joint_speed: Share | None = None
+    joint_speed: PositiveShare | None = None
     tool_speed: SpeedLimit | None = None
     gripper_force: ForceLimit | None = None
-    base_speed: SpeedLimitOrNone | None = None
-    base_turn: AngularSpeedLimitOrNone | None = None
+    base_speed: SpeedLimit | None = None
+    base_turn: AngularSpeedLimit | None = None
     workspace: WorkspaceConfig | None = None
     watchdog: TimeLimit = 0.25
     heartbeat: TimeLimit = 0.2

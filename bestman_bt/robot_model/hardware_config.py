@@ -167,8 +167,6 @@ def wider_limits(name: str, part: ArmPart, described: ArmPart, document: Documen
 
 @as_far_as_read
 def _safety_problems(safety: SafetyConfig, document: Document) -> Iterator[Problem]:
-    if safety.joint_speed == 0.0:
-        yield document.problem(("safety", "joint_speed"), "should be above 0, a share of the arms' speed limits")
     if safety.stop_input is not None:
         try:
             host_and_port(safety.stop_input.address)

@@ -118,6 +118,7 @@ def test_every_unit_is_worth_what_the_si_says(dimension: str) -> None:
         ("AngularSpeedLimit", ">0", "rad/s"),
         ("SpeedLimitOrNone", ">=0", "m/s"),
         ("AngularSpeedLimitOrNone", ">=0", "rad/s"),
+        ("ForceLimit", ">0", "N"),
         ("Force", ">=0", "N"),
         ("Torque", ">=0", "N m"),
         ("JointSpeed", ">0", "rad/s"),
