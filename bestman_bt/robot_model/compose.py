@@ -33,6 +33,7 @@ from bestman_bt.robot_model.part_config import (
 from bestman_bt.robot_model.payload import payload
 from bestman_bt.robot_model.placed_part import PlacedPart, read_part
 from bestman_bt.robot_model.robot_config import RobotConfig, name_fault
+from bestman_bt.robot_model.sensor_parts import BumperPart, ImuPart
 from bestman_bt.robot_model.urdf_elements import fixed_joint
 
 # The joint limits of a composed URDF: those of the descriptions of its parts, whatever the source says.
@@ -210,6 +211,17 @@ class _RobotFile:
             taken |= {element.get("name", "") for element in part.elements}
         return bool(self.placed) and not unread and not mislaid and not flawed
 
+    def check_companions(self) -> None:
+        """Add the faults of parts that work only with another one, which the robot lacks."""
+        kinds = {type(part.config) for part in self.placed.values()}
+        for name, part in self.placed.items():
+            if isinstance(part.config, LeggedBasePart) and ImuPart not in kinds:
+                message = f"its legs balance by an imu, and the robot has none: mount one on {part.config.root!r}"
+                self.wrong(("parts", name), message)
+            if isinstance(part.config, BumperPart) and not kinds & {BasePart, LeggedBasePart}:
+                message = "a bumper lies around the footprint of a base, and the robot has none: leave it out"
+                self.wrong(("parts", name), message)
+
     def wider_limits(self) -> Iterable[Problem]:
         """Limits of real arms that the robot's file sets beyond those of their parts."""
         for name in (part for connection in self.config.connections.values() for part in connection.parts):
@@ -282,6 +294,8 @@ def compose_robot(name: str, document: Document) -> RobotModel:
     postures, base_frame = file.postures(), file.base_frame()
     file.check_default_arm()
     ignored = file.declared_pairs()
+    if whole:
+        file.check_companions()
     if base_frame is not None and whole:
         model = describe(name, file.joined(name), base_frame, placed, postures, ignored)
         faults.problems += load_problems(model, placed, document)

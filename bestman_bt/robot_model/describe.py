@@ -90,8 +90,8 @@ def _resolve(
     hand: PartConfig | None,
     before: Mapping[str, Part],
 ) -> Part | None:
-    """Return the part with what the URDF adds to it, or None for a structure. ``hand``: on an arm; ``before``: bases at
-    least.
+    """Return the part with what the URDF adds to it, or None for a structure and for a bumper without a base, which the
+    caller refuses. ``hand``: on an arm; ``before``: bases at least.
     """
     match part.config:
         case BasePart() as base:

@@ -55,6 +55,23 @@ def test_an_arm_without_a_hand_ends_at_its_tip(tmp_path: Path) -> None:
     assert robot.hand_of == {}
 
 
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (
+            "parts:\n  base: {part: a1_base}\n",
+            "2 parts.base: its legs balance by an imu, and the robot has none: mount one on 'trunk'",
+        ),
+        (
+            "parts:\n  arm: {part: xarm6_arm}\n  ring: {part: bumper, mount: link1}\n",
+            "3 parts.ring: a bumper lies around the footprint of a base, and the robot has none: leave it out",
+        ),
+    ],
+)
+def test_a_part_that_needs_another_one_is_refused_without_it(tmp_path: Path, text: str, fault: str) -> None:
+    assert problems(tmp_path, text) == [fault]
+
+
 def test_an_override_changes_one_field_of_a_part() -> None:
     shipped = load_robot_model("diff_panda")
     changed = load_robot_model("diff_panda", {"parts.lidar.set.beams": 90, "parts.column.xyz": ["10 cm", 0, "30 cm"]})
