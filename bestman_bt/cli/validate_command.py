@@ -18,7 +18,7 @@ from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.engine import NoMainTree, TreeLoadError, TreeProblem
 from bestman_bt.engine.errors import in_lines
-from bestman_bt.engine.models.foreign import open_tree
+from bestman_bt.engine.models.foreign import StrictPlaceholders, open_tree
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.validation import validate_file
 from bestman_bt.runtime.tree_checks import ALWAYS_FILLED, TASK_ENTRIES, arm_problems, lacking_parts, unknown_names
@@ -46,7 +46,7 @@ def command(
     """Check tree files without running them.
 
     Exit code 0: nothing but warnings. 1: a node, port or tree is missing here; the file may be right elsewhere. 2: a
-    file is wrong in every BehaviorTree.CPP.
+    file is wrong, also a port of a node that is implemented here, unless its TreeNodesModel declares another one.
     """
     registry = others.registry()
     model, worst = None, 0
@@ -89,7 +89,8 @@ def _check_file(file: str, registry: NodeRegistry, package: Package, model: Robo
     problems = validate_file(path, registry, search_path=shipped_trees(), given=given, package=package)
     if model is not None:
         with suppress(TreeLoadError):  # told already
-            tree = open_tree(path, registry, search_path=shipped_trees(), faults=[], package=package)
+            gaps = StrictPlaceholders(package.models)
+            tree = open_tree(path, registry, search_path=shipped_trees(), gaps=gaps, faults=[], package=package)
             postures = {"posture": list(model.postures)} if model.arm_names else {}
             problems += [*lacking_parts(tree, model, model.parts), *arm_problems(tree, model)]
             problems += unknown_names(tree, postures)

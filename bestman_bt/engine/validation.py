@@ -25,7 +25,7 @@ from bestman_bt.engine.errors import TreeLoadError, TreeProblem
 from bestman_bt.engine.leaves.base import Condition, StatefulAction
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
 from bestman_bt.engine.loading import load_tree
-from bestman_bt.engine.models.foreign import Placeholders, main_of, open_documents
+from bestman_bt.engine.models.foreign import StrictPlaceholders, main_of, open_documents
 from bestman_bt.engine.models.node_models import is_placeholder
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.spelling import closest
@@ -46,7 +46,8 @@ def validate_file(
 ) -> list[TreeProblem]:
     """Return all errors and warnings of a tree file.
 
-    Problems with ``missing`` set may be valid in another BehaviorTree.CPP process.
+    Problems with ``missing`` set may be valid in another BehaviorTree.CPP process. Faults of nodes in ``registry`` are
+    among these only where a TreeNodesModel declares other ports for them.
 
     Args:
         path: an XML file or a Python file with ``build()``.
@@ -57,7 +58,8 @@ def validate_file(
     """
     registry = registry or NodeRegistry()
     found: list[TreeProblem] = []
-    gaps = Placeholders()
+    models = {} if package is None else package.models
+    gaps = StrictPlaceholders(models)
     documents = None
     try:
         if Path(path).suffix == ".py":
@@ -71,7 +73,6 @@ def validate_file(
                 return []  # a file of models
             if package is not None:
                 package.complete(documents)
-            models = {} if package is None else package.models
             shown = main or main_of(documents)
             tree = open_documents(documents, registry, models, gaps, faults=found, main_tree=shown)
             if main is not None:

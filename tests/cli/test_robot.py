@@ -55,6 +55,15 @@ def test_a_tree_is_refused_on_a_robot_that_lacks_what_its_nodes_require(bestman_
     assert [line for line in answer.err.splitlines() if " needs a" in line] == [
         line.replace("tree", "odd") for line in told
     ]
+    (folder / "misspelt.xml").write_text((folder / "tree.xml").read_text().replace("grasps=", "grasp="))
+    answer = bestman_bt("validate", "misspelt.xml", "--robot", "turtle")
+    assert (answer.code, answer.out) == (2, "")
+    assert answer.err.splitlines() == [
+        told[0].replace("tree", "misspelt"),
+        "misspelt.xml:5: <Grasp>: unknown port 'grasp' (did you mean 'grasps'?)",
+        "misspelt.xml:5: <Grasp> port 'grasps': it is required but not given (of type list)",
+        told[1].replace("tree", "misspelt"),
+    ]
     answer = bestman_bt("validate", "odd.xml", "--robot", "wrong.yaml")
     assert answer.code == 2
     assert answer.err.startswith("wrong.yaml:1: parts.base.set.max_wz: needs its unit: '90 rad/s' or '90 deg/s'")

@@ -108,6 +108,21 @@ def test_a_node_of_ours_with_other_ports_is_a_placeholder_with_both_sets_and_tol
     assert not missing_nodes(open_tree(document('<Turn angle="1"/>'), registry))
 
 
+@pytest.mark.parametrize(
+    ("ports", "missing"),
+    [("", False), ('<input_port name="angle"/>', False), ('<input_port name="degrees"/>', True)],
+)
+def test_a_wrong_port_of_a_node_of_ours_is_an_error_unless_a_model_declares_another_node(
+    tmp_path: Path, ports: str, missing: bool
+) -> None:
+    registry = NodeRegistry()
+    registry.register(Turn)
+    model = f'<TreeNodesModel><Action ID="Turn">{ports}</Action></TreeNodesModel>' if ports else ""
+    (tmp_path / "t.xml").write_text(document('<Turn degrees="90"/>', more=model))
+    found = validate_file(tmp_path / "t.xml", registry)
+    assert [(problem.field, problem.missing) for problem in found] == [("", missing), ("angle", missing)]
+
+
 def test_what_every_behaviortree_cpp_refuses_is_still_an_error() -> None:
     with pytest.raises(TreeLoadError, match="unknown port 'ms'"):
         open_tree(document('<Sleep ms="3"/>'))

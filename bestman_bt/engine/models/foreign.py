@@ -16,7 +16,15 @@ from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.errors import TreeProblem
 from bestman_bt.engine.loading import load_tree
-from bestman_bt.engine.models.node_models import Models, is_placeholder, placeholder, seen_ports, with_foreign
+from bestman_bt.engine.models.node_models import (
+    Models,
+    is_placeholder,
+    model_info,
+    node_name,
+    placeholder,
+    seen_ports,
+    with_foreign,
+)
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.xml.checking import Checker
 from bestman_bt.engine.xml.documents import Documents, TreeDefinition, read_documents
@@ -107,6 +115,34 @@ class Placeholders(Gaps):
                     for key, text in element.attributes.items()
                     if key in element.info.ports and (entry := key_of(text, key)) is not None
                 ] or None
+
+
+class StrictPlaceholders(Placeholders):
+    """Placeholders for what is unknown here. Faults of nodes that are implemented here are errors, unless a
+    TreeNodesModel, of the file or among ``models``, declares a node of this name with other ports.
+    """
+
+    def __init__(self, models: Models) -> None:
+        super().__init__()
+        self._models = models
+        self._own: set[str] = set()
+
+    def fill(self, checker: Checker) -> None:
+        """Leave out the misfits that are errors."""
+        of_file = {info.name: info for one in checker.documents.node_models if (info := model_info(*one))}
+        declared = {**self._models, **of_file}
+        self._own = {
+            info.name
+            for info in checker.registry
+            if not (info.builtin or info.known_from) and declared.get(info.name, info).ports.keys() == info.ports.keys()
+        }
+        checker.misfits[:] = [element for element in checker.misfits if node_name(element) not in self._own]
+        super().fill(checker)
+
+    def take(self, problems: list[TreeProblem]) -> None:
+        """Take over the problems that are no errors."""
+        problems[:] = [replace(one, missing=False) if one.node in self._own else one for one in problems]
+        super().take(problems)
 
 
 def _fitting(info: NodeInfo, element: Element) -> NodeInfo:
