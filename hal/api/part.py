@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from typing import Any, ClassVar
 
 
 class Part(ABC):
@@ -29,6 +29,10 @@ class Sensor(Part):
     """A part that only measures."""
 
     kind: ClassVar[str] = "sensor"
+
+    @abstractmethod
+    def read(self) -> Any:
+        """Return the latest reading. Raises NoDataError if the sensor is silent."""
 
     def stop(self) -> None:
         """Do nothing: a sensor does not move."""

@@ -26,6 +26,10 @@ class Camera(Sensor):
     def capture(self) -> RGBDImage:
         """Take one image now. Raises NoDataError if the camera does not deliver one."""
 
+    def read(self) -> RGBDImage:
+        """Take one image: ``capture``."""
+        return self.capture()
+
 
 class Lidar(Sensor):
     """A planar lidar."""
@@ -38,6 +42,10 @@ class Lidar(Sensor):
     def scan(self) -> LaserScan:
         """Return the latest scan. Raises NoDataError if the lidar is silent."""
 
+    def read(self) -> LaserScan:
+        """Return the latest scan: ``scan``."""
+        return self.scan()
+
 
 class ForceTorque(Sensor):
     """A six-axis force-torque sensor."""
@@ -49,6 +57,10 @@ class ForceTorque(Sensor):
     @abstractmethod
     def wrench(self) -> Wrench:
         """Return the latest wrench. Raises NoDataError if the sensor is silent."""
+
+    def read(self) -> Wrench:
+        """Return the latest wrench: ``wrench``."""
+        return self.wrench()
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyCon
 from bestman_bt.robot_model.hardware_config import driven_as
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.runtime_folder import runtime_folder
-from hal.api import Battery, Camera, Clock, Failure, Imu, Lidar, MotionErrorCode, Part
+from hal.api import Bumper, Clock, Failure, ForceTorque, MotionErrorCode, Part, Sensor, Tactile
 from hal.hardware.control_loop import ControlLoop
 from hal.hardware.controller_facts import COMPARISONS, ArmFacts, Identity
 from hal.parts.channels import ControlledPart
@@ -140,8 +140,9 @@ class Connection(ABC):
 
     @property
     def stops_robot(self) -> bool:
-        """Return whether its fault stops the robot; a fault of a pure sensor only fails its users."""
-        return not all(isinstance(part, Camera | Lidar | Imu | Battery) for part in self.parts.values())
+        """Return whether its fault stops the robot: that of sensors other than of contacts only fails their users."""
+        contacts = (Bumper, ForceTorque, Tactile)
+        return any(not isinstance(part, Sensor) or isinstance(part, contacts) for part in self.parts.values())
 
     @property
     def longest_silence(self) -> float:

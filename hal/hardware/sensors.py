@@ -10,7 +10,7 @@ from typing_extensions import override
 from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
 from bestman_bt.robot_model.part_fields import PartConfig
 from bestman_bt.robot_model.sensor_parts import CameraPart, ForceTorquePart, ImuPart, LidarPart
-from hal.api import Battery, BatteryReading, Camera, Failure, ForceTorque, Imu, ImuReading, Lidar
+from hal.api import Battery, BatteryReading, Camera, Failure, ForceTorque, Imu, ImuReading, Lidar, Sensor
 from hal.parts.channels import ControlledPart
 from hal.parts.part_connection import PartConnection
 from hal.parts.stop_latch import StopLatch
@@ -49,7 +49,7 @@ def is_another_camera(told: CameraIntrinsics, file: CameraIntrinsics) -> str:
     return ""
 
 
-class HardwareSensor(ControlledPart, Generic[Reading]):
+class HardwareSensor(ControlledPart, Sensor, Generic[Reading]):
     """A sensor behind a controller; reading it fails while the controller is lost.
 
     ``read``: returns the latest reading, or an image captured after the request; may wait, and raises NoDataError
@@ -82,9 +82,6 @@ class HardwareSensor(ControlledPart, Generic[Reading]):
     def fail(self, fault: Failure) -> None:
         """Do nothing: sensors have no motions; readings fail instead."""
         self._connection.fail_motion(fault)
-
-    def stop(self) -> None:
-        """Do nothing: a sensor does not move."""
 
 
 class HardwareCamera(HardwareSensor[RGBDImage], Camera):

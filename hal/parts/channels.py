@@ -89,8 +89,8 @@ class StoppablePart(ControlledPart):
 # The members of a kind of part in ``hal.api``, for wrappers between a program and a part.
 
 
-COMPOSED = frozenset({"open", "close"})
-"""Methods that the interface implements by others."""
+OPTIONAL = frozenset({"trajectory_time"})
+"""Readings that a part may lack; other methods with a body are implemented by abstract ones."""
 ASIDES = frozenset({"carry"})
 """Commands that move nothing: they are neither recorded nor replayed."""
 
@@ -117,8 +117,8 @@ def interface_of(part: type[Part]) -> Interface:
     readings: list[str] = []
     commands: list[str] = []
     for name in dir(kind):
-        found = inspect.getattr_static(kind, name)
-        if not name.startswith("_") and name not in COMPOSED | ASIDES | {"stop"} and inspect.isfunction(found):
+        found = getattr(kind, name)
+        if name in OPTIONAL or (name != "stop" and getattr(found, "__isabstractmethod__", False)):
             (commands if len(inspect.signature(found).parameters) > 1 else readings).append(name)
     asides = tuple(sorted(ASIDES & set(dir(kind))))
     return Interface(kind, attributes, tuple(readings), tuple(commands), asides)

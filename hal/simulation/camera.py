@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
@@ -84,7 +85,7 @@ class SimulatedCamera(SimulatedSensor[Exposure], Camera):
 
     def capture(self) -> RGBDImage:
         """Render colour and depth, and spoil the depth as the model says."""
-        capture, fault = self.read(), self.fault
+        capture, fault = super().read(), self.fault
         if self._rendered is not None:
             shown, shown_fault, image = self._rendered
             if shown is capture and fault in (shown_fault, SensorFault.FROZEN):
@@ -92,6 +93,10 @@ class SimulatedCamera(SimulatedSensor[Exposure], Camera):
         image = self._render(capture)
         self._rendered = capture, fault, image
         return image
+
+    def read(self) -> Any:
+        """Return an image: ``capture``."""
+        return self.capture()
 
     def begin(self, simulation: Simulation) -> Callable[[], Exposure]:
         """Look into this simulation."""
