@@ -15,7 +15,7 @@ from behaviours.computation import Computation, TimeSource
 from behaviours.contacts import Contact
 from behaviours.failure import NodeFailure
 from behaviours.parameters import SkillParameters
-from behaviours.parts import PartKind
+from behaviours.parts import WORDS
 from bestman_bt.errors import RobotError
 from bestman_bt.messages import Failure, MotionErrorCode, MotionObstacle, MotionStage, Pose
 from bestman_bt.world_model.world_model import HeldObject, WorldModel
@@ -97,7 +97,7 @@ class SkillContext:
 
     clock: TimeSource
     robot: RobotModel
-    kinds: Mapping[PartKind, tuple[str, ...]]
+    kinds: Mapping[str, tuple[str, ...]]
     make_accessor: Callable[[str, str], Any]
     world: WorldModel
     stop: RobotStop
@@ -167,17 +167,17 @@ class SkillContext:
             replace(self, arm_name=arm, handled=None)
         return self._for_arms[arm]
 
-    def has(self, kind: PartKind) -> bool:
+    def has(self, kind: str) -> bool:
         """Return whether the robot has a part of a kind; for a gripper, whether the arm carries one."""
         if kind == "gripper" and self.arm_name:
             return self.robot.gripper_of(self.arm_name) in self.kinds.get("gripper", ())
         return kind in self.kinds
 
-    def make(self, kinds: Iterable[PartKind]) -> None:
+    def make(self, kinds: Iterable[str]) -> None:
         """Create the existing controllers and sensors of these kinds now instead of during a tick."""
         accessors = {"lidar": "base", "force_torque": "wrist_wrench"}
         for kind in kinds:
-            if self.has(kind):
+            if kind in WORDS and self.has(kind):
                 getattr(self, accessors.get(kind, kind))
 
     if not TYPE_CHECKING:

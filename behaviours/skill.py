@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeAlias, TypeVar
 from behaviours.contacts import Contact
 from behaviours.context import SkillContext
 from behaviours.failure import MOTION_FAILS, READING_FAILS, SEEING_FAILS, NodeFailure
-from behaviours.parts import WORDS, PartKind
+from behaviours.parts import WORDS, kinds_for_skills
 from bestman_bt.control import Motion, MotionStatus
 from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, In, Node, NodeError, Out, StatefulAction, SyncAction
@@ -93,16 +93,18 @@ class RobotNode(Node):
     parts that it uses if available.
     """
 
-    REQUIRES: ClassVar[tuple[PartKind, ...]] = ()
-    USES: ClassVar[tuple[PartKind, ...]] = ()
+    REQUIRES: ClassVar[tuple[str, ...]] = ()
+    USES: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Raise TypeError if ``REQUIRES`` or ``USES`` is not a tuple of kinds of parts."""
         super().__init_subclass__(**options)
         for name in ("REQUIRES", "USES"):
             kinds = getattr(cls, name)
-            if not isinstance(kinds, tuple) or any(kind not in WORDS for kind in kinds):
-                right = f"a tuple of kinds of parts ({', '.join(WORDS)})"
+            if not isinstance(kinds, tuple) or any(
+                kind not in WORDS and kind not in kinds_for_skills() for kind in kinds
+            ):
+                right = f"a tuple of kinds of parts ({', '.join(kinds_for_skills())})"
                 raise TypeError(f"{cls.__name__}.{name} should be {right}, got {kinds!r}")
 
     @property

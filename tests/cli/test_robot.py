@@ -26,7 +26,7 @@ def test_robots_lists_robots_parts_and_how_many_ways_they_go_together(bestman_bt
 def test_robots_are_listed_with_the_parts_that_skills_find(bestman_bt) -> None:
     told = bestman_bt("robots").out
     assert re.search(r"^  turtle +differential; no arm; no hand; \d+ kg; base, lidar$", told, re.MULTILINE)
-    assert re.search(r"^  a1 .*; base$", told, re.MULTILINE)
+    assert re.search(r"^  a1 .*; base, imu, battery$", told, re.MULTILINE)
 
 
 def test_a_tree_is_refused_on_a_robot_that_lacks_what_its_nodes_require(bestman_bt, folder) -> None:

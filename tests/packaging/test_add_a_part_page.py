@@ -12,11 +12,14 @@ import pytest
 
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
+from bestman_bt.engine import load_tree
 from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.registry import CONNECTIONS, PARTS, SIMULATED_SENSORS, undone
 from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.resolved_config import prepare
 from bestman_bt.runtime.robot_session import session
+from bestman_bt.runtime.tree_checks import lacking_parts
 
 PAGE = (Path(__file__).parents[2] / "docs" / "add_a_part.md").read_text()
 BLOCKS = re.findall(r"^```(?:python|yaml|xml)\n((?:#|<!--) ([\w.]+)(?: -->)?\n.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
@@ -64,6 +67,14 @@ def test_a_skill_reads_the_sensor_in_simulation_and_fails_where_it_is_too_warm(f
         assert not execution.succeeded
         assert [failure.error_code for failure in opened.skills.failures] == ["too_warm"]
         assert opened.robot.audit_record().truth_reads == 0
+
+
+def test_a_robot_without_the_sensor_refuses_the_tree(folder: Path) -> None:
+    tree, turtle = load_tree("is_it_warm.xml", node_registry(["thermometer.py"])), load_robot_model("turtle")
+    (problem,) = lacking_parts(tree, turtle, turtle.parts)
+    assert f"\n{problem}\n" in PAGE
+    warm = load_robot_model("warm_robot.yaml")
+    assert not lacking_parts(tree, warm, warm.parts)
 
 
 def test_a_mistake_in_the_new_kind_is_told_with_file_line_and_field(folder: Path) -> None:
