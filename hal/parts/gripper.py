@@ -152,7 +152,7 @@ class CommandedGripper(StoppablePart, Gripper):
         gripping = self._gripping
         with self._connection.lock:
             if self._time <= self._channel.reaction_time or self._still_for < gripping.still_time / 3:
-                self._order, self._halting = None, True
+                self._halting = True  # the next cycle halts, whatever was to be sent
 
     def _watch(self, reading: GripperReading, elapsed: float) -> None:
         gripping, motion = self._gripping, self._connection.motion
