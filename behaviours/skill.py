@@ -101,6 +101,7 @@ class RobotNode(Node):
         super().__init_subclass__(**options)
         for name in ("REQUIRES", "USES"):
             kinds = getattr(cls, name)
+            # The registry, which looks for installed plug-ins, is only asked for kinds without a word of their own.
             if not isinstance(kinds, tuple) or any(
                 kind not in WORDS and kind not in kinds_for_skills() for kind in kinds
             ):

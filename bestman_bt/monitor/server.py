@@ -275,11 +275,10 @@ class BoundedProtocol(H11Protocol):
     """HTTP/1.1 connections of a bounded number: at the limit, the one that has waited longest is closed.
 
     An answer takes milliseconds, so the oldest connection sends no request or does not read. Pages stay connected:
-    their
-    WebSockets have separate protocols.
+    their WebSockets have separate protocols.
     """
 
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # a socket's
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # asyncio calls it with a socket's transport
         """Start the deadline for the request."""
         self._overdue = self.loop.call_later(HEADER_TIME, transport.abort)
         if len(self.connections) >= most_connections():

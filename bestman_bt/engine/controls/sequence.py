@@ -113,7 +113,7 @@ def indexed_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901
                     raise odd_status(status, child)
         except NodeError:
             raise
-        except Exception as error:
+        except Exception as error:  # a user's node may raise anything
             raise wrapped(error, child) from error
         all_skipped = self.skipped == count
         self.rest_children()
@@ -158,7 +158,7 @@ def indexed_tick_traced(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C9
                     raise odd_status(status, child)
         except NodeError:
             raise
-        except Exception as error:
+        except Exception as error:  # a user's node may raise anything
             raise wrapped(error, child) from error
         all_skipped = self.skipped == count
         self.rest_children()

@@ -405,7 +405,7 @@ class Node(PyTreesFace):
             status = self.run()
         except NodeError:
             raise
-        except Exception as error:
+        except Exception as error:  # a user's node may raise anything
             raise wrapped(error, self) from error
         if status != SKIPPED:
             if status == RUNNING and self.SYNCHRONOUS:

@@ -351,7 +351,7 @@ class Tree:
                 root.reset_status()
         except NodeError:
             raise
-        except Exception as error:
+        except Exception as error:  # a user's node may raise anything
             raise wrapped(error, root) from error
         finally:
             if self._log:
