@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import cv2
@@ -110,29 +110,14 @@ class VoxelRegion:
 
 
 class OccupancyMapper(ABC):
-    """Fuses views into the occupancy of one region, which is initially unknown."""
+    """Fuses views into the occupancy of one region."""
 
     @abstractmethod
-    def begin(self, region: VoxelRegion) -> None:
-        """Forget everything and map this region from now on."""
-
-    @abstractmethod
-    def add(self, view: View) -> None:
-        """Add one view, given in the frame of the region.
-
-        Pixels without depth are ignored. Raises PerceptionError before ``begin``.
-        """
-
-    @abstractmethod
-    def grid(self) -> VoxelGrid:
-        """Return the current grid; its stamp is that of the latest view (0 before the first)."""
-
     def fuse(self, views: Sequence[View], region: VoxelRegion) -> VoxelGrid:
-        """Return the occupancy of a region from these views alone, in their order."""
-        self.begin(region)
-        for view in views:
-            self.add(view)
-        return self.grid()
+        """Return the occupancy of a region from these views, given in its frame and in their order; else unknown.
+
+        Pixels without depth are ignored. The grid's stamp is that of the latest view (0 without any).
+        """
 
 
 # Voxel occupancy by log odds, updated by the rays of depth images.
@@ -141,7 +126,7 @@ class OccupancyMapper(ABC):
 # it.
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True)
 class LogOdds(OccupancyMapper):
     """A dense grid: occupied at measured points, free along the rays; within one view, occupied has priority.
 
@@ -160,43 +145,23 @@ class LogOdds(OccupancyMapper):
     noise_quadratic: Annotated[float, "1/m"] = 0.0019
     noise_deviations: float = 3.0
     max_range: Annotated[float, "m"] = 5.0
-    _region: VoxelRegion | None = field(default=None, init=False, repr=False)
-    _odds: NDArray[np.float32] = field(init=False, repr=False)
-    _seen: NDArray[np.bool_] = field(init=False, repr=False)
-    _stamp: float = field(default=0.0, init=False, repr=False)
 
     @override
-    def begin(self, region: VoxelRegion) -> None:
-        self._region = region
-        self._odds = np.zeros(region.shape, dtype=np.float32)
-        self._seen = np.zeros(region.shape, dtype=bool)
-        self._stamp = 0.0
-
-    @override
-    def add(self, view: View) -> None:
-        region = self._begun()
-        image = view.image
-        trusted = np.isfinite(image.depth) & (image.depth > 0.0) & (image.depth <= self.max_range)
-        depth = np.where(trusted, image.depth, np.float32(0.0))
-        surface = self._surface(view, depth, region)
-        free = self._seen_through(view, depth, region) & ~surface
-        self._odds[surface] += self.hit
-        self._odds[free] -= self.miss
-        np.clip(self._odds, -self.limit, self.limit, out=self._odds)
-        self._seen |= surface | free
-        self._stamp = max(self._stamp, image.stamp)
-
-    @override
-    def grid(self) -> VoxelGrid:
-        region = self._begun()
-        states = np.where(self._odds > 0.0, VOXEL_OCCUPIED, VOXEL_FREE)
-        states = np.where(self._seen, states, VOXEL_UNKNOWN).astype(np.uint8)
-        return VoxelGrid(states, region.resolution, region.frame_from_grid, self._stamp)
-
-    def _begun(self) -> VoxelRegion:
-        if self._region is None:
-            raise PerceptionError("LogOdds was used before begin(region)")
-        return self._region
+    def fuse(self, views: Sequence[View], region: VoxelRegion) -> VoxelGrid:
+        odds, seen = np.zeros(region.shape, dtype=np.float32), np.zeros(region.shape, dtype=bool)
+        for view in views:
+            depth = view.image.depth
+            trusted = np.isfinite(depth) & (depth > 0.0) & (depth <= self.max_range)
+            depth = np.where(trusted, depth, np.float32(0.0))
+            surface = self._surface(view, depth, region)
+            free = self._seen_through(view, depth, region) & ~surface
+            odds[surface] += self.hit
+            odds[free] -= self.miss
+            np.clip(odds, -self.limit, self.limit, out=odds)
+            seen |= surface | free
+        states = np.where(seen, np.where(odds > 0.0, VOXEL_OCCUPIED, VOXEL_FREE), VOXEL_UNKNOWN).astype(np.uint8)
+        stamp = max((view.image.stamp for view in views), default=0.0)
+        return VoxelGrid(states, region.resolution, region.frame_from_grid, stamp)
 
     def _surface(self, view: View, depth: NDArray[np.float32], region: VoxelRegion) -> NDArray[np.bool_]:
         """Voxels with at least ``min_hits`` measured points."""

@@ -69,29 +69,24 @@ def test_the_top_of_the_table_that_was_seen_is_occupied_everywhere(grid):
 def test_what_is_hidden_stays_unknown_until_a_view_shows_it():
     behind_the_carton = np.array([[0.2, 0.1, 0.8], [0.18, 0.12, 0.85]])
     inside = np.array([[0.05, 0.1, 0.85]])
-    mapper = LogOdds()
-    mapper.begin(REGION)
-    mapper.add(views(FRONT)[0])
-    assert (mapper.grid().state_at(behind_the_carton) == VOXEL_UNKNOWN).all()
-    mapper.add(views(BEHIND)[0])
-    assert (mapper.grid().state_at(behind_the_carton) == VOXEL_FREE).all()
-    assert mapper.grid().state_at(inside) == VOXEL_UNKNOWN
-    assert mapper.grid().state_at(np.array([[5.0, 0.0, 0.0]])) == VOXEL_UNKNOWN
+    before = LogOdds().fuse(views(FRONT), REGION)
+    assert (before.state_at(behind_the_carton) == VOXEL_UNKNOWN).all()
+    grid = LogOdds().fuse(views(FRONT, BEHIND), REGION)
+    assert (grid.state_at(behind_the_carton) == VOXEL_FREE).all()
+    assert grid.state_at(inside) == VOXEL_UNKNOWN
+    assert grid.state_at(np.array([[5.0, 0.0, 0.0]])) == VOXEL_UNKNOWN
 
 
 def test_what_has_moved_away_is_cleared_by_two_views():
-    mapper = LogOdds()
-    mapper.begin(REGION)
-    for view in views(*[FRONT] * 5):
-        mapper.add(view)
+    there = views(*[FRONT] * 5)
+    before = LogOdds().fuse(there, REGION)
     front_of_carton = CARTON.pose.apply(np.array([[-0.05, 0.0, z] for z in np.arange(-0.05, 0.08, 0.02)]))
-    assert (mapper.grid().state_at(front_of_carton) == VOXEL_OCCUPIED).mean() > 0.8
-    for view in views(FRONT, FRONT, bodies=(TABLE, FLOOR)):
-        mapper.add(view)
-    near = mapper.grid().centres(VOXEL_OCCUPIED)
+    assert (before.state_at(front_of_carton) == VOXEL_OCCUPIED).mean() > 0.8
+    after = LogOdds().fuse([*there, *views(FRONT, FRONT, bodies=(TABLE, FLOOR))], REGION)
+    near = after.centres(VOXEL_OCCUPIED)
     above_table = near[near[:, 2] > 0.78]
     assert len(above_table) == 0
-    assert (mapper.grid().state_at(front_of_carton) == VOXEL_FREE).all()
+    assert (after.state_at(front_of_carton) == VOXEL_FREE).all()
 
 
 def test_pixels_without_depth_say_nothing():
@@ -126,7 +121,8 @@ def test_space_is_free_up_to_a_voxel_and_the_noise_before_a_surface_and_unknown_
     assert row.tolist() == [VOXEL_FREE, VOXEL_FREE, VOXEL_UNKNOWN, VOXEL_OCCUPIED, VOXEL_UNKNOWN, VOXEL_UNKNOWN]
 
 
-def test_a_surface_takes_three_points_and_a_new_beginning_forgets_all():
+def test_a_surface_takes_three_points_and_the_next_grid_knows_nothing_of_it():
+    mapper = LogOdds()
     lonely = view_of([wall(4.75)], AHEAD)
     points, _, _ = lonely.organised()
     index = np.floor(FAR.frame_from_grid.inverse().apply(points) / 0.1)
@@ -134,28 +130,21 @@ def test_a_surface_takes_three_points_and_a_new_beginning_forgets_all():
     for count, state in ((2, VOXEL_UNKNOWN), (3, VOXEL_OCCUPIED)):
         depth = np.zeros_like(lonely.image.depth)
         depth[tuple(in_one[:count].T)] = lonely.image.depth[tuple(in_one[:count].T)]
-        mapper = LogOdds()
-        mapper.begin(FAR)
-        mapper.add(replace(lonely, image=replace(lonely.image, depth=depth, stamp=9.0)))
-        assert mapper.grid().states[7, 2, 2] == state
-        assert mapper.grid().stamp == 9.0
-        mapper.begin(FAR)
-        assert (mapper.grid().states == VOXEL_UNKNOWN).all()
-        assert mapper.grid().stamp == 0.0
+        grid = mapper.fuse([replace(lonely, image=replace(lonely.image, depth=depth, stamp=9.0))], FAR)
+        assert grid.states[7, 2, 2] == state
+        assert grid.stamp == 9.0
+        empty = mapper.fuse([], FAR)
+        assert (empty.states == VOXEL_UNKNOWN).all()
+        assert empty.stamp == 0.0
 
 
 @pytest.mark.parametrize("seen", [1, 2, 9])
 def test_however_often_a_thing_was_seen_two_views_through_its_place_free_it(seen):
-    mapper = LogOdds()
-    mapper.begin(FAR)
-    for _ in range(seen):
-        mapper.add(view_of([wall(4.25)], AHEAD))
+    there, gone = view_of([wall(4.25)], AHEAD), view_of([wall(4.9)], AHEAD)
     place = np.array([[4.25, 0.05, 0.05]])
-    assert mapper.grid().state_at(place) == VOXEL_OCCUPIED
-    mapper.add(view_of([wall(4.9)], AHEAD))
-    assert bool(mapper.grid().state_at(place) == VOXEL_OCCUPIED) is True
-    mapper.add(view_of([wall(4.9)], AHEAD))
-    assert mapper.grid().state_at(place) == VOXEL_FREE
+    for views_through, state in ((0, VOXEL_OCCUPIED), (1, VOXEL_OCCUPIED), (2, VOXEL_FREE)):
+        grid = LogOdds().fuse([there] * seen + [gone] * views_through, FAR)
+        assert grid.state_at(place) == state
 
 
 def test_the_grid_stands_where_the_region_is_whatever_its_orientation():
@@ -184,8 +173,6 @@ def test_what_the_hand_takes_away_leaves_free_space(grid):
 
 
 def test_wrong_input_is_told():
-    with pytest.raises(PerceptionError, match="before begin"):
-        LogOdds().add(views(FRONT)[0])
     with pytest.raises(PerceptionError, match="at least one voxel"):
         VoxelRegion(Pose(), (1.0, 0.0, 1.0))
     with pytest.raises(PerceptionError, match="voxels, at most"):
@@ -194,11 +181,9 @@ def test_wrong_input_is_told():
 
 def test_a_full_view_costs_less_than_a_tenth_of_a_second_of_computing():
     view = view_of((TABLE, CARTON, FLOOR), FRONT, camera=CameraIntrinsics(640, 480, 433.0, 433.0, 319.5, 239.5))
-    mapper = LogOdds()
-    mapper.begin(REGION)
     costs = []
     for _ in range(5):
         start = time.process_time()
-        mapper.add(view)
+        LogOdds().fuse([view], REGION)
         costs.append(time.process_time() - start)
     assert min(costs) < 0.1
