@@ -43,7 +43,7 @@ MOTION_FAILS: Mapping[str, str] = {
     "stopped": "the robot was stopped: ClearStop, then look again",
     "superseded": "two branches commanded the same part: let one wait for the other",
     "canceled": "the tree halted it; nothing is wrong",
-    "refused": "beyond a limit, or the robot is stopped: ClearStop, else correct the tree",
+    "refused": "beyond a limit: correct the tree",
     "declined": "a person declined this motion: try another one, or none",
     "tracking": "a part did not follow, it may be blocked: Retreat or BackUp, then retry",
     "blocked": "an obstacle blocks the path: BackUp, ClearEntireCostmap, then retry",

@@ -10,7 +10,6 @@ import numpy as np
 from behaviours.computation import Until, passed
 from behaviours.skill import Declaration, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.control import MotionStatus
-from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import OccupancyGrid, Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.grids import FREE
@@ -52,7 +51,6 @@ class ExploreAndMap(Skill):
     saved = Out(str, "the written file, if any")
     FAILS: ClassVar = {
         "timeout": "ExploreAndMap with more max_time",
-        "no_image": "ExploreAndMap again",
         "start_blocked": "DriveOnHeading or BackUp, then ExploreAndMap again",
         "not_saved": "give a file in a writable folder",
     }
@@ -169,11 +167,7 @@ class ExploreAndMap(Skill):
         skills = self.skills
         if skills.has("camera") and self._picture_due():
             self._pictured = self._pose
-            try:
-                view = skills.camera.capture().in_map
-            except READING_ERRORS as error:
-                text = f"the camera cannot detect overhanging obstacles: {error}"
-                raise SkillFailure("no_image", text, error.failure) from error
+            view = skills.camera.capture().in_map
             overhangs.add(view.cloud().points[::EVERY_POINT], view.viewpoint)
         grid = skills.slam.grid
         if not grid.data.size:

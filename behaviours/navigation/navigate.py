@@ -68,7 +68,7 @@ class ForgetBlocked(InstantSkill):
         world.searched_in_part.clear()
 
 
-RECOVERABLE_CODES = ("blocked", "tolerance", "path_blocked", "disconnected")
+RECOVERABLE_CODES = ("blocked", "tolerance", "path_blocked", "disconnected", "no_data")
 """Temporary failures: an obstacle or person on the path, or a sensor that is silent for a moment."""
 
 DRIVING_FAILS = {

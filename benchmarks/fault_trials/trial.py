@@ -96,7 +96,7 @@ TRIALS = (
           undo="fresh_odometry"),
     Trial("rosbridge/silent_odometry", XARM, Act.BASE, PLATFORM, "silent_odometry", ("stopped",), STALE,
           undo="fresh_odometry"),
-    Trial("rosbridge/silent_scan", XARM, Act.BASE, PLATFORM, "silent_scan", ("disconnected",), STALE + 0.1,
+    Trial("rosbridge/silent_scan", XARM, Act.BASE, PLATFORM, "silent_scan", ("no_data",), STALE + 0.1,
           undo="fresh_scan", stops=False),
     Trial("rosbridge/restart", XARM, Act.BASE, PLATFORM, "restart", ("disconnected",), AT_ONCE),
     Trial("rosbridge/blind", XARM, Act.LOOK, PLATFORM, "blind", ("camera_no_image",), 4.0, undo="sighted", stops=False),

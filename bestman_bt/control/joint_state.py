@@ -8,31 +8,13 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from bestman_bt.control.history import History, positions_between
-from bestman_bt.perception.errors import PerceptionError
-from hal.api import (
-    Clock,
-    Gripper,
-    JointGroup,
-    MotionErrorCode,
-    NoDataError,
-    NotConnectedError,
-    Part,
-    PartError,
-    RobotError,
-    Timer,
-)
+from hal.api import Clock, Gripper, JointGroup, NoDataError, NotConnectedError, Part, Timer
 
 if TYPE_CHECKING:
     from bestman_bt.robot_model.model import RobotModel
 
 
-class JointStateError(PartError, PerceptionError):
-    """Raised if the encoders of a part deliver nothing: its controller is not connected."""
-
-    code = MotionErrorCode.DISCONNECTED
-
-
-READING_ERRORS = (NotConnectedError, NoDataError, JointStateError)
+READING_ERRORS = (NotConnectedError, NoDataError)
 """Errors that reading a robot may raise: a controller is gone, or a sensor is silent; see their ``code``."""
 
 
@@ -72,7 +54,7 @@ class JointStateSensor:
     def at(self, stamp: float) -> Mapping[str, float]:
         """Return the positions at a time of the robot's clock, seconds; without a recording, the current ones.
 
-        Raises NotRecordedError outside the recorded time, JointStateError as ``positions``.
+        Raises NotRecordedError outside the recorded time, READING_ERRORS as ``positions``.
         """
         positions = self.positions()
         if self._clock is None:
@@ -82,19 +64,15 @@ class JointStateSensor:
 
     def _record(self) -> None:
         assert self._clock is not None
-        with contextlib.suppress(JointStateError):  # a gap; the caller that moves the joints gets the reason
+        with contextlib.suppress(*READING_ERRORS):  # a gap; the caller that moves the joints gets the reason
             self._history.add(self._clock.now(), self.positions())
 
     def positions(self) -> Mapping[str, float]:
-        """Return joint name → measured position, radians or metres. Raises JointStateError if a part reports none."""
+        """Return joint name → measured position, radians or metres. Raises READING_ERRORS if a part reports none."""
         positions: dict[str, float] = {}
         for name, part in self._parts.items():
-            try:
-                if isinstance(part, JointGroup):
-                    positions.update(zip(part.joint_names, part.positions().tolist(), strict=True))
-                elif isinstance(part, Gripper) and name in self._grippers:
-                    positions.update(self._grippers[name].joint_positions(part.width()))
-            except RobotError as error:
-                vendor_code = error.failure.vendor_code if isinstance(error, PartError) else ""
-                raise JointStateError(str(error), name, vendor_code) from error
+            if isinstance(part, JointGroup):
+                positions.update(zip(part.joint_names, part.positions().tolist(), strict=True))
+            elif isinstance(part, Gripper) and name in self._grippers:
+                positions.update(self._grippers[name].joint_positions(part.width()))
         return MappingProxyType(positions)

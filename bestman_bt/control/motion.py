@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -37,10 +37,8 @@ def start_motion(
     """Return the motion that ``command`` starts; a refused command gives a failed motion."""
     try:
         return ControlledMotion(part, command(), read)
-    except CommandRefusedError as error:
+    except (CommandRefusedError, *READING_ERRORS) as error:
         failure = error.failure
-    except READING_ERRORS as error:
-        failure = replace(error.failure, code=MotionErrorCode.DISCONNECTED)
     refused: Motion[Result] = Motion(part)
     refused.end(MotionStatus.FAILED, failure)
     return refused

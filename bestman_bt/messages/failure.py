@@ -27,6 +27,7 @@ class MotionErrorCode(StrEnum):
     TIMEOUT = "timeout"  # the target was not reached in time
     COLLISION = "collision"  # a collision, or a protective stop of the controller
     DISCONNECTED = "disconnected"
+    NO_DATA = "no_data"  # a sensor is silent or switched off
     FAULT = "fault"  # any other fault of the part
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from behaviours.context import SkillContext
-from bestman_bt.control.joint_state import JointStateError, JointStateSensor
+from bestman_bt.control.joint_state import READING_ERRORS, JointStateSensor
 from bestman_bt.control.operator_speed import OperatorSpeed
 from bestman_bt.control.rgbd import RGBDView
 from bestman_bt.control.wheeled.localisation_cycle import PlacedScan
@@ -80,7 +80,7 @@ class RobotSource:
         joints, diagnostics = {}, None
         try:
             joints = dict(self._joints.positions())
-        except JointStateError as error:
+        except READING_ERRORS as error:
             diagnostics = {"encoders": str(error)}
         world = self._skills.world
         held = ", ".join(one.name for one in world.hands.values()) or None

@@ -3,7 +3,14 @@
 from bestman_bt.errors import RobotError
 from bestman_bt.messages import Failure, MotionErrorCode
 from hal.api.arm import Arm, JointGroup
-from hal.api.errors import CommandRefusedError, NoDataError, NotConnectedError, PartError, UnknownPartError
+from hal.api.errors import (
+    CommandRefusedError,
+    NoDataError,
+    NotConnectedError,
+    PartError,
+    RobotStoppedError,
+    UnknownPartError,
+)
 from hal.api.gripper import Gripper, GripperState
 from hal.api.mobile_base import MobileBase
 from hal.api.motion import Motion, MotionStatus
@@ -52,6 +59,7 @@ __all__ = [
     "PartError",
     "Robot",
     "RobotError",
+    "RobotStoppedError",
     "Sensor",
     "Tactile",
     "TactileReading",

@@ -25,13 +25,19 @@ class NotConnectedError(PartError):
 class NoDataError(PartError):
     """A sensor delivers no data: it is switched off, unplugged or silent."""
 
-    code = "no_data"
+    code = MotionErrorCode.NO_DATA
 
 
 class CommandRefusedError(PartError, ValueError):
     """Raised if a command is refused: it is malformed, beyond a limit, or the robot is stopped. Nothing moves."""
 
     code = MotionErrorCode.REFUSED
+
+
+class RobotStoppedError(CommandRefusedError):
+    """Raised if a command is refused because the robot is stopped; ``clear_stop()`` makes it accept commands again."""
+
+    code = MotionErrorCode.STOPPED
 
 
 class UnknownPartError(RobotError, LookupError):

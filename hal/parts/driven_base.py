@@ -210,7 +210,7 @@ class DrivenBase(ControlledPart, MobileBase):
             odometry = self._read().odometry
         except NoDataError as error:
             self._halt(hard=False)
-            self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.FAULT, str(error))
+            self._connection.fail_motion(error.failure)
             return
         self._wanted = profile.velocity(odometry, elapsed * self._share)
         if profile.arrived:

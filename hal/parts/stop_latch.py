@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from hal.api import CommandRefusedError, Failure
+from hal.api import Failure, RobotStoppedError
 
 
 class StopLatch:
@@ -38,9 +38,9 @@ class StopLatch:
                 self._set, self.fault = False, None
 
     def check(self, part_name: str, command: str) -> None:
-        """Raise CommandRefusedError while the robot is stopped."""
+        """Raise RobotStoppedError while the robot is stopped."""
         if self._set:
             fault = self.fault
             reason = f" because {fault}" if fault is not None else ""
             text = f"{part_name} refused {command}: the robot is stopped{reason}; clear_stop() makes it accept commands"
-            raise CommandRefusedError(text, part_name, fault.vendor_code if fault is not None else "")
+            raise RobotStoppedError(text, part_name, fault.vendor_code if fault is not None else "")

@@ -170,7 +170,7 @@ class RealSenseConnection(Connection):
             while self._newest is None or self._newest[1] <= asked:
                 left = deadline - time.monotonic()
                 if left <= 0.0 or not self._arrived.wait(left):
-                    raise NoDataError(f"{self._camera}: no image within {self.options.image_time:g} s")
+                    raise NoDataError(f"{self._camera}: no image within {self.options.image_time:g} s", self._camera)
             frames, stamp = self._newest
         registered = self._align.process(frames)
         depth = registered.get_depth_frame()
@@ -179,7 +179,7 @@ class RealSenseConnection(Connection):
         try:
             return RGBDImage(rgb, metres.astype(np.float32), self._lens, stamp)
         except ValueError as error:
-            raise NoDataError(f"{self._camera}: an image cannot be used: {error}") from error
+            raise NoDataError(f"{self._camera}: an image cannot be used: {error}", self._camera) from error
 
 
 def realsense_sdk(load: Callable[[str], ModuleType]) -> ModuleType:

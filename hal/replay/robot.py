@@ -30,6 +30,7 @@ from hal.api import (
 from hal.parts.channels import interface_of, stand_in
 from hal.parts.part_connection import ConnectionFailedError
 from hal.parts.simulated_clock import SimulatedClock
+from hal.parts.stop_latch import StopLatch
 from hal.replay.tape import Readings, RecordedCommand, Tape, error_from_json, from_json, read_tape
 
 SAME_MOMENT = 1e-6
@@ -57,7 +58,7 @@ class ReplayRobot(Robot):
         self, model: RobotModel, world: World | None = None, *, recording: Path, seed: int = 0, gui: bool = False
     ) -> None:
         self.model, self._recording = model, Path(recording)
-        self._connected = self._stopped = False
+        self._connected, self._latch = False, StopLatch()
         self._offset = 0.0  # of the recording's time from the clock's
         self._used: dict[tuple[str, str], int] = {}
         self._motions: dict[str, ReplayedMotion] = {}
@@ -91,7 +92,7 @@ class ReplayRobot(Robot):
     @property
     def stopped(self) -> bool:
         """Return whether the stop is latched."""
-        return self._stopped
+        return bool(self._latch)
 
     # Life
 
@@ -118,19 +119,19 @@ class ReplayRobot(Robot):
 
     def stop(self) -> None:
         """End motions and refuse commands; the recording continues."""
-        self._stopped = True
+        self._latch.set()
         self._end_motions(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
 
     @override
     def clear_stop(self) -> None:
-        self._stopped = False
+        self._latch.clear()
 
     @override
     def diagnostics(self) -> dict[str, str]:
         return {
             "implementation": "replay",
             "connected": "yes" if self._connected else "no",
-            "stopped": "yes" if self._stopped else "no",
+            "stopped": "yes" if self._latch else "no",
             "time": f"{self.moment():.2f} s of {self.tape.end:.2f} s recorded" if self._connected else "",
             "recording": "its end is missing: the run was killed" if self.tape.cut else "whole",
         }
@@ -191,8 +192,7 @@ class ReplayRobot(Robot):
 
     def _command(self, part: str, what: str, arguments: tuple[Any, ...], keywords: Mapping[str, Any]) -> Any:
         self._check_connected(part)
-        if self._stopped:
-            raise _refusal(part, what, "the robot is stopped; clear_stop() makes it accept commands")
+        self._latch.check(part, what)
         recorded = self.tape.commands.get((part, what), [])
         if not recorded:
             raise _refusal(part, what, "the recording holds no such command")

@@ -170,7 +170,7 @@ class RobotiqChannel(GripperChannel):
         """Return the width, and whether an object stopped the fingers on the way that they were last sent."""
         status = self._status
         if status is None:
-            raise NoDataError(f"{self._name}: the Robotiq gripper has not reported anything yet")
+            raise NoDataError(f"{self._name}: the Robotiq gripper has not reported anything yet", self._name)
         options, model = self._options, self._model
         share = (status.position - options.open_position) / (options.closed_position - options.open_position)
         width = model.max_width - share * (model.max_width - model.part.min_width)

@@ -91,7 +91,7 @@ class RosCamera:
         try:
             return RGBDImage(decoding.color_image(color), decoding.depth_image(depth), self.lens, at)
         except (KeyError, TypeError, ValueError) as error:
-            raise NoDataError(f"{self._name}: an image cannot be used: {error}") from error
+            raise NoDataError(f"{self._name}: an image cannot be used: {error}", self._name) from error
 
     def _pair(self, asked: float, deadline: float) -> tuple[Mapping[str, Any], Mapping[str, Any], float]:
         after_color = after_depth = asked
@@ -100,7 +100,9 @@ class RosCamera:
             depth = self._depth.newer_than(after_depth, deadline) if color is not None else None
             if color is None or depth is None:
                 topic = (self._color if color is None else self._depth).topic
-                raise NoDataError(f"{self._name}: no image on {topic} within {self._options.image_time:g} s")
+                raise NoDataError(
+                    f"{self._name}: no image on {topic} within {self._options.image_time:g} s", self._name
+                )
             apart = color[1] - depth[1]
             if abs(apart) <= self._options.pairing:
                 return color[0], depth[0], color[1]

@@ -86,17 +86,17 @@ class TopicStream(Generic[Value]):
         """Return the newest value. Raises NoDataError if there is none or it is too old."""
         newest = self._newest
         if newest is None:
-            raise NoDataError(f"{self.part}: nothing has come on {self.topic} yet")
+            raise NoDataError(f"{self.part}: nothing has come on {self.topic} yet", self.part)
         age = self._clock.now() - newest[1]
         if age > self.longest_age:
-            raise NoDataError(f"{self.part}: the newest message on {self.topic} is {age:.2f} s old")
+            raise NoDataError(f"{self.part}: the newest message on {self.topic} is {age:.2f} s old", self.part)
         return newest[0]
 
     def latest(self) -> Value:
         """Return the newest value, however old, for callers that check its age. Raises NoDataError if there is none."""
         newest = self._newest
         if newest is None:
-            raise NoDataError(f"{self.part}: nothing has come on {self.topic} yet")
+            raise NoDataError(f"{self.part}: nothing has come on {self.topic} yet", self.part)
         return newest[0]
 
     @property

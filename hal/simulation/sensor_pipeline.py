@@ -38,7 +38,8 @@ class SensorPipeline(Generic[Reading]):
     """
 
     def __init__(self, name: str, rate: float, latency: float = 0.0, on_demand: bool = False) -> None:
-        self.name, self._rate, self._latency = name, rate, latency
+        self.name = self._part = name
+        self._rate, self._latency = rate, latency
         self._on_demand = on_demand and latency == 0.0
         self._has_first = on_demand and latency > 0.0
         self._simulation: Simulation | None = None
@@ -64,13 +65,15 @@ class SensorPipeline(Generic[Reading]):
     def read(self) -> Reading:
         """Return the latest reading. Raises NotConnectedError, or NoDataError without a reading."""
         if self._simulation is None or self._take is None:
-            raise NotConnectedError(f"{self.name} was used while the robot is not connected; call connect()")
+            raise NotConnectedError(
+                f"{self.name} was used while the robot is not connected; call connect()", self._part
+            )
         if self.fault is SensorFault.SILENT:
-            raise NoDataError(f"{self.name} delivers no readings")
+            raise NoDataError(f"{self.name} delivers no readings", self._part)
         if self.fault is not SensorFault.FROZEN or self._latest is None:
             self._receive(self._simulation.now, self._take)
         if self._latest is None:
-            raise NoDataError(f"{self.name} has measured nothing yet")
+            raise NoDataError(f"{self.name} has measured nothing yet", self._part)
         return self._latest
 
     def _receive(self, now: float, take: Callable[[], Reading]) -> None:
@@ -120,7 +123,7 @@ class Encoders(SensorPipeline[EncoderReading]):
 
     def __init__(self, name: str, model: EncodersConfig, step_rate: float, rng: np.random.Generator) -> None:
         super().__init__(f"{name} (encoders)", model.rate or step_rate, model.latency, on_demand=model.rate is None)
-        self._model, self._rng = model, rng
+        self._part, self._model, self._rng = name, model, rng
 
     def attach(self, simulation: Simulation, take: Callable[[], EncoderReading]) -> None:
         """Start measuring; ``take`` returns the joint state without noise."""

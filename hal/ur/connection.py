@@ -369,7 +369,7 @@ class URForceTorque(HardwareForceTorque):
     def _newest(self) -> Wrench:
         report = self._link.report
         if report is None:
-            raise NoDataError(f"{self.name} has not reported a wrench yet")
+            raise NoDataError(f"{self.name} has not reported a wrench yet", self.name)
         values = np.array(report.wrench)
         return Wrench(values[:3], values[3:], self._link.heard)
 

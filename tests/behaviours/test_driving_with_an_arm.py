@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from behaviours.context import DRIVEN
-from bestman_bt.control.joint_state import JointStateError
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
 from bestman_bt.world_model.world_model import HeldObject
+from hal.api import NotConnectedError
 from tests.behaviours.driving import at, to
 from tests.behaviours.truth import audited, succeeds, why_not
 
@@ -74,7 +74,7 @@ def test_encoders_that_are_silent_when_a_drive_begins_cost_time_and_no_more(kitc
 
     def sometimes():
         if next(silent, False):
-            raise JointStateError("the arm tells no positions")
+            raise NotConnectedError("the arm tells no positions")
         return positions()
 
     monkeypatch.setattr(session.skills.joints, "positions", sometimes)

@@ -73,7 +73,7 @@ def test_the_vendors_number_and_the_part_of_a_motion_arrive_in_result_json(skill
 
 def test_so_do_those_of_a_command_that_is_refused(skills: Any) -> None:
     failure = failure_in_result_json(skills, CloseStoppedHand)
-    assert (failure["error_code"], failure["part"], failure["vendor_code"]) == ("refused", "hand", "C31")
+    assert (failure["error_code"], failure["part"], failure["vendor_code"]) == ("stopped", "hand", "C31")
     assert failure["why"] == (
         "hand refused move: the robot is stopped because arm: the current is too high (C31); "
         "clear_stop() makes it accept commands"

@@ -71,7 +71,7 @@ def test_a_lidar_that_is_silent_for_a_moment_costs_time_and_no_more(kitchen_with
 @pytest.mark.parametrize(
     ("fault", "code", "words"),
     [
-        (SensorFault.SILENT, "disconnected", "lidar"),
+        (SensorFault.SILENT, "no_data", "lidar"),
         (SensorFault.FROZEN, "blocked", "the lidar repeats the same scan"),
     ],
 )

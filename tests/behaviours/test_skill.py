@@ -179,7 +179,7 @@ def test_a_leaf_that_needs_silent_encoders_fails_with_a_code(bystander: RobotSes
     finally:
         encoders.fault = None
     ((code, words),) = failures_of(bystander)
-    assert code == "disconnected"
+    assert (code, bystander.skills.failures[-1].part) == ("no_data", "arm")
     assert "arm (encoders) delivers no readings" in words
 
 

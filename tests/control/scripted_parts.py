@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from bestman_bt.messages import JointTrajectory, LaserScan, Pose2D, Twist2D
 from bestman_bt.navigation.localization.scan_to_map import cast_rays
 from bestman_bt.robot_model.model import BaseModel
-from hal.api import Arm, CommandRefusedError, Gripper, GripperState, Lidar, MobileBase, Motion, MotionErrorCode
+from hal.api import Arm, Gripper, GripperState, Lidar, MobileBase, Motion, MotionErrorCode, RobotStoppedError
 from hal.parts.simulated_clock import SimulatedClock
 from tests.robot_models import arm_model, base_model, gripper_model
 
@@ -75,7 +75,7 @@ class ScriptedBase(MobileBase):
     def set_velocity(self, vx: float, vy: float, wz: float) -> None:
         self._check()
         if self.refuses:
-            raise CommandRefusedError("the robot is stopped")
+            raise RobotStoppedError("the robot is stopped")
         self.told.append(Twist2D(vx, vy, wz))
         self._wanted, self._lapses = np.array([vx, vy, wz]), self.clock.now() + self.command_timeout
 

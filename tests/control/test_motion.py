@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.control.joint_state import JointStateError
 from bestman_bt.control.motion import ControlledMotion, start_motion
-from hal.api import CommandRefusedError, Failure, Motion, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
+from hal.api import (
+    CommandRefusedError,
+    Failure,
+    Motion,
+    MotionErrorCode,
+    MotionStatus,
+    NoDataError,
+    NotConnectedError,
+    RobotStoppedError,
+)
 from tests.control.scripted_parts import ScriptedMotion
 
 
@@ -97,8 +105,8 @@ def test_a_guard_s_verdict_stays_although_the_motion_is_then_stopped():
     [
         (CommandRefusedError("no", "hand", "G9"), MotionErrorCode.REFUSED),
         (NotConnectedError("no", "hand", "G9"), MotionErrorCode.DISCONNECTED),
-        (NoDataError("no", "hand", "G9"), MotionErrorCode.DISCONNECTED),
-        (JointStateError("no", "hand", "G9"), MotionErrorCode.DISCONNECTED),
+        (NoDataError("no", "hand", "G9"), MotionErrorCode.NO_DATA),
+        (RobotStoppedError("no", "hand", "G9"), MotionErrorCode.STOPPED),
     ],
     ids=lambda value: type(value).__name__,
 )

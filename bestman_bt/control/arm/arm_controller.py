@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -24,7 +24,7 @@ from bestman_bt.control.motion import Confirm, PlannedMotion, declined, outline,
 from bestman_bt.control.touch import WristWrench
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.messages import Failure, JointKind, JointTrajectory, MotionErrorCode
-from hal.api import Arm, Clock, CommandRefusedError, Motion, MotionStatus, Timer
+from hal.api import Arm, Clock, CommandRefusedError, Motion, MotionStatus, RobotStoppedError, Timer
 
 # Contact where none is expected: a hand that feels a force, or joints that lag behind their set-points.
 
@@ -317,7 +317,7 @@ class _Watch:
             if not self._motion.done and (objection := self._guard()) is not None:
                 failure = Failure(self._code, objection)
         except READING_ERRORS as error:
-            failure = replace(error.failure, code=MotionErrorCode.DISCONNECTED)
+            failure = error.failure
         if failure is not None:
             self._motion.end(MotionStatus.FAILED, failure)
             self._arm.stop()
@@ -343,11 +343,11 @@ class _Stream:
     def _tick(self) -> None:
         try:
             going = self._action.tick()
-        except CommandRefusedError as error:
-            self.end(replace(error.failure, code=MotionErrorCode.STOPPED))
+        except RobotStoppedError as error:
+            self.end(error.failure)
             return
-        except READING_ERRORS as error:
-            self._motion.end(MotionStatus.FAILED, replace(error.failure, code=MotionErrorCode.DISCONNECTED))
+        except (CommandRefusedError, *READING_ERRORS) as error:
+            self._motion.end(MotionStatus.FAILED, error.failure)
             going = False
         if not going:
             if self._timer is not None:

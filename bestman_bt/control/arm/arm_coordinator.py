@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -166,7 +166,7 @@ class _Turn(Motion[Result]):
                 self._coordinator.began(self._arm, self.started, self._way)
                 return
         except READING_ERRORS as error:
-            self.end(MotionStatus.FAILED, replace(error.failure, code=MotionErrorCode.DISCONNECTED))
+            self.end(MotionStatus.FAILED, error.failure)
             return
         other, passes = obstacle
         if not passes:

@@ -28,7 +28,7 @@ from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeadi
 from bestman_bt.navigation.local_planning.swept_path import SweptPath
 from bestman_bt.navigation.localization.base import Localizer, OdometryScan
 from bestman_bt.world_model.world_model import BasePose
-from hal.api import CommandRefusedError, MobileBase, Motion, MotionStatus, Timer
+from hal.api import CommandRefusedError, MobileBase, Motion, MotionStatus, RobotStoppedError, Timer
 
 # What becomes of a wanted velocity before the wheels turn: limits, giving way to people, the collision monitor.
 
@@ -440,27 +440,27 @@ class BaseController:
                     self._action = None
                 if self._action is not None:
                     self._advance(self._action)
-            except CommandRefusedError as error:
+            except RobotStoppedError as error:
                 self._end_stopped(error)
             except WrongResultError as error:
                 if self._action is None:
                     raise
                 self._base.stop()
                 self._end(MotionStatus.FAILED, Failure(error.code, str(error)))
-            except READING_ERRORS as error:
+            except (CommandRefusedError, *READING_ERRORS) as error:
                 if self._action is not None:
                     with contextlib.suppress(*READING_ERRORS):  # the base itself may be what is gone
                         self._base.stop()
-                self._end(MotionStatus.FAILED, replace(error.failure, code=MotionErrorCode.DISCONNECTED))
+                self._end(MotionStatus.FAILED, error.failure)
 
-    def _end_stopped(self, refused: CommandRefusedError) -> None:
+    def _end_stopped(self, refused: RobotStoppedError) -> None:
         """The robot was stopped; where that is because the base's controller is lost, this is the reason."""
         try:
             self._base.odometry()
         except READING_ERRORS as error:
-            self._end(MotionStatus.FAILED, replace(error.failure, code=MotionErrorCode.DISCONNECTED))
+            self._end(MotionStatus.FAILED, error.failure)
         else:
-            self._end(MotionStatus.CANCELED, replace(refused.failure, code=MotionErrorCode.STOPPED))
+            self._end(MotionStatus.CANCELED, refused.failure)
 
     def _advance(self, action: _Action) -> None:
         if action.follower is None:

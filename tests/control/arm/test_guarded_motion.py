@@ -48,7 +48,7 @@ def test_a_guarded_move_ends_at_once_where_the_wrist_falls_silent(stand_before):
     sensor.fault = SensorFault.SILENT
     scene.robot.clock.sleep(0.1)
     assert moving.status is MotionStatus.FAILED
-    assert moving.failure.code is MotionErrorCode.DISCONNECTED
+    assert moving.failure.code is MotionErrorCode.NO_DATA
     assert "wrist_force_torque" in moving.failure.text
     scene.robot.clock.sleep(0.3)
     assert np.abs(scene.robot.parts["arm"].velocities()).max() < 0.02

@@ -11,7 +11,7 @@ from bestman_bt.control.arm.arm_controller import ArmController, ArmMoving
 from bestman_bt.control.arm.constraint_following import FollowGoal
 from bestman_bt.control.arm.guarded_move import Guarding, Streaming, StreamStep, ToolStream
 from bestman_bt.messages import Failure, MotionErrorCode, Pose
-from hal.api import CommandRefusedError, MotionStatus, NoDataError, NotConnectedError
+from hal.api import CommandRefusedError, MotionStatus, NoDataError, NotConnectedError, RobotStoppedError
 from tests.control.arm.gantry import START, AtWork, Gantry, spring
 from tests.control.scripted_parts import ScriptedArm
 from tests.robot_models import arm_model
@@ -235,7 +235,8 @@ def test_a_stream_ends_a_motion_that_is_under_way():
 @pytest.mark.parametrize(
     ("error", "status", "code"),
     [
-        (CommandRefusedError("gone", "arm", "C31"), MotionStatus.CANCELED, MotionErrorCode.STOPPED),
+        (RobotStoppedError("gone", "arm", "C31"), MotionStatus.CANCELED, MotionErrorCode.STOPPED),
+        (CommandRefusedError("gone", "arm", "C31"), MotionStatus.FAILED, MotionErrorCode.REFUSED),
         (NotConnectedError("gone", "arm", "C31"), MotionStatus.FAILED, MotionErrorCode.DISCONNECTED),
     ],
 )
@@ -258,7 +259,7 @@ def test_a_wrist_that_falls_silent_ends_a_stream_and_stops_the_arm():
     stops = it.arm.stops
     it.wrist.error = NoDataError("silent")
     it.clock.sleep(0.1)
-    assert handle.failure.code is MotionErrorCode.DISCONNECTED
+    assert handle.failure.code is MotionErrorCode.NO_DATA
     assert it.arm.stops == stops + 1
 
 
@@ -284,13 +285,13 @@ def test_a_guard_is_asked_until_it_objects_and_then_the_arm_is_stopped(begin):
     assert (len(asked), it.arm.stops) == (count, 1)
 
 
-def test_a_guard_whose_readings_fail_ends_the_motion_as_disconnected_and_stops_the_arm():
+def test_a_guard_whose_readings_fail_ends_the_motion_and_stops_the_arm():
     def guard():
         raise NoDataError("the gripper is silent")
 
     it, handle = guarded(guard)
     it.clock.sleep(0.06)
-    assert (handle.failure.code, handle.failure.text) == (MotionErrorCode.DISCONNECTED, "the gripper is silent")
+    assert (handle.failure.code, handle.failure.text) == (MotionErrorCode.NO_DATA, "the gripper is silent")
     assert it.arm.stops == 1
 
 

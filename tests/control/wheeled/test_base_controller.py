@@ -144,7 +144,7 @@ def test_a_base_whose_lidar_falls_silent_is_stopped_at_once_and_drives_again_whe
     simulated.robot.clock.sleep(1.5)
     lidar.fault = SensorFault.SILENT
     simulated.wait(handle, limit=0.2)
-    assert handle.failure.code is MotionErrorCode.DISCONNECTED
+    assert handle.failure.code is MotionErrorCode.NO_DATA
     speed = base.velocity().vx
     simulated.robot.clock.sleep(0.1)  # its dead-man would let it drive on for longer
     assert base.velocity().vx < speed - 0.1

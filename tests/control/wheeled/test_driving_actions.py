@@ -27,7 +27,7 @@ from bestman_bt.navigation.localization.base import LocalizationEstimate, Locali
 from bestman_bt.navigation.localization.ekf import WheelOdometry
 from bestman_bt.world_model.semantic_map import SemanticMap
 from bestman_bt.world_model.world_model import BasePose, WorldModel
-from hal.api import Bumper, BumperReading, BumperZone, CommandRefusedError, MotionStatus, NoDataError, NotConnectedError
+from hal.api import Bumper, BumperReading, BumperZone, MotionStatus, NoDataError, NotConnectedError, RobotStoppedError
 from tests.control.scripted_parts import CORNERS, RoomLidar, ScriptedBase
 
 ROOM = np.array([(-4, -4, 4, -4), (4, -4, 4, 4), (4, 4, -4, 4), (-4, 4, -4, -4)], dtype=float)
@@ -236,7 +236,7 @@ def test_an_action_ends_and_the_base_is_stopped_at_once_when_a_reading_fails(gon
     part = it.lidar if gone == "lidar" else it.base
     part.error = NoDataError("silent") if gone == "lidar" else NotConnectedError("silent")
     it.sleep(0.15)
-    assert (handle.status, handle.failure.code) == (MotionStatus.FAILED, MotionErrorCode.DISCONNECTED)
+    assert (handle.status, handle.failure.code) == (MotionStatus.FAILED, part.error.code)
     assert handle.failure.text == "silent"
     assert it.base.stops == 1
     it.sleep(0.5)
@@ -263,7 +263,7 @@ def test_a_stop_because_the_base_is_lost_is_told_as_its_loss(monkeypatch):
 
     def lost(vx: float, vy: float, wz: float) -> None:
         it.base.error = NotConnectedError("closed the connection")  # between the tick's readings and its command
-        raise CommandRefusedError("the robot is stopped")
+        raise RobotStoppedError("the robot is stopped")
 
     monkeypatch.setattr(it.base, "set_velocity", lost)
     it.sleep(0.1)

@@ -84,7 +84,7 @@ def fails_with_its_number(case: Case, robot: HardwareRobot, motion: Motion, sinc
     with pytest.raises(CommandRefusedError, match=case.number) as refused:
         robot.part("arm", Arm).move_to(robot.part("arm", Arm).positions())
     failure = refused.value.failure
-    assert (failure.code, failure.part, failure.vendor_code) == (MotionErrorCode.REFUSED, "arm", case.number)
+    assert (failure.code, failure.part, failure.vendor_code) == (MotionErrorCode.STOPPED, "arm", case.number)
 
 
 def stays_stopped_until_somebody_has_looked(

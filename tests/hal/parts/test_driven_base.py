@@ -209,7 +209,7 @@ def test_a_stopped_robot_says_why_it_refuses(base: DrivenBase, latch: StopLatch)
     with pytest.raises(CommandRefusedError, match="C31") as refused:
         base.move_forward(1.0)
     failure = refused.value.failure
-    assert (failure.code, failure.part, failure.vendor_code) == (MotionErrorCode.REFUSED, "base", "C31")
+    assert (failure.code, failure.part, failure.vendor_code) == (MotionErrorCode.STOPPED, "base", "C31")
     latch.clear()
     base.move_forward(1.0)
     latch.set()
@@ -387,7 +387,7 @@ def test_odometry_that_falls_silent_fails_the_motion_and_brakes(
     monkeypatch.setattr(channel, "read", silent)
     run(2.0)
     assert motion.failure is not None
-    assert (motion.failure.code, "tell nothing" in motion.failure.text) == (MotionErrorCode.FAULT, True)
+    assert (motion.failure.code, "tell nothing" in motion.failure.text) == (MotionErrorCode.NO_DATA, True)
     assert channel.twist == Twist2D(0.0, 0.0, 0.0)
     assert base.resting
 

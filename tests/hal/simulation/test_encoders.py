@@ -142,13 +142,13 @@ def test_what_needs_encoders_fails_with_a_code(empty_world: World) -> None:
         robot.clock.sleep(0.1)
         assert motion.status is MotionStatus.FAILED
         assert motion.failure is not None
-        assert motion.failure.code is MotionErrorCode.FAULT
+        assert motion.failure.code is MotionErrorCode.NO_DATA
         with pytest.raises(NoDataError):
             base.rotate(0.5)
         staying = JointTrajectory(arm.joint_names, np.array([0.0, 1.0]), np.array([here, here]), np.zeros((2, 7)))
         handle = ArmController(arm, robot.clock).follow(staying)
         assert handle.failure is not None
-        assert handle.failure.code is MotionErrorCode.DISCONNECTED
+        assert handle.failure.code is MotionErrorCode.NO_DATA
         robot.clock.sleep(1.0)
         wheels = robot.model.of(BaseModel)["base"].part.wheel_joints
         assert np.abs(truth(robot, wheels)[1]).max() < 0.05  # it has braked
