@@ -85,7 +85,7 @@ Settings = Annotated[
 ]
 Plugins = Annotated[
     list[Path] | None,
-    typer.Option("--plugin", metavar="FILE.py", help="Load skills, algorithms and planners of yours."),
+    typer.Option("--plugin", metavar="FILE.py", help="Load skills, algorithms, planners and parts of yours."),
 ]
 Models = Annotated[
     list[Path] | None,

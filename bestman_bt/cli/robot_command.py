@@ -12,7 +12,7 @@ import typer
 from bestman_bt.cli.bringup_command import bringup
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.option_values import confirmed, wrong_input
-from bestman_bt.cli.options import Json, Png, Settings, grouped_options
+from bestman_bt.cli.options import Json, Plugins, Png, Settings, grouped_options
 from bestman_bt.configuration.data import own_parts, pybullet_data
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import parse_settings
@@ -29,11 +29,12 @@ Name = Annotated[str, typer.Argument(help="A robot's name or YAML file, or BASE+
 
 
 @verbs.command()
-def show(name: Name, png: Png = None, posture: str = "home", as_json: Json = False) -> None:
+def show(name: Name, png: Png = None, posture: str = "home", plugins: Plugins = None, as_json: Json = False) -> None:
     """Show what a robot is made of and what it can do."""
     from bestman_bt.runtime.robot_facts import find_robot, robot_facts
 
     with json_output(as_json) as write:
+        _load_plugins(plugins)
         model = find_robot(name)
         facts = robot_facts(model)
         if png is not None:
@@ -47,6 +48,7 @@ def show(name: Name, png: Png = None, posture: str = "home", as_json: Json = Fal
 def check(
     name: Name,
     seed: Annotated[int, typer.Option(min=0, help="Decides which postures the arm is asked for.")] = 0,
+    plugins: Plugins = None,
     as_json: Json = False,
 ) -> None:
     """Compose and load a robot, let it stand for 5 s, and move its arms to three postures."""
@@ -54,6 +56,7 @@ def check(
     from bestman_bt.runtime.self_test import TrialProcedure
 
     with json_output(as_json) as write:
+        _load_plugins(plugins)
         trial = TrialProcedure().run(lambda: find_robot(name), seed)
         facts = {
             "name": name,
@@ -292,6 +295,14 @@ def wrist(
             _tell(facts | {"fault": found.fault or "none"})
     if found.fault is not None:
         raise typer.Exit(1)
+
+
+def _load_plugins(plugins: list[Path] | None) -> None:
+    """Load the kinds of parts that a robot may consist of besides those of this package."""
+    if plugins:
+        from bestman_bt.runtime.plugins import node_registry
+
+        node_registry([str(plugin) for plugin in plugins])
 
 
 def _picture(model: Any, png: Path, posture: str) -> str:

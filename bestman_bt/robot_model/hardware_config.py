@@ -187,18 +187,14 @@ def _within(safety: SafetyConfig, part: Part) -> Part:
         case ArmModel():
             share = 1.0 if safety.joint_speed is None else safety.joint_speed
             speeds = tuple(speed * share for speed in config.limits.velocity)
-            slower: dict[str, Any] = {"limits": dataclasses.replace(config.limits, velocity=speeds)}
+            slower = dataclasses.replace(config, limits=dataclasses.replace(config.limits, velocity=speeds))
         case BaseModel():
             speed = math.inf if safety.base_speed is None else safety.base_speed
             turn = math.inf if safety.base_turn is None else safety.base_turn
-            slower = {
-                "max_vx": min(config.max_vx, speed),
-                "max_vy": min(config.max_vy, speed),
-                "max_wz": min(config.max_wz, turn),
-            }
+            slower = config.slowed(speed, turn)
         case GripperModel():
             force = math.inf if safety.gripper_force is None else safety.gripper_force
-            slower = {"max_force": min(config.max_force, force)}
+            slower = dataclasses.replace(config, max_force=min(config.max_force, force))
         case _:
             return part
-    return dataclasses.replace(part, part=dataclasses.replace(config, **slower))
+    return dataclasses.replace(part, part=slower)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import ClassVar, Literal, TypeAlias
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Literal, Self, TypeAlias
 
 from bestman_bt.configuration.quantity import (
     AccelerationLimit,
@@ -55,6 +55,15 @@ class MobilePart(PartConfig):
     max_angular_acceleration: AngularAccelerationLimit
     max_jerk: Jerk = 2.0
     max_angular_jerk: AngularJerk = 10.0
+
+    def slowed(self, speed: float, turn_rate: float) -> Self:
+        """Return this base with at most ``speed``, m/s forwards and sideways, and ``turn_rate``, rad/s."""
+        return replace(
+            self,
+            max_vx=min(self.max_vx, speed),
+            max_vy=min(self.max_vy, speed),
+            max_wz=min(self.max_wz, turn_rate),
+        )
 
     @property
     def driven_joints(self) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from bestman_bt.cli.main import main
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import load_tree
@@ -67,6 +68,16 @@ def test_a_skill_reads_the_sensor_in_simulation_and_fails_where_it_is_too_warm(f
         assert not execution.succeeded
         assert [failure.error_code for failure in opened.skills.failures] == ["too_warm"]
         assert opened.robot.audit_record().truth_reads == 0
+
+
+@pytest.mark.parametrize("verb", ["show", pytest.param("check", marks=pytest.mark.slow)])
+def test_a_robot_of_a_part_that_a_plug_in_brings_is_shown_and_checked(
+    folder: Path, verb: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["bestman-bt", "robot", verb, "warm_robot.yaml", "--plugin", "thermometer.py"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert (end.value.code, "warm_robot" in capsys.readouterr().out) == (0, True)
 
 
 def test_a_robot_without_the_sensor_refuses_the_tree(folder: Path) -> None:

@@ -92,13 +92,7 @@ class ObstacleAwareFollower(PathFollower):
 
     @override
     def configure(self, base: BaseModel) -> None:
-        limits = base.part
-        self._limits = limits = replace(
-            limits,
-            max_vx=min(self.max_speed, limits.max_vx),
-            max_vy=min(self.max_speed, limits.max_vy),
-            max_wz=min(self.max_turn_rate, limits.max_wz),
-        )
+        self._limits = limits = base.part.slowed(self.max_speed, self.max_turn_rate)
         self._smooth = JerkLimit(limits)
         self._use_footprint(limits, Footprint.of(base))
 
