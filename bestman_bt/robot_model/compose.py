@@ -31,7 +31,7 @@ from bestman_bt.robot_model.part_config import (
     LeggedBasePart,
 )
 from bestman_bt.robot_model.payload import payload
-from bestman_bt.robot_model.placed_part import PlacedPart, read_part
+from bestman_bt.robot_model.placed_part import PlacedPart, links_in_spite_of_faults, read_part
 from bestman_bt.robot_model.robot_config import RobotConfig, name_fault
 from bestman_bt.robot_model.sensor_parts import BumperPart, ImuPart
 from bestman_bt.robot_model.urdf_elements import fixed_joint
@@ -181,8 +181,8 @@ class _RobotFile:
     def place_parts(self) -> bool:
         """Place the parts that can be read; return whether that is all of them, each mounted on another."""
         taken: set[str] = set()
-        # A part that could not be read takes its frames away: no word on mounts that are missed.
-        unread = mislaid = flawed = False
+        unread: dict[str, list[str] | None] = {}
+        mislaid = flawed = False
         if not self.document.data["parts"]:
             self.wrong(("parts",), "a robot needs at least one part")
         for part_name in self.document.data["parts"]:
@@ -191,7 +191,7 @@ class _RobotFile:
                 self.wrong(("parts", part_name), strange)
             mounted = self.config.parts.get(part_name)
             if mounted is None:
-                unread = True
+                unread[part_name] = None
                 continue
             changes = self.document.below("parts", part_name, "set") if mounted.set else Document({})
             asked_by = self.document.problem(("parts", part_name, "part"), "")
@@ -205,7 +205,8 @@ class _RobotFile:
             self.faults.problems += wrong
             mislaid = mislaid or bool(wrong)
             if part is None:
-                unread = True
+                unread[part_name] = links = links_in_spite_of_faults(part_name, mounted.part, changes, taken)
+                taken.update(links or ())
                 continue
             self.placed[part_name] = part
             taken |= {element.get("name", "") for element in part.elements}

@@ -95,19 +95,20 @@ def mount_problems(
     mounted: MountedPart,
     part: PlacedPart | None,
     placed: Mapping[str, PlacedPart],
-    unread: bool = False,
+    unread: Mapping[str, list[str] | None] = {},
 ) -> list[Problem]:
     """Return the faults of the mount of ``part`` (None: it could not be read); ``placed``: the parts before it.
 
-    ``unread``: earlier parts could not be read, and it may be mounted on one of those.
+    ``unread``: earlier parts with faults, on which it may be mounted, and the names of their links (None: unknown).
     """
     field = ("parts", name, "mount")
     links = [link for earlier in placed.values() for link in earlier.links]
     first = next(iter(document.data["parts"]), None)
     if part is not None and isinstance(part.config, BasePart | LeggedBasePart) and name != first:
         return [document.problem(("parts", name), "a base stands on the floor: it has to be the first part")]
-    if not links and unread:
+    if not links and None in unread.values():
         return _misspelt_part(document, field, mounted.mount or "")
+    links += [link for known in unread.values() for link in known or ()]
     if not links:
         if mounted.mount is None:
             return []
@@ -118,8 +119,11 @@ def mount_problems(
     if mounted.mount == name:
         return [document.problem(field, f"{name!r} cannot be mounted on itself: name a part above it")]
     place = mount_place(mounted, part, placed)
-    if place is None and unread:
-        return _misspelt_part(document, field, mounted.mount)
+    if place is None and (mounted.mount in unread or mounted.mount in links):
+        return []
+    misspelt = _misspelt_part(document, field, mounted.mount) if place is None and unread else []
+    if misspelt or (place is None and None in unread.values()):
+        return misspelt
     if place is None:
         return [document.problem(field, _no_frame(mounted.mount, placed, links))]
     wheel = _wheel_that_turns(place[0], placed)

@@ -236,6 +236,24 @@ def read_part(
     return PlacedPart(name, config, elements, root, mimics, opening)
 
 
+def links_in_spite_of_faults(name: str, description: str, changes: Document, taken: set[str]) -> list[str] | None:
+    """Return the names of the links of a part that ``read_part`` refuses, or None if they cannot be read either.
+
+    ``taken``: as for ``read_part``.
+    """
+    try:
+        path = find_data("part", description)
+        document = _with_name(read_document(path, []), name).merged(changes)
+        part_type: type[PartConfig] = PARTS.resolve(str(document.data.get("kind") or ""))
+        config, _ = salvage(document, part_type)
+        elements = [*_elements(name, config, document, path.parent).elements, *_added_frames(config)]
+    except (ConfigurationError, UnknownNameError):
+        return None
+    links = [FOOTPRINT] if isinstance(config, LeggedBasePart) else []
+    links += [element.get("name", "") for element in elements if element.tag == "link"]
+    return links if taken.isdisjoint(links) else [f"{name}_{link}" for link in links]
+
+
 def _opening(
     config: PartConfig, document: Document, elements: list[ET.Element], mimics: tuple[MimicJoint, ...]
 ) -> tuple[tuple[float, float], ...]:

@@ -138,3 +138,22 @@ def test_an_address_may_come_from_the_environment(tmp_path: Path, monkeypatch: p
     assert load_robot_model(path).connections["c"].address == "10.1.2.3"
     monkeypatch.delenv("MY_ARM")
     assert load_robot_model(path).connections["c"].address == ""
+
+
+def test_a_fault_of_a_part_hides_no_later_mount_that_is_wrong(tmp_path: Path) -> None:
+    arm = re.sub(r"velocity: .*", "velocity: 2 rad", ARM.read_text())
+    (tmp_path / "arm.yaml").write_text(arm)
+    text = WHOLE.replace("xarm6_arm", f"{tmp_path}/arm.yaml") + (
+        "  gripper: {part: panda_hand, mount: panda_link8}\n"
+        "  second: {part: panda_arm, mount: column}\n"
+        "  camera: {part: rgbd_camera, mount: second_panda_link8}\n"
+        "  lidar: {part: planar_lidar, mount: base_lnk}\n"
+        "  tool: {part: wsg50, mount: panda_link9}\n"
+    )
+    faults = faults_of(tmp_path, text)
+    assert [fault.split("; ")[0] for fault in faults] == [
+        faults[0],
+        "8: parts.lidar.mount: no frame 'base_lnk' to mount on",
+        "9: parts.tool.mount: no frame 'panda_link9' to mount on",
+    ]
+    assert "limits.velocity: " in faults[0]
