@@ -119,18 +119,30 @@ def mount_problems(
     if mounted.mount == name:
         return [document.problem(field, f"{name!r} cannot be mounted on itself: name a part above it")]
     place = mount_place(mounted, part, placed)
-    if place is None and (mounted.mount in unread or mounted.mount in links):
-        return []
-    misspelt = _misspelt_part(document, field, mounted.mount) if place is None and unread else []
-    if misspelt or (place is None and None in unread.values()):
-        return misspelt
     if place is None:
-        return [document.problem(field, _no_frame(mounted.mount, placed, links))]
+        return _mount_faults(document, field, mounted.mount, placed, unread, links)
     wheel = _wheel_that_turns(place[0], placed)
     if wheel is not None:
         message = f"{place[0]!r} turns with the joint {wheel!r} of a wheel: nothing can be mounted there"
         return [document.problem(field, message)]
     return []
+
+
+def _mount_faults(
+    document: Document,
+    field: tuple[str, str, str],
+    mount: str,
+    placed: Mapping[str, PlacedPart],
+    unread: Mapping[str, list[str] | None],
+    links: list[str],
+) -> list[Problem]:
+    """Return the fault of a mount on nothing that is placed, if it cannot be on an unread part either."""
+    if mount in unread or any(mount in known for known in unread.values() if known is not None):
+        return []
+    misspelt = _misspelt_part(document, field, mount) if unread else []
+    if misspelt or None in unread.values():
+        return misspelt
+    return [document.problem(field, _no_frame(mount, placed, links))]
 
 
 def _misspelt_part(document: Document, field: tuple[str, str, str], mount: str) -> list[Problem]:
