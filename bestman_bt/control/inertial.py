@@ -72,14 +72,15 @@ class FusedOdometry:
         if self._gyro is not None:
             self._gyro.begin()
         self._felt, self._time = 0.0, self._clock.now()
-        self._filter.reset(self._base.odometry())
+        self._estimate = self._filter.start(self._base.odometry())
 
     def pose(self) -> Pose2D:
         """Pose in the ``odom`` frame, now."""
         felt, now = self._gyro.heading if self._gyro is not None else 0.0, self._clock.now()
         turned, elapsed = felt - self._felt, now - self._time
         self._felt, self._time = felt, now
-        return self._filter.update(self._base.odometry(), turned, elapsed)
+        self._estimate = self._filter.update(self._estimate, self._base.odometry(), turned, elapsed)
+        return self._estimate.pose
 
     def end(self) -> None:
         """Stop the gyroscope; idempotent."""

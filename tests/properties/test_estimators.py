@@ -79,15 +79,16 @@ def test_a_scan_of_nonsense_is_refused_with_its_beam(beam, value):
 @examples(50)
 @given(broken(), NONSENSE, st.booleans())
 def test_the_filter_of_wheels_and_gyroscope_refuses_nonsense_and_goes_on_as_before(wrong, value, of_gyro):
-    filtered, other = OdometryEkf(), OdometryEkf()
+    ekf = OdometryEkf()
+    start, other = ekf.start(Pose2D()), ekf.start(Pose2D())
     for nonsense in (
-        lambda: filtered.update(wrong, 0.0, 0.1),
-        lambda: filtered.update(Pose2D(), *((value, 0.1) if of_gyro else (0.0, value))),
-        lambda: filtered.reset(wrong),
+        lambda: ekf.update(start, wrong, 0.0, 0.1),
+        lambda: ekf.update(start, Pose2D(), *((value, 0.1) if of_gyro else (0.0, value))),
+        lambda: ekf.start(wrong),
     ):
         with pytest.raises(ValueError, match="should be finite"):
             nonsense()
-    assert filtered.update(Pose2D(0.1), 0.01, 0.1) == other.update(Pose2D(0.1), 0.01, 0.1)
+    assert ekf.update(start, Pose2D(0.1), 0.01, 0.1).pose == ekf.update(other, Pose2D(0.1), 0.01, 0.1).pose
 
 
 @pytest.mark.parametrize("planner", [GridAStar, ThetaStar, HybridAStar])

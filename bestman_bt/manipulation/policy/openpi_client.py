@@ -84,7 +84,16 @@ def _from_map(value: dict[Any, Any]) -> Any:
     return value
 
 
-@dataclass(eq=False)
+@dataclass
+class _Connected:
+    """The connection to a server, once there is one, and what it said at the beginning."""
+
+    connection: Any = None
+    metadata: dict[str, Any] = field(default_factory=dict)
+    open: ExitStack = field(default_factory=ExitStack)
+
+
+@dataclass(frozen=True, eq=False)
 class OpenpiPolicy(Policy):
     """Connects at the first query, and reconnects after a loss; the defaults are those of ``pi0_droid``.
 
@@ -115,9 +124,7 @@ class OpenpiPolicy(Policy):
     dt: float = 1.0 / 15.0
     gripper_column: int | None = 7
     gripper_open: float = 0.08
-    _connection: Any = field(default=None, init=False, repr=False)
-    _open: ExitStack = field(default_factory=ExitStack, init=False, repr=False)
-    _metadata: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
+    _server: _Connected = field(default_factory=_Connected, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.space not in {space.value for space in ActionSpace}:
@@ -145,7 +152,7 @@ class OpenpiPolicy(Policy):
     def metadata(self) -> dict[str, Any]:
         """Return the server's metadata; connects if necessary."""
         self._connected(time.monotonic() + self.connect_timeout)
-        return dict(self._metadata)
+        return dict(self._server.metadata)
 
     def reset(self) -> None:
         """Do nothing: servers of this protocol keep no episode."""
@@ -167,8 +174,8 @@ class OpenpiPolicy(Policy):
 
     def close(self) -> None:
         """Drop the connection."""
-        self._connection = None
-        self._open.close()
+        self._server.connection = None
+        self._server.open.close()
 
     def _question(self, observation: Observation) -> dict[str, Any]:
         question: dict[str, Any] = {"prompt": self.prompt} if self.prompt else {}
@@ -202,7 +209,7 @@ class OpenpiPolicy(Policy):
         return self._map(answer)
 
     def _connected(self, deadline: float) -> Any:
-        if self._connection is None:
+        if self._server.connection is None:
             connect = _websockets_connect()
             headers = {"Authorization": f"Api-Key {self.api_key}"} if self.api_key else None
             try:
@@ -216,7 +223,7 @@ class OpenpiPolicy(Policy):
                     close_timeout=0.5,
                     proxy=None,
                 )
-                connection = self._open.enter_context(connecting)
+                connection = self._server.open.enter_context(connecting)
             except ValueError as error:
                 raise PolicyUnreachableError(f"{self.url!r} is not a websocket address: {error}") from error
             except _lost() as error:
@@ -226,9 +233,9 @@ class OpenpiPolicy(Policy):
             except _lost() as error:
                 self.close()
                 raise _ConnectionLostError(f"no metadata: {_words(error, self.connect_timeout)}") from error
-            self._connection = connection
-            self._metadata = self._map(greeting)
-        return self._connection
+            self._server.connection = connection
+            self._server.metadata = self._map(greeting)
+        return self._server.connection
 
     def _map(self, data: Any) -> dict[str, Any]:
         value = unpack(data) if isinstance(data, bytes) else None

@@ -9,15 +9,23 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.messages.shapes import NonNegative, Positive
 
 # What a localizer predicts with: the odometry of the wheels, or what a filter makes of it.
+
+
+@dataclass(frozen=True, eq=False)
+class OdometryEstimate:
+    """What a filter knows after an update; ``pose``: in the ``odom`` frame."""
+
+    pose: Pose2D
 
 
 class OdometryFilter(ABC):
@@ -26,32 +34,50 @@ class OdometryFilter(ABC):
     uses_gyro: ClassVar[bool]
 
     @abstractmethod
-    def reset(self, odometry: Pose2D) -> None:
-        """Start at the current wheel odometry, a pose in the ``odom`` frame."""
+    def start(self, odometry: Pose2D) -> OdometryEstimate:
+        """Return the first estimate, at the current wheel odometry, a pose in the ``odom`` frame."""
 
     @abstractmethod
-    def update(self, odometry: Pose2D, turned: float, elapsed: float) -> Pose2D:
-        """Return the filtered pose in the ``odom`` frame; ``odometry``: pose from wheel odometry in that frame.
+    def update(self, before: Any, odometry: Pose2D, turned: float, elapsed: float) -> OdometryEstimate:
+        """Return the next estimate; ``before``: the last one. ``odometry``: pose from wheel odometry, ``odom`` frame.
 
-        ``turned``: rotation measured by the gyroscope in the ``elapsed`` seconds since the last call, radians, bias
+        ``turned``: rotation measured by the gyroscope in the ``elapsed`` seconds since the last one, radians, bias
         included.
         """
 
 
+@dataclass(frozen=True)
 class WheelOdometry(OdometryFilter):
     """The wheels' odometry as it is."""
 
     uses_gyro: ClassVar[bool] = False
 
-    def reset(self, odometry: Pose2D) -> None:
-        """Do nothing: the odometry is used unchanged."""
+    @override
+    def start(self, odometry: Pose2D) -> OdometryEstimate:
+        return OdometryEstimate(odometry)
 
-    def update(self, odometry: Pose2D, turned: float, elapsed: float) -> Pose2D:
-        """Return ``odometry`` unchanged."""
-        return odometry
+    @override
+    def update(self, before: OdometryEstimate, odometry: Pose2D, turned: float, elapsed: float) -> OdometryEstimate:
+        return OdometryEstimate(odometry)
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
+class EkfEstimate(OdometryEstimate):
+    """``wheels``: their odometry then. ``state``: (5,) x, y, heading, rate and bias, with its ``covariance`` (5, 5);
+    metres, radians, seconds.
+    """
+
+    wheels: Pose2D
+    state: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+    @property
+    def bias(self) -> float:
+        """The bias of the gyroscope, rad/s."""
+        return float(self.state[4])
+
+
+@dataclass(frozen=True)
 class OdometryEkf(OdometryFilter):
     """Wheels and gyroscope in one estimate with its uncertainty.
 
@@ -74,71 +100,75 @@ class OdometryEkf(OdometryFilter):
 
     uses_gyro: ClassVar[bool] = True
 
-    def __post_init__(self) -> None:
-        self.reset(Pose2D())
+    @override
+    def start(self, odometry: Pose2D) -> EkfEstimate:
+        """Return the first estimate; the base should be at rest."""
+        state = np.array([odometry.x, odometry.y, odometry.theta, 0.0, 0.0])
+        covariance = np.diag([0.0, 0.0, 0.0, 1e-6, self.bias_std**2])
+        return _estimate(odometry.checked("OdometryEkf odometry"), state, covariance)
 
-    def reset(self, odometry: Pose2D) -> None:
-        """Start at the current wheel odometry; the base should be at rest."""
-        self._wheels = odometry.checked("OdometryEkf odometry")
-        self._state = np.array([odometry.x, odometry.y, odometry.theta, 0.0, 0.0])
-        self._covariance = np.diag([0.0, 0.0, 0.0, 1e-6, self.bias_std**2])
-
-    @property
-    def bias(self) -> float:
-        """The bias of the gyroscope, rad/s."""
-        return float(self._state[4])
-
-    @property
-    def covariance(self) -> NDArray[np.float64]:
-        """(5, 5), of x, y, heading, rate and bias; metres, radians, seconds."""
-        return self._covariance
-
-    def update(self, odometry: Pose2D, turned: float, elapsed: float) -> Pose2D:
-        """Return the filtered pose; see ``OdometryFilter.update``."""
+    @override
+    def update(self, before: EkfEstimate, odometry: Pose2D, turned: float, elapsed: float) -> EkfEstimate:
         for value, what in ((turned, "turned"), (elapsed, "elapsed")):
             if not math.isfinite(value):
                 raise ValueError(f"OdometryEkf {what} is {value:g}; it should be finite")
         odometry.checked("OdometryEkf odometry")
-        if elapsed > 0.0:
-            wheels = self._wheels.inverse() @ odometry
-            self._wheels = odometry
-            self._step(wheels, turned, elapsed)
-        x, y, theta = self._state[:3].tolist()
-        return Pose2D(x, y, wrap_angle(theta))
-
-    def _step(self, wheels: Pose2D, turned: float, elapsed: float) -> None:
+        if elapsed <= 0.0:
+            return before
+        wheels = before.wheels.inverse() @ odometry
         distance = math.hypot(wheels.x, wheels.y)
-        self._covariance[3, 3] += (self.acceleration * elapsed) ** 2
-        self._covariance[4, 4] += self.bias_walk**2 * elapsed
+        covariance = before.covariance.copy()
+        covariance[3, 3] += (self.acceleration * elapsed) ** 2
+        covariance[4, 4] += self.bias_walk**2 * elapsed
         wheel_std = (self.turn_slip * abs(wheels.theta) + self.drive_slip * distance) / elapsed + self.wheel_std
         gyro_std = self.gyro_noise / math.sqrt(elapsed)
-        self._measure(np.array([0.0, 0.0, 0.0, 1.0, 1.0]), turned / elapsed, gyro_std)
-        self._measure(np.array([0.0, 0.0, 0.0, 1.0, 0.0]), wheels.theta / elapsed, wheel_std, self.gate)
-        self._move(wheels, distance, elapsed)
+        rate_and_bias, rate = np.array([0.0, 0.0, 0.0, 1.0, 1.0]), np.array([0.0, 0.0, 0.0, 1.0, 0.0])
+        state, covariance = _measured(before.state, covariance, rate_and_bias, turned / elapsed, gyro_std)
+        state, covariance = _measured(state, covariance, rate, wheels.theta / elapsed, wheel_std, self.gate)
+        return _estimate(odometry, *self._moved(state, covariance, wheels, distance, elapsed))
 
-    def _move(self, wheels: Pose2D, distance: float, elapsed: float) -> None:
+    def _moved(
+        self,
+        state: NDArray[np.float64],
+        covariance: NDArray[np.float64],
+        wheels: Pose2D,
+        distance: float,
+        elapsed: float,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Drive what the wheels say along the mean heading of the step, and turn at the rate."""
-        turn = self._state[3] * elapsed
+        turn = state[3] * elapsed
         # The wheels count along the arc that they think they drive; its chord is turned by half of their own angle.
-        heading = self._state[2] + turn / 2.0
+        heading = state[2] + turn / 2.0
         chord = math.atan2(wheels.y, wheels.x) - wheels.theta / 2.0
         dx, dy = distance * math.cos(heading + chord), distance * math.sin(heading + chord)
         jacobian = np.eye(5)
         jacobian[0, 2], jacobian[1, 2] = -dy, dx
         jacobian[0, 3], jacobian[1, 3] = -dy * elapsed / 2.0, dx * elapsed / 2.0
         jacobian[2, 3] = elapsed
-        self._state[:3] += (dx, dy, turn)
-        self._covariance = jacobian @ self._covariance @ jacobian.T
+        covariance = jacobian @ covariance @ jacobian.T
         driven = np.array([math.cos(heading + chord), math.sin(heading + chord)])
-        self._covariance[:2, :2] += (self.slip * distance) ** 2 * np.outer(driven, driven)
+        covariance[:2, :2] += (self.slip * distance) ** 2 * np.outer(driven, driven)
+        return state + np.array([dx, dy, turn, 0.0, 0.0]), covariance
 
-    def _measure(self, row: NDArray[np.float64], value: float, std: float, gate: float = math.inf) -> None:
-        innovation = value - row @ self._state
-        projected = self._covariance @ row
-        variance = float(row @ projected) + std**2
-        if innovation**2 > gate**2 * variance:
-            return
-        gain = projected / variance
-        self._state = self._state + gain * innovation
-        keep = np.eye(5) - np.outer(gain, row)
-        self._covariance = keep @ self._covariance @ keep.T + std**2 * np.outer(gain, gain)
+
+def _estimate(wheels: Pose2D, state: NDArray[np.float64], covariance: NDArray[np.float64]) -> EkfEstimate:
+    x, y, theta = state[:3].tolist()
+    return EkfEstimate(Pose2D(x, y, wrap_angle(theta)), wheels, state, covariance)
+
+
+def _measured(
+    state: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    row: NDArray[np.float64],
+    value: float,
+    std: float,
+    gate: float = math.inf,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    innovation = value - row @ state
+    projected = covariance @ row
+    variance = float(row @ projected) + std**2
+    if innovation**2 > gate**2 * variance:
+        return state, covariance
+    gain = projected / variance
+    keep = np.eye(5) - np.outer(gain, row)
+    return state + gain * innovation, keep @ covariance @ keep.T + std**2 * np.outer(gain, gain)

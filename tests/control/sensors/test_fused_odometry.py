@@ -8,7 +8,7 @@ from bestman_bt.configuration.data import find_data
 from bestman_bt.configuration.document import Document, read_document
 from bestman_bt.control.inertial import FusedOdometry, GyroHeading
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.navigation.localization.ekf import OdometryEkf, OdometryFilter, WheelOdometry
+from bestman_bt.navigation.localization.ekf import OdometryEkf, OdometryEstimate, OdometryFilter, WheelOdometry
 from bestman_bt.robot_model.compose import compose_robot
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
@@ -25,13 +25,14 @@ class Remembering(OdometryFilter):
     def __init__(self) -> None:
         self.turned, self.elapsed = 0.0, 0.0
 
-    def reset(self, odometry: Pose2D) -> None:
+    def start(self, odometry: Pose2D) -> OdometryEstimate:
         self.turned = self.elapsed = 0.0
+        return OdometryEstimate(odometry)
 
-    def update(self, odometry: Pose2D, turned: float, elapsed: float) -> Pose2D:
+    def update(self, before: OdometryEstimate, odometry: Pose2D, turned: float, elapsed: float) -> OdometryEstimate:
         self.turned += turned
         self.elapsed += elapsed
-        return odometry
+        return OdometryEstimate(odometry)
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.control.touch import TactileSensor, WristWrench
 from bestman_bt.messages import Failure, LaserScan, Pose, Pose2D, Wrench
-from bestman_bt.navigation.localization.ekf import OdometryFilter, WheelOdometry
+from bestman_bt.navigation.localization.ekf import OdometryEstimate, OdometryFilter, WheelOdometry
 from bestman_bt.robot_model.payload import payload
 from hal.api import ImuReading, NoDataError, NotConnectedError, TactileReading
 from tests.control.scripted_parts import ScriptedArm, stepped_clock
@@ -76,12 +76,13 @@ class Told(OdometryFilter):
         self.updates: list[tuple[float, float]] = []
         self.begun: list[Pose2D] = []
 
-    def reset(self, odometry: Pose2D) -> None:
+    def start(self, odometry: Pose2D) -> OdometryEstimate:
         self.begun.append(odometry)
+        return OdometryEstimate(odometry)
 
-    def update(self, odometry: Pose2D, turned: float, elapsed: float) -> Pose2D:
+    def update(self, before: OdometryEstimate, odometry: Pose2D, turned: float, elapsed: float) -> OdometryEstimate:
         self.updates.append((turned, elapsed))
-        return odometry
+        return OdometryEstimate(odometry)
 
 
 def test_a_filter_is_told_what_was_felt_since_the_last_time_and_begins_anew():
