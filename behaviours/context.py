@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from bestman_bt.control.robot_stop import RobotStop
     from bestman_bt.control.touch import TactileSensor, WristWrench
     from bestman_bt.control.wheeled.base_controller import BaseController
-    from bestman_bt.manipulation.base_placement import BasePlacements, PathPlacements, ReachingArm
+    from bestman_bt.manipulation.base_placement import BasePlacementPlanner, PathPlacementPlanner, ReachingArm
     from bestman_bt.manipulation.collision.base import CollisionModel, CollisionWorld
     from bestman_bt.manipulation.collision.planning_scene import PlanningScene
     from bestman_bt.manipulation.kinematics.base import InverseKinematics
@@ -38,19 +38,19 @@ if TYPE_CHECKING:
     from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
     from bestman_bt.manipulation.policy.base import Policy
     from bestman_bt.navigation.global_planning.base import GlobalPlanner
-    from bestman_bt.navigation.global_planning.costmap import Costmap, LayeredCostmap
+    from bestman_bt.navigation.global_planning.costmap import Costmap, CostmapBuilder
     from bestman_bt.navigation.global_planning.footprint import Footprint
     from bestman_bt.navigation.local_planning.base import PathFollower
     from bestman_bt.navigation.localization.base import GlobalLocalizer, Localizer
     from bestman_bt.navigation.localization.ekf import OdometryFilter
     from bestman_bt.navigation.slam.base import Slam
-    from bestman_bt.navigation.slam.frontiers import FrontierExplorer
+    from bestman_bt.navigation.slam.frontiers import ExplorationPlanner
     from bestman_bt.perception.affordance.front_handles import HandleDetector
     from bestman_bt.perception.detection.base import Detector
     from bestman_bt.perception.grasp_pose.base import GraspPlanner
     from bestman_bt.perception.occupancy import OccupancyMapper
-    from bestman_bt.perception.pose_estimation.multi_view import MultiView, ViewObservation
-    from bestman_bt.perception.segmentation.support_surfaces import SupportSurfaces
+    from bestman_bt.perception.pose_estimation.multi_view import MultiViewEstimator, ViewObservation
+    from bestman_bt.perception.segmentation.support_surfaces import SurfaceDetector
     from bestman_bt.perception.tracking import Tracker
     from bestman_bt.perception.view_planning import ViewPlanner
     from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
@@ -127,27 +127,27 @@ class SkillContext:
     wrist_wrench: WristWrench | None = field(init=False)
 
     detection: Detector = field(init=False)
-    multi_view: MultiView = field(init=False)
+    multi_view: MultiViewEstimator = field(init=False)
     tracking: Tracker = field(init=False)
     view_planning: ViewPlanner = field(init=False)
-    surfaces: SupportSurfaces = field(init=False)
+    surfaces: SurfaceDetector = field(init=False)
     affordance: HandleDetector = field(init=False)
     occupancy: OccupancyMapper = field(init=False)
     grasp_pose: GraspPlanner = field(init=False)
     unknown_grasp_pose: GraspPlanner = field(init=False)
     handle_grasp_pose: GraspPlanner = field(init=False)
     kinematics: InverseKinematics = field(init=False)
-    base_placement: BasePlacements = field(init=False)
-    path_placement: PathPlacements = field(init=False)
+    base_placement: BasePlacementPlanner = field(init=False)
+    path_placement: PathPlacementPlanner = field(init=False)
     collision: CollisionModel = field(init=False)
     motion_planning: TimedMotionPlanner = field(init=False)
-    costmap: LayeredCostmap = field(init=False)
+    costmap: CostmapBuilder = field(init=False)
     global_planning: GlobalPlanner = field(init=False)
     local_planning: PathFollower = field(init=False)
     localization: Localizer = field(init=False)
     odometry: OdometryFilter = field(init=False)
     slam: Slam = field(init=False)
-    exploration: FrontierExplorer = field(init=False)
+    exploration: ExplorationPlanner = field(init=False)
     global_localization: GlobalLocalizer = field(init=False)
 
     def __post_init__(self) -> None:

@@ -17,7 +17,7 @@ from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf
 from bestman_bt.world_model.world_model import BasePose, Obstacle, WorldModel
 
 if TYPE_CHECKING:
-    from bestman_bt.manipulation.base_placement import PathPlacement, PathPlacements
+    from bestman_bt.manipulation.base_placement import PathPlacement, PathPlacementPlanner
     from bestman_bt.manipulation.collision.base import CollisionWorld
     from bestman_bt.manipulation.collision.planning_scene import PlanningScene
     from bestman_bt.manipulation.kinematics.arc_path import IsFreeAt, Stations
@@ -275,7 +275,7 @@ def stands_along_leaf(
     leaf: FurnitureLeaf,
     way: LeafPath,
     worlds: LeafWorlds,
-    search: PathPlacements,
+    search: PathPlacementPlanner,
     reachability: ReachabilityMap | None = None,
 ) -> tuple[PathPlacement, ...]:
     """Return the base placements of ``way``, best first, from which the arm follows it while the leaf moves.

@@ -236,7 +236,7 @@ def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> H
     base_from_map, here = skills.map_from_base.inverse(), [skills.world.base.pose]
     free = world_at_leaf(skills, opening.leaf, opening.start, "free")
     contact = world_at_leaf(skills, opening.leaf, opening.start, "fingers")
-    from_here = replace(skills.path_placement, enough=1, most=1, starts=6, options=7, min_fraction=0.3)
+    from_here = skills.path_placement.from_one_pose()
     plans: list[HandlePull] = []
     worlds: LeafWorlds = {}
     for candidate in pull_grasps(skills, opening, belief):

@@ -152,7 +152,7 @@ class ExploreAndMap(Skill):
                     raise SkillFailure.of(failure)
                 return False
             grid, costmap = self._look(overhangs)
-            if explorer.gain(grid, view.pose.xy) < explorer.min_gain:
+            if not explorer.is_useful(grid, view.pose.xy):
                 return True
             if handle.done or self._pose.distance_to(view.pose) < parameters.goal_tolerance:
                 return False

@@ -9,12 +9,14 @@ for a path a placement counts only with joint positions on one branch along all 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import override
 
 from bestman_bt.manipulation.collision.base import CollisionWorld
 from bestman_bt.manipulation.errors import ManipulationError
@@ -54,9 +56,41 @@ class ReachingArm:
     reachability: ReachabilityMap | None = None
 
 
+class BasePlacementPlanner(ABC):
+    """Finds base poses from which the arm reaches its targets."""
+
+    @abstractmethod
+    def beside(
+        self, furniture: MapFurniture, target: ArrayLike, base_front: float, sides: Sequence[str] = ("front",)
+    ) -> tuple[Pose2D, ...]:
+        """Return base poses along ``furniture``, facing it, at ``target`` (x, y) in the map frame or slightly sideways.
+
+        ``base_front``: metres from the base's origin to its front. ``sides``: of ``front`` (-x of the furniture),
+        ``back``, ``left`` (+y) and ``right``. Raises ManipulationError for another side.
+        """
+
+    @abstractmethod
+    def rank(
+        self,
+        candidates: Sequence[Pose2D],
+        alternatives: Sequence[ToolPoses],
+        arm: ReachingArm,
+        is_base_free: Callable[[Pose2D], bool] = lambda pose: True,
+        world_at: Callable[[Pose2D], CollisionWorld] | None = None,
+        current: Pose2D | None = None,
+    ) -> tuple[BasePlacement, ...]:
+        """Return the placements from which at least one alternative is reachable, best first; may be empty.
+
+        ``alternatives``: each a sequence of tool poses in the map frame that must all be reached (pre-grasp, grasp).
+        ``is_base_free``: whether the base has room there. ``world_at``: the arm's collision world for a placement;
+        without it collisions are ignored. ``current``: current base pose. Raises ManipulationError without
+        alternatives.
+        """
+
+
 @dataclass(frozen=True)
-class BasePlacements:
-    """Finds base poses from which the arm reaches its targets.
+class BasePlacements(BasePlacementPlanner):
+    """Candidates are ordered by ``reachability`` (or distance); the search ends after ``enough`` successes.
 
     ``gaps``: metres between the base's front and the furniture. ``offsets``: metres sideways from the target.
     ``preferred_reach``: fraction of the arm's reach where it works best. ``enough``: good placements that end the
@@ -72,14 +106,10 @@ class BasePlacements:
     travel_cost: Annotated[float, "1/m"] = 0.05
     comfort_weight: float = 0.5
 
+    @override
     def beside(
         self, furniture: MapFurniture, target: ArrayLike, base_front: float, sides: Sequence[str] = ("front",)
     ) -> tuple[Pose2D, ...]:
-        """Return base poses along ``furniture``, facing it, at ``target`` (x, y) in the map frame or slightly sideways.
-
-        ``base_front``: metres from the base's origin to its front. ``sides``: of ``front`` (-x of the furniture),
-        ``back``, ``left`` (+y) and ``right``. Raises ManipulationError for another side.
-        """
         x, y = furniture.pose.inverse().apply(np.asarray(target, dtype=float)[:2])
         half_x, half_y = furniture.footprint[0] / 2, furniture.footprint[1] / 2
         stands = []
@@ -97,6 +127,7 @@ class BasePlacements:
                     stands.append(furniture.pose @ stand)
         return tuple(dict.fromkeys(stands))
 
+    @override
     def rank(
         self,
         candidates: Sequence[Pose2D],
@@ -106,13 +137,6 @@ class BasePlacements:
         world_at: Callable[[Pose2D], CollisionWorld] | None = None,
         current: Pose2D | None = None,
     ) -> tuple[BasePlacement, ...]:
-        """Return the placements from which at least one alternative is reachable, best first; may be empty.
-
-        ``alternatives``: each a sequence of tool poses in the map frame that must all be reached (pre-grasp, grasp).
-        ``is_base_free``: whether the base has room there. ``world_at``: the arm's collision world for a placement;
-        without it collisions are ignored. ``current``: current base pose. Candidates are ordered by ``reachability``
-        (or distance), and the search ends after ``enough`` successes. Raises ManipulationError without alternatives.
-        """
         if not alternatives or any(len(poses) == 0 for poses in alternatives):
             raise ManipulationError("alternatives should hold at least one sequence of tool poses, none of them empty")
         ranked: list[BasePlacement] = []
@@ -190,9 +214,46 @@ class BasePlacement:
     positions: NDArray[np.float64]
 
 
+class PathPlacementPlanner(ABC):
+    """Finds base poses from which the tool follows a whole path."""
+
+    @abstractmethod
+    def rank(
+        self,
+        candidates: Sequence[Pose2D],
+        stations: Stations,
+        arm: ReachingArm,
+        is_base_free: Callable[[Pose2D], bool] = lambda pose: True,
+        is_free_at: Callable[[Pose2D], IsFreeAt] | None = None,
+        current: Pose2D | None = None,
+        arc: ArcSearch | None = None,
+    ) -> tuple[PathPlacement, ...]:
+        """Return placements from which the tool follows all ``stations`` (poses in the map frame), best first; may be
+        empty.
+
+        ``is_free_at``: for a placement, whether the arm is free at a station. ``current``: current base pose. Raises
+        ManipulationError as ``ArcSearch.path`` does.
+        """
+
+    @abstractmethod
+    def promising(
+        self,
+        candidates: Sequence[Pose2D],
+        stations: Stations,
+        kinematics: InverseKinematics,
+        reachability: ReachabilityMap,
+        current: Pose2D | None = None,
+    ) -> tuple[Pose2D, ...]:
+        """Candidates from which all ``stations`` (poses in the map frame) are in reach, most likely first."""
+
+    def from_one_pose(self) -> PathPlacementPlanner:
+        """Return the planner for a base that stays where it is: it may search longer, and part of the path counts."""
+        return self
+
+
 @dataclass(frozen=True)
-class PathPlacements:
-    """Finds base poses from which a whole arc of the tool is followed.
+class PathPlacements(PathPlacementPlanner):
+    """Tries the most promising candidates first, each from several solutions of inverse kinematics.
 
     ``enough``: placements with a complete path that end the search. ``most``: largest number of candidates. ``starts``:
     inverse kinematics solutions per placement to search from; ``options``: rotations of the hand at the middle station,
@@ -210,6 +271,7 @@ class PathPlacements:
     min_fraction: float = 1.0
     travel_cost: Annotated[float, "1/m"] = 0.05
 
+    @override
     def rank(
         self,
         candidates: Sequence[Pose2D],
@@ -220,12 +282,6 @@ class PathPlacements:
         current: Pose2D | None = None,
         arc: ArcSearch | None = None,
     ) -> tuple[PathPlacement, ...]:
-        """Return placements from which the tool follows all ``stations`` (poses in the map frame), best first; may be
-        empty.
-
-        ``is_free_at``: for a placement, whether the arm is free at a station. ``current``: current base pose. Raises
-        ManipulationError as ``ArcSearch.path`` does.
-        """
         check_stations(stations)
         origin = joint_vector(arm.reference, len(arm.kinematics.joint_names), "reference")
         promise = self._promises(candidates, stations, arm.kinematics, arm.reachability, current)
@@ -249,6 +305,7 @@ class PathPlacements:
             found.append(PathPlacement(stand, score, best))
         return tuple(sorted(found, key=lambda stand: (-stand.arc.complete, -stand.score)))
 
+    @override
     def promising(
         self,
         candidates: Sequence[Pose2D],
@@ -257,11 +314,14 @@ class PathPlacements:
         reachability: ReachabilityMap,
         current: Pose2D | None = None,
     ) -> tuple[Pose2D, ...]:
-        """Candidates from which all ``stations`` (poses in the map frame) are in reach, most likely first."""
         check_stations(stations)
         promise = self._promises(candidates, stations, kinematics, reachability, current)
         order = np.argsort(-promise, kind="stable")
         return tuple(candidates[index] for index in order if np.isfinite(promise[index]))
+
+    @override
+    def from_one_pose(self) -> PathPlacements:
+        return replace(self, enough=1, most=1, starts=6, options=7, min_fraction=0.3)
 
     def _promises(
         self,

@@ -23,7 +23,7 @@ from bestman_bt.engine.errors import TreeProblem
 from bestman_bt.engine.own_files import described, importable, load_file, module_of, plugin_module, signature_fault
 from bestman_bt.engine.unwritten import problem_at
 from bestman_bt.errors import MissingExtraError
-from bestman_bt.manipulation.base_placement import BasePlacements, PathPlacements
+from bestman_bt.manipulation.base_placement import BasePlacementPlanner, PathPlacementPlanner
 from bestman_bt.manipulation.collision.base import CollisionModel
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.manipulation.motion_planning.base import MotionPlanner
@@ -31,21 +31,21 @@ from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPla
 from bestman_bt.manipulation.trajectory.base import TimeParametrization
 from bestman_bt.messages.shapes import check_bounds
 from bestman_bt.navigation.global_planning.base import GlobalPlanner
-from bestman_bt.navigation.global_planning.costmap import LayeredCostmap
+from bestman_bt.navigation.global_planning.costmap import CostmapBuilder
 from bestman_bt.navigation.local_planning.base import PathFollower
 from bestman_bt.navigation.localization.base import GlobalLocalizer, Localizer
 from bestman_bt.navigation.localization.ekf import OdometryFilter
 from bestman_bt.navigation.slam.base import Slam
-from bestman_bt.navigation.slam.frontiers import FrontierExplorer
+from bestman_bt.navigation.slam.frontiers import ExplorationPlanner
 from bestman_bt.perception.affordance.front_handles import HandleDetector
 from bestman_bt.perception.detection.base import Detector
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.grasp_pose.base import GraspPlanner
 from bestman_bt.perception.occupancy import OccupancyMapper
 from bestman_bt.perception.pose_estimation.base import PoseEstimator
-from bestman_bt.perception.pose_estimation.multi_view import MultiView
+from bestman_bt.perception.pose_estimation.multi_view import MultiViewEstimator
 from bestman_bt.perception.segmentation.base import Segmentation
-from bestman_bt.perception.segmentation.support_surfaces import SupportSurfaces
+from bestman_bt.perception.segmentation.support_surfaces import SurfaceDetector
 from bestman_bt.perception.tracking import Tracker
 from bestman_bt.perception.view_planning import ViewPlanner
 from bestman_bt.registry import ALGORITHMS, PLUGIN_EXAMPLES, UnknownNameError, suggestion
@@ -71,9 +71,9 @@ class AlgorithmSlot:
 
 SLOTS: dict[str, AlgorithmSlot] = {
     "segmentation": AlgorithmSlot(Segmentation, "segmentation"),
-    "surfaces": AlgorithmSlot(SupportSurfaces, "segmentation"),
+    "surfaces": AlgorithmSlot(SurfaceDetector, "segmentation"),
     "pose_estimation": AlgorithmSlot(PoseEstimator, "pose_estimation"),
-    "multi_view": AlgorithmSlot(MultiView, "pose_estimation"),
+    "multi_view": AlgorithmSlot(MultiViewEstimator, "pose_estimation"),
     "detection": AlgorithmSlot(Detector, "detection", ("segmentation", "pose_estimator")),
     "tracking": AlgorithmSlot(Tracker, "tracking"),
     "view_planning": AlgorithmSlot(ViewPlanner, "view_planning"),
@@ -86,14 +86,14 @@ SLOTS: dict[str, AlgorithmSlot] = {
     "collision": AlgorithmSlot(CollisionModel, "collision", ("robot",)),
     "motion_planning": AlgorithmSlot(MotionPlanner, "motion_planning"),
     "trajectory": AlgorithmSlot(TimeParametrization, "trajectory"),
-    "base_placement": AlgorithmSlot(BasePlacements, "base_placement"),
-    "path_placement": AlgorithmSlot(PathPlacements, "base_placement"),
-    "costmap": AlgorithmSlot(LayeredCostmap, "global_planning"),
+    "base_placement": AlgorithmSlot(BasePlacementPlanner, "base_placement"),
+    "path_placement": AlgorithmSlot(PathPlacementPlanner, "base_placement"),
+    "costmap": AlgorithmSlot(CostmapBuilder, "global_planning"),
     "global_planning": AlgorithmSlot(GlobalPlanner, "global_planning"),
     "local_planning": AlgorithmSlot(PathFollower, "local_planning"),
     "localization": AlgorithmSlot(Localizer, "localization", ("planar_map",)),
     "slam": AlgorithmSlot(Slam, "slam"),
-    "exploration": AlgorithmSlot(FrontierExplorer, "slam"),
+    "exploration": AlgorithmSlot(ExplorationPlanner, "slam"),
     "global_localization": AlgorithmSlot(GlobalLocalizer, "localization"),
     "odometry": AlgorithmSlot(OdometryFilter, "localization"),
 }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 import pytest
 
 from bestman_bt.configuration.checked import check
@@ -14,6 +16,7 @@ from bestman_bt.navigation.global_planning.theta_star import ThetaStar
 from bestman_bt.registry import ALGORITHMS, UnknownNameError, undone
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.runtime.algorithms import (
+    SLOTS,
     Algorithms,
     algorithm_by_name,
     algorithms_by_slot,
@@ -119,6 +122,14 @@ def test_the_defaults_lie_within_their_own_bounds(name: str) -> None:
     assert defaults
     checked = vars(check(Document(defaults), parameters))
     assert {k: checked[k] for k in defaults} == defaults
+
+
+@pytest.mark.parametrize("slot", SLOTS)
+def test_each_slot_has_an_abstract_class_and_what_fills_it_is_one(slot: str) -> None:
+    base = SLOTS[slot].base
+    assert inspect.isabstract(base)
+    assert algorithms_by_slot()[slot]
+    assert all(issubclass(algorithm, base) for algorithm in algorithms_by_slot()[slot].values())
 
 
 def _is_plain(value: object) -> bool:

@@ -23,7 +23,7 @@ from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
 from bestman_bt.navigation.localization.base import Localizer
-from bestman_bt.navigation.slam.frontiers import FrontierExplorer
+from bestman_bt.navigation.slam.frontiers import ExplorationPlanner
 from bestman_bt.perception.detection.base import Detector
 from bestman_bt.perception.grasp_pose.base import GraspPlanner
 from bestman_bt.runtime.algorithms import SLOTS
@@ -101,11 +101,12 @@ def test_a_follower_that_commands_nothing_or_without_end_is_told(found: Any) -> 
         (Detector, "detect", "DetectedScene"),
         (GraspPlanner, "plan", "tuple of GraspCandidate"),
         (MotionPlanner, "plan", "MotionPlan"),
-        (FrontierExplorer, "tour", "list of FrontierView"),
+        (ExplorationPlanner, "tour", "list of FrontierView"),
     ],
 )
 def test_each_interface_is_checked_by_its_annotations(base: type, method: str, words: str) -> None:
-    made = type("Mine", (base,), {method: lambda self, *arguments: [3]})
+    methods = dict.fromkeys([*base.__abstractmethods__, method], lambda self, *arguments: [3])
+    made = type("Mine", (base,), methods)
     with pytest.raises(WrongResultError, match=rf"Mine\.{method} should return {words}, got list of int"):
         getattr(with_checked_results(made, base)(), method)()
 

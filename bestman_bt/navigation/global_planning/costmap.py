@@ -9,6 +9,7 @@ it, a second field holds the distance to obstacles of that height.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,6 +17,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import OccupancyGrid, Pose2D
 from bestman_bt.messages.frozen_array import frozen_array
@@ -319,8 +321,22 @@ class Costmap:
 # The costmap of a robot's beliefs: which layers it has is a matter of the configuration, as in nav2.
 
 
+class CostmapBuilder(ABC):
+    """Creates costmaps; ``obstacle``: whether those for planning include what the lidar sees and the map lacks."""
+
+    obstacle: bool = True
+
+    @abstractmethod
+    def of_world(self, world: WorldModel, footprint: Footprint) -> Costmap:
+        """Return the costmap of the map with the believed positions of doors and drawers."""
+
+    @abstractmethod
+    def of_grid(self, grid: OccupancyGrid, footprint: Footprint) -> Costmap:
+        """Return the costmap of an occupancy grid."""
+
+
 @dataclass(frozen=True)
-class LayeredCostmap(Rasterization):
+class LayeredCostmap(Rasterization, CostmapBuilder):
     """Creates costmaps of the map with the believed door positions, or of an occupancy grid.
 
     ``obstacle``: whether planning costmaps include obstacles that the lidar sees and the map lacks. ``unknown``:
@@ -330,11 +346,13 @@ class LayeredCostmap(Rasterization):
     obstacle: bool = True
     unknown: bool = True
 
+    @override
     def of_world(self, world: WorldModel, footprint: Footprint) -> Costmap:
         """Return the costmap of walls, furniture, room doors, and open doors and drawers."""
         leaves = open_leaves(world) if self.doors else ()
         return Costmap.from_map(world.map, footprint, leaves, self)
 
+    @override
     def of_grid(self, grid: OccupancyGrid, footprint: Footprint) -> Costmap:
         """Return the costmap of the occupied cells of ``grid`` and, if ``unknown`` is set, of its unknown cells."""
         return Costmap.from_grid(grid, footprint, self.unknown, self)

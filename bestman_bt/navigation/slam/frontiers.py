@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
+from typing_extensions import override
 
 from bestman_bt.messages import OccupancyGrid, Pose2D
 from bestman_bt.messages.grids import FREE, OCCUPIED, UNKNOWN
@@ -150,9 +152,26 @@ def find_frontiers(grid: OccupancyGrid, min_length: float) -> list[Frontier]:
     return frontiers
 
 
+class ExplorationPlanner(ABC):
+    """Chooses the next views of an unknown place."""
+
+    @abstractmethod
+    def tour(
+        self, grid: OccupancyGrid, costmap: Costmap, pose: Pose2D, useless: NDArray[np.float64] | None = None
+    ) -> list[FrontierView]:
+        """Return the reachable views from ``pose``, in the order of the tour; empty if everything is known.
+
+        ``costmap``: of the same grid, unknown cells as obstacles. ``useless``: (N, 2) places tried in vain.
+        """
+
+    @abstractmethod
+    def is_useful(self, grid: OccupancyGrid, point: NDArray[np.float64]) -> bool:
+        """Return whether a view from a point (2,) would still show enough unknown floor to drive there."""
+
+
 @dataclass(frozen=True)
-class FrontierExplorer:
-    """Chooses the next views; deterministic.
+class FrontierExplorer(ExplorationPlanner):
+    """Chooses the views that together show everything, on the shortest tour; deterministic.
 
     Lengths in metres. ``min_length``: of a frontier. Views lie on a lattice of ``spacing``, within ``near`` of a
     frontier, where the base can turn with ``clearance`` to spare. ``range``: of the view, with ``rays``, and ``depth``:
@@ -176,13 +195,10 @@ class FrontierExplorer:
     again: Annotated[NonNegative, "m"] = 0.3
     straight: Annotated[NonNegative, "m"] = 0.5
 
+    @override
     def tour(
         self, grid: OccupancyGrid, costmap: Costmap, pose: Pose2D, useless: NDArray[np.float64] | None = None
     ) -> list[FrontierView]:
-        """Return the reachable views from ``pose``, in the order of the tour; empty if everything is known.
-
-        ``costmap``: of the same grid, unknown cells as obstacles. ``useless``: (N, 2) places tried in vain.
-        """
         frontiers = find_frontiers(grid, self.min_length)
         if not frontiers:
             return []
@@ -205,6 +221,10 @@ class FrontierExplorer:
         points = np.array([pose.xy, *(stop.pose.xy for stop in stops)])
         between = np.array([floor.ways(point, points, self.straight)[0] for point in points])
         return [stops[number - 1] for number in shortest_tour(between)]
+
+    @override
+    def is_useful(self, grid: OccupancyGrid, point: NDArray[np.float64]) -> bool:
+        return self.gain(grid, point) >= self.min_gain
 
     def gain(self, grid: OccupancyGrid, point: NDArray[np.float64]) -> float:
         """Return the area of unknown floor, m², visible from a point (2,): up to the first occupied cell of each

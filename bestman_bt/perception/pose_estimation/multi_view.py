@@ -8,6 +8,7 @@ was widened by the error of its camera pose. A yaw stays open where the sum of t
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -15,6 +16,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
+from typing_extensions import override
 
 from bestman_bt.messages import ObjectModel, Pose, YawSet
 from bestman_bt.perception.errors import PerceptionError
@@ -36,8 +38,21 @@ class ViewObservation:
     view: View
 
 
+class MultiViewEstimator(ABC):
+    """Combines several views of one object."""
+
+    @abstractmethod
+    def estimate(
+        self, observations: Sequence[ViewObservation], models: Sequence[ObjectModel]
+    ) -> tuple[PoseHypothesis, ...]:
+        """Return the best pose of each model that could explain all ``observations``, most confident first.
+
+        Equal input gives equal output. Raises PerceptionError without an observation.
+        """
+
+
 @dataclass(frozen=True)
-class MultiView:
+class MultiView(MultiViewEstimator):
     """Combines several views of one upright object: fits are fused, evidence about the yaw is multiplied.
 
     ``single``: registration in each view. ``camera_position_std``, metres, and ``camera_yaw_std``, radians: uncertainty
@@ -48,13 +63,10 @@ class MultiView:
     camera_position_std: Annotated[float, "m"] = 0.0015
     camera_yaw_std: Annotated[float, "rad"] = 0.005
 
+    @override
     def estimate(
         self, observations: Sequence[ViewObservation], models: Sequence[ObjectModel]
     ) -> tuple[PoseHypothesis, ...]:
-        """Return the best pose of each model that could explain all ``observations``, most confident first.
-
-        Equal input gives equal output. Raises PerceptionError without an observation.
-        """
         if not observations:
             raise PerceptionError("MultiView needs at least one observation, got none")
         if len(observations) == 1:

@@ -8,6 +8,7 @@ are joined. Nothing is known beforehand but where up is.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from typing_extensions import override
 
 from bestman_bt.messages import CameraIntrinsics, Pose
 from bestman_bt.perception.errors import NoSurfaceError
@@ -159,8 +161,20 @@ class _Piece:
     points: NDArray[np.float64]
 
 
+class SurfaceDetector(ABC):
+    """Finds all horizontal surfaces of a view."""
+
+    @abstractmethod
+    def find(self, view: View, rng: np.random.Generator) -> tuple[SupportPlane, ...]:
+        """Return the surfaces, lowest first; x of each rectangle points away from the camera.
+
+        Equal input and generator state give equal output. Raises NoSurfaceError, with the reason, if no surface is
+        found.
+        """
+
+
 @dataclass(frozen=True)
-class SupportSurfaces(HorizontalPlane):
+class SupportSurfaces(HorizontalPlane, SurfaceDetector):
     """Finds all horizontal surfaces of a view at any height.
 
     Lengths in metres, angles in radians; those of the planes as in HorizontalPlane.
@@ -189,12 +203,8 @@ class SupportSurfaces(HorizontalPlane):
     join_height: Annotated[float, "m"] = 0.015
     join_gap: Annotated[float, "m"] = 0.40
 
+    @override
     def find(self, view: View, rng: np.random.Generator) -> tuple[SupportPlane, ...]:
-        """Return the surfaces, lowest first; x of each rectangle points away from the camera.
-
-        Equal input and generator state give equal output. Raises NoSurfaceError, with the reason, if no surface is
-        found.
-        """
         points, depth, _ = view.organised()
         if not (depth > 0).any():
             raise NoSurfaceError("no surface in view: the image has no depth")
