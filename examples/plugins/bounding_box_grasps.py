@@ -1,6 +1,7 @@
 """Grasps from above across the sides of the bounding box: for things without a model and with few points.
 
 Chosen by ``algorithms: {unknown_grasp_pose: {algorithm: "examples/plugins/bounding_box_grasps.py:BoundingBox"}}``;
+``docs/perception.md`` has its figures.
 """
 
 from __future__ import annotations
