@@ -27,8 +27,9 @@ from hal.hardware.controller_facts import ArmFacts, Identity
 from hal.hardware.heartbeat import Heartbeat
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.robot_process import ROBOT, STOPS, Call, MotionNumber, MotionReport, ServerSetup, plug_ins
-from hal.parts.channels import interface_of, stand_in
+from hal.parts.channels import ASIDES, interface_of, stand_in
 from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.streamed_arm import StreamedArm
 
 END_TIME = 5.0
 STOP_TIME = 0.5
@@ -74,6 +75,9 @@ class IsolatedRobot(Robot):
         lost = self._client.lost
         try:
             self._client.start(ServerSetup(self.model, self._start))
+            for name, part in self._description.parts.items():
+                if isinstance(part, StreamedArm) and part.load is not None:
+                    self._client.call(Call(name, "carry", part.load))
             self._client.call(Call(ROBOT, "connect"))
             if self.speed != 1.0:
                 self._client.call(Call(ROBOT, "set_speed", (self.speed,)))
@@ -396,6 +400,8 @@ def _remote(part: Part, client: RpcClient) -> Part:
 
 def _asking(part: Part, method: str, client: RpcClient) -> Any:
     def ask(self: Part, *arguments: Any, **keywords: Any) -> Any:
+        if method in ASIDES:
+            getattr(part, method)(*arguments, **keywords)  # which keeps it for the next process
         if not client.open and client.lost is None:
             return getattr(part, method)(*arguments, **keywords)  # which is not connected, and says so
         call = Call(part.name, method, arguments, tuple(keywords.items()))

@@ -26,7 +26,8 @@ SAMPLES = 25
 class StreamedArm(StreamedJointGroup, Arm):
     """An arm over a channel; tool and elbow stay in the workspace, the tool below its top speed.
 
-    ``now``: the clock that times the set-points of ``servo``, seconds; that of the cycles by default.
+    ``now``: the clock that times the set-points of ``servo``, seconds; that of the cycles by default. ``tell_load``: of
+    a controller that counts on the held load, sends its kg and its centre in the tool frame.
     """
 
     kind: ClassVar[str] = "arm"
@@ -49,6 +50,8 @@ class StreamedArm(StreamedJointGroup, Arm):
         self._streamed_at = -np.inf
         self._time = 0.0  # of the cycles
         self._now = now or self._time_of_cycles
+        self.tell_load: Callable[[float, ArrayLike], None] | None = None
+        self.load: tuple[float, ArrayLike] | None = None  # as last told by ``carry``
 
     def follow(self, trajectory: JointTrajectory) -> Motion[None]:
         """Follow a trajectory, slowed down where it would exceed a limit; a small offset at the start decays.
@@ -79,6 +82,19 @@ class StreamedArm(StreamedJointGroup, Arm):
     def _check_trajectory(self, trajectory: JointTrajectory) -> None:
         self._connection.check_command("follow")
         self._checks.trajectory(trajectory, self.positions())
+
+    @override
+    def carry(self, mass: float, centre: ArrayLike) -> None:
+        self.load = mass, centre
+        if self.tell_load is not None and self._connection.connected:
+            self.tell_load(mass, centre)
+
+    @override
+    def attach(self) -> None:
+        """Tell the load again to a controller that has connected or recovered, then as ``StreamedJointGroup``."""
+        if self.tell_load is not None and self.load is not None:
+            self.tell_load(*self.load)
+        super().attach()
 
     def trajectory_time(self) -> float | None:
         """Return the trajectory time of the set-points at the latest joint reading, seconds, or None."""

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from typing_extensions import override
 
 from bestman_bt.robot_model.model import ArmModel
-from bestman_bt.robot_model.payload import Payload
 from hal.api import Failure, Motion, MotionErrorCode
 from hal.parts.channels import JointChannel
 from hal.parts.gate import ToolLimits
@@ -56,9 +55,8 @@ class URArm(StreamedArm):
 
     ``move_path``, ``speed_joints`` and ``speed_tool`` are the controller's ``movej``, ``speedj`` and ``speedl``, within
     the same limits as all motions. They do not replace one another: call ``stop`` or ``cancel`` first. They follow the
-    speed slider, wait while the controller is paused, and run at the ``speed_share`` of their start. ``payload``: maps
-    the held load, kg and its centre in the tool frame, to the total load of the flange. Motions of the controller are
-    renewed every 0.05 s, and end without renewal.
+    speed slider, wait while the controller is paused, and run at the ``speed_share`` of their start. Motions of the
+    controller are renewed every 0.05 s, and end without renewal.
     """
 
     def __init__(
@@ -70,12 +68,10 @@ class URArm(StreamedArm):
         period: float,
         tool: ToolLimits,
         link: URLink,
-        payload: Callable[[float, ArrayLike], Payload],
     ) -> None:
         super().__init__(name, model, channel, latch, period, tool)
-        self._link, self._payload = link, payload
+        self._link = link
         self._own: _OwnMotion | None = None
-        self._carried: Payload | None = None
 
     # Motions of the controller
 
@@ -140,20 +136,6 @@ class URArm(StreamedArm):
             return self._begin_speed("speed_tool", turned.tolist(), TOOL_ACCELERATION, float(duration))
 
     # As for every arm
-
-    def carry(self, mass: float, centre: ArrayLike) -> None:
-        """Set the controller's payload, in addition to the hand, also after a reconnection. Raises
-        ConnectionFailedError.
-        """
-        self._carried = self._payload(mass, centre)
-        if self._link.alive:
-            self.tell_payload()
-
-    def tell_payload(self) -> None:
-        """Send the stored payload to a restarted program. Raises ConnectionFailedError."""
-        if self._carried is not None:
-            told = self._carried.mass, self._carried.centre.tolist()
-            self._link.call("set_payload", *told, timeout=START_TIME)
 
     @property
     def resting(self) -> bool:

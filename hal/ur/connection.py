@@ -204,7 +204,8 @@ class URConnection(Connection):
     def _make_arm(self, name: str, model: ArmModel) -> URArm:
         options: UROptions = self.options
         tool, joints = ToolLimits(self.model, name, self.limits), URJoints(self._link, options.reduced_scaling)
-        self._arm = URArm(name, model, joints, self.latch, 1.0 / options.rate, tool, self._link, self._payload)
+        self._arm = URArm(name, model, joints, self.latch, 1.0 / options.rate, tool, self._link)
+        self._arm.tell_load = self._tell_load
         return self._arm
 
     def _make_force_torque(self, name: str, model: MountedForceTorque) -> URForceTorque:
@@ -224,7 +225,6 @@ class URConnection(Connection):
         if mismatch is not None:
             raise ConnectionFailedError(f"{self.name}: {mismatch}")
         self._told = told
-        self._arm.tell_payload()
         self.add_loop("set-points", options.rate, self._cycle)
 
     def close(self) -> None:
@@ -263,7 +263,6 @@ class URConnection(Connection):
     def recover(self) -> None:
         """Start the program again."""
         self._link.call("recover", timeout=READY_TIME)
-        self._arm.tell_payload()
 
     def held(self) -> str | None:
         """Return a safety mode or missing power, by the dashboard."""
@@ -290,10 +289,12 @@ class URConnection(Connection):
         else:
             self._arm.give_way()
 
-    def _payload(self, mass: float, centre: ArrayLike) -> Payload:
+    def _tell_load(self, mass: float, centre: ArrayLike) -> None:
         options: UROptions = self.options
         hand = None if options.payload is None else Payload(options.payload, np.array(options.payload_center))
-        return arm_payload(self.model, self._arm.name, mass, centre, hand)
+        whole = arm_payload(self.model, self._arm.name, mass, centre, hand)
+        if self._link.alive:
+            self._link.call("set_payload", whole.mass, whole.centre.tolist(), timeout=READY_TIME)
 
     def _settings(self) -> dict[str, float]:
         """For the SDK's process."""

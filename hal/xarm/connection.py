@@ -62,16 +62,6 @@ class XArmJoints(JointChannel):
         self._wire.tell("set-point", lambda arm: arm.set_servo_angle_j(positions.tolist(), is_radian=True))
 
 
-class XArmArm(StreamedArm):
-    """An arm whose controller is given the load of the hand, for its collision detection."""
-
-    tell_payload: Callable[[float, ArrayLike], None]
-
-    def carry(self, mass: float, centre: ArrayLike) -> None:
-        """Set the controller's payload, in addition to the hand."""
-        self.tell_payload(mass, centre)
-
-
 class XArmGripper(GripperChannel):
     """The gripper on the arm's tool bus; its force is fixed."""
 
@@ -145,11 +135,11 @@ class XArmConnection(Connection):
         self._lite6_gripper: Lite6GripperWire | None = None
         return {"arm": self._make_arm, "gripper": self._make_gripper}
 
-    def _make_arm(self, name: str, model: ArmModel) -> XArmArm:
+    def _make_arm(self, name: str, model: ArmModel) -> StreamedArm:
         self._joints = XArmJoints(self._wire, len(model.joint_names))
         tool, period = ToolLimits(self.model, name, self.limits), 1.0 / self.options.rate
-        self._arm = XArmArm(name, model, self._joints, self.latch, period, tool)
-        self._arm.tell_payload = self._tell_payload
+        self._arm = StreamedArm(name, model, self._joints, self.latch, period, tool)
+        self._arm.tell_load = self._tell_load
         return self._arm
 
     def _make_gripper(self, name: str, model: GripperModel) -> CommandedGripper:
@@ -237,7 +227,7 @@ class XArmConnection(Connection):
         else:
             self._arm.cycle(elapsed)
 
-    def _tell_payload(self, mass: float, centre: ArrayLike) -> None:
+    def _tell_load(self, mass: float, centre: ArrayLike) -> None:
         options: XArmOptions = self.options
         hand = None if options.payload is None else Payload(options.payload, np.array(options.payload_center))
         whole = arm_payload(self.model, self._arm.name, mass, centre, hand)

@@ -123,6 +123,18 @@ def test_a_stop_without_a_connection_latches_and_is_told_to_the_other_process_as
     assert not robot.stopped
 
 
+def test_a_new_process_is_told_what_the_hand_holds_before_it_connects(
+    robot: IsolatedRobot, process: ScriptedProcess
+) -> None:
+    robot.connect()
+    robot.part("arm", Arm).carry(0.4, (0.0, 0.0, 0.02))
+    assert process.asked[-1] == ("calls", "arm", "carry")
+    process.lost, process.open = Failure(MotionErrorCode.DISCONNECTED, "it was killed"), False
+    process.asked.clear()
+    robot.connect()
+    assert process.asked[:2] == [("calls", "arm", "carry"), ("calls", ROBOT, "connect")]
+
+
 def test_a_new_process_is_told_the_operators_speed_and_where_the_black_box_belongs(
     robot: IsolatedRobot, process: ScriptedProcess, tmp_path: Path
 ) -> None:

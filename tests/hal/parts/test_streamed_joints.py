@@ -700,3 +700,21 @@ def test_a_motion_that_the_controller_stopped_on_its_way_has_failed_also_where_n
     again = group.move_to([1.0, 0.0])
     run(group, 3.0)
     assert again.status is MotionStatus.SUCCEEDED
+
+
+def test_a_controller_is_told_the_load_of_the_hand_again_whenever_it_has_connected(
+    make_arm: Callable[..., tuple[StreamedArm, Joints]],
+) -> None:
+    arm, _ = make_arm()
+    told: list[float] = []
+    arm.tell_load = lambda mass, centre: told.append(mass)
+    arm.attach()
+    assert told == [], "nothing is known of a load yet"
+    arm.carry(0.4, (0.0, 0.0, 0.1))
+    arm.detach()
+    arm.carry(0.3, (0.0, 0.0, 0.1))
+    assert told == [0.4], "there is no controller to tell"
+    arm.attach()
+    arm.carry(0.0, (0.0, 0.0, 0.0))
+    arm.attach()
+    assert told == [0.4, 0.3, 0.0, 0.0]

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from bestman_bt.robot_model.connection_config import SafetyConfig
-from bestman_bt.robot_model.payload import Payload
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, NoDataError
 from hal.parts.stop_latch import StopLatch
-from hal.ur.arm import URArm
 from hal.ur.connection import URConnection, URDigitalIO, UROptions, fault_of, scaling_of
 from hal.ur.sdk_process import Report
 
@@ -101,16 +97,3 @@ def test_set_points_go_out_while_the_controller_is_heard_and_well(
     )
     URConnection._cycle(connection, 0.01)
     assert bool(cycles) is sent
-
-
-def test_what_the_hand_holds_is_told_again_to_a_controller_that_was_recovered() -> None:
-    calls: list[tuple[Any, ...]] = []
-    link = SimpleNamespace(call=lambda *arguments, timeout: calls.append(arguments), alive=True)
-    arm: Any = SimpleNamespace(_link=link, _carried=None, _payload=lambda mass, centre: Payload(mass, np.array(centre)))
-    arm.tell_payload = partial(URArm.tell_payload, arm)
-    connection: Any = SimpleNamespace(_link=link, _arm=arm)
-    URConnection.recover(connection)
-    assert calls == [("recover",)]
-    URArm.carry(arm, 0.4, (0.0, 0.0, 0.1))
-    URConnection.recover(connection)
-    assert calls[1:] == [("set_payload", 0.4, [0.0, 0.0, 0.1]), ("recover",), ("set_payload", 0.4, [0.0, 0.0, 0.1])]

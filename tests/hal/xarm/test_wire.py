@@ -244,7 +244,7 @@ def test_the_controller_is_told_its_limits_in_its_own_units(
     assert ("set_collision_sensitivity", 2) in arm.calls
     load = "set_tcp_load", 1.2, [10.0, -20.0, 30.0]
     assert load in arm.calls
-    connection._tell_payload(0.0, (0.0, 0.0, 0.0))  # the hand holds nothing any more
+    connection._tell_load(0.0, (0.0, 0.0, 0.0))  # the hand holds nothing any more
     assert arm.calls.count(load) == 2
     assert ("set_reduced_max_joint_speed", max(robot_model.of(ArmModel)["arm"].velocity)) in arm.calls
     assert ("set_reduced_max_tcp_speed", 250.0) in arm.calls

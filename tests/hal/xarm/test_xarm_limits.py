@@ -24,7 +24,7 @@ from hal.hardware.robot import HardwareRobot
 from hal.parts.gate import ToolLimits
 from hal.parts.part_connection import ConnectionFailedError
 from hal.twins.process import TwinProcess
-from hal.xarm.wire import discreet
+from hal.xarm.wire import discreet, read_report
 from tests.hal.twinned import twin_settings, wait_for
 
 pytestmark = [pytest.mark.real_time, pytest.mark.slow]
@@ -193,6 +193,28 @@ def test_a_payload_is_read_back(twin: TwinProcess) -> None:
             HardwareRobot(load_robot_model(ROBOT, settings)).connect()
     finally:
         twin.fault("arm_controller", "as_built")
+
+
+def test_the_controller_is_told_what_the_hand_holds_again_after_a_reconnection(twin: TwinProcess) -> None:
+    address = twin.addresses["arm_controller"]
+
+    def counted() -> float:
+        told = read_report(address, 5.0)
+        assert told is not None
+        assert told.payload is not None
+        return told.payload
+
+    settings = twin_settings(twin, connections__arm_controller__options={"payload": 0.8})
+    with HardwareRobot(load_robot_model(ROBOT, settings)) as robot:
+        robot.part("arm", Arm).carry(0.4, (0.0, 0.0, 0.02))
+        assert counted() == pytest.approx(1.2)
+        twin.fault("arm_controller", "drop")
+        wait_for(lambda: robot.stopped, "the robot stops")
+        twin.fault("arm_controller", "restore")
+        robot.clear_stop()
+        assert counted() == pytest.approx(1.2)
+        robot.part("arm", Arm).carry(0.0, (0.0, 0.0, 0.0))
+        assert counted() == pytest.approx(0.8)
 
 
 def test_nothing_goes_on_after_the_robot_is_disconnected(twin: TwinProcess) -> None:
