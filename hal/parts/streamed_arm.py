@@ -91,7 +91,7 @@ class StreamedArm(StreamedJointGroup, Arm):
 
     @override
     def attach(self) -> None:
-        """Tell the load again to a controller that has connected or recovered, then as ``StreamedJointGroup``."""
+        """Send the load again to a controller that has connected or recovered, then as ``StreamedJointGroup``."""
         if self.tell_load is not None and self.load is not None:
             self.tell_load(*self.load)
         super().attach()
