@@ -14,7 +14,7 @@ from bestman_bt.engine.blackboard import Blackboard
 from bestman_bt.engine.clock import EngineClock
 from bestman_bt.engine.conversion import number_from_text
 from bestman_bt.engine.core.around_tick import Conditions
-from bestman_bt.engine.core.node import Node, NodePlace
+from bestman_bt.engine.core.node import NO_PORTS, Node, NodePlace
 from bestman_bt.engine.core.ports import key_of, outer_key_of
 from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.core.tree import Tree
@@ -339,7 +339,8 @@ class Builder:
             node._s = 0
             node.attributes = attributes
             node.children = NO_CHILDREN
-            node.conditions = node.hooks = node._readers = node._writers = node.parent = None
+            node._readers = node._writers = NO_PORTS
+            node.conditions = node.hooks = node.parent = None
         node.info = info
         node.place = place
         node.line = element.line

@@ -6,10 +6,9 @@ from typing import Annotated
 
 from annotated_types import Ge
 from py_trees import composites
-from py_trees.ports import PortInformation
 
-from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.engine.controls.base import Control
+from bestman_bt.engine.core.ports import In
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 
@@ -54,9 +53,7 @@ class RoundRobin(Control, composites.Selector):
     After the last child it starts over; without ``wrap_around`` it fails there once before it starts over.
     """
 
-    INPUT_PORTS = {
-        "wrap_around": PortInformation(bool, False, "Whether to continue with the first child after the last one", True)
-    }
+    wrap_around = In(bool, "Whether to continue with the first child after the last one", default=True)
 
     def on_load(self) -> None:
         """Set the first child as the current one."""
@@ -72,7 +69,7 @@ class RoundRobin(Control, composites.Selector):
     def on_tick(self) -> int:
         """Tick the current child, then the following ones while they fail."""
         children = self.nodes_below()
-        wraps = self.get_input("wrap_around")
+        wraps = self.wrap_around
         self.set_state(RUNNING)
         skipped = 0
         while self.failed + skipped < len(children):
@@ -103,7 +100,7 @@ class RecoveryNode(Control, composites.Selector):
 
     MIN_CHILDREN = 2
     MAX_CHILDREN = 2
-    INPUT_PORTS = {"number_of_retries": BoundedPort(Annotated[int, Ge(0)], False, "Number of retries", 1)}
+    number_of_retries = In[int](Annotated[int, Ge(0)], "Number of retries", default=1)
 
     def on_load(self) -> None:
         """Set the first child as the current one."""
@@ -121,8 +118,9 @@ class RecoveryNode(Control, composites.Selector):
     def on_tick(self) -> int:
         """Tick the action, or the recovery."""
         action, recovery = self.nodes_below()
-        allowed = self.get_input("number_of_retries")
-        self.set_state(RUNNING)
+        allowed = self.number_of_retries
+        if self._s != RUNNING:
+            self.set_state(RUNNING)
         while True:
             if not self.recovering:
                 status = action.execute_tick()

@@ -9,7 +9,7 @@ from py_trees import composites
 from py_trees.ports import PortInformation
 
 from bestman_bt.engine.controls.base import NATIVE_POLICY, Control
-from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.ports import In, key_of
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 
@@ -27,12 +27,12 @@ class _Counting(Control):
         """Refuse literals that count more children than there are."""
         for port in self.NEEDED:
             if key_of(self.attributes.get(port), port) is None:
-                self.counted(port)
+                self.counted(port, self.get_input(port))
 
-    def counted(self, port: str) -> int:
-        """Return how many children a port means. Raises NodeError if there are fewer."""
+    def counted(self, port: str, given: int) -> int:
+        """Return how many children the value of a port means. Raises NodeError if there are fewer."""
         children = len(self.children)
-        count = _threshold(self.get_input(port), children)
+        count = _threshold(given, children)
         if children < count:
             there = "is 1 child" if children == 1 else f"are {children} children"
             raise self.error(f"{port} is {count} but there {there}; it cannot {self.NEEDED[port]}")
@@ -42,10 +42,10 @@ class _Counting(Control):
 class Parallel(_Counting, composites.Parallel):
     """Ticks all unfinished children; the numbers of successes and failures decide, and the rest is halted."""
 
-    INPUT_PORTS = {
-        "success_count": PortInformation(int, True, "number of children that need to succeed to trigger a SUCCESS", -1),
-        "failure_count": PortInformation(int, True, "number of children that need to fail to trigger a FAILURE", 1),
-    }
+    success_count = In[int](
+        PortInformation(int, True, "number of children that need to succeed to trigger a SUCCESS", -1)
+    )
+    failure_count = In[int](PortInformation(int, True, "number of children that need to fail to trigger a FAILURE", 1))
     NEEDED = {"success_count": "succeed", "failure_count": "fail"}
     policy: Any = NATIVE_POLICY
 
@@ -67,8 +67,9 @@ class Parallel(_Counting, composites.Parallel):
     def on_tick(self) -> int:
         """Tick every unfinished child, in order."""
         children = self.nodes_below()
-        success_count = self.get_input("success_count")
-        needed, tolerated = self.counted("success_count"), self.counted("failure_count")
+        success_count = self.success_count
+        needed = self.counted("success_count", success_count)
+        tolerated = self.counted("failure_count", self.failure_count)
         self.set_state(RUNNING)
         skipped = 0
         for index, child in enumerate(children):
@@ -97,14 +98,14 @@ class Parallel(_Counting, composites.Parallel):
 class ParallelAll(_Counting, composites.Parallel):
     """Ticks all children until each has finished; FAILURE if at least ``max_failures`` failed."""
 
-    INPUT_PORTS = {
-        "max_failures": PortInformation(
+    max_failures = In[int](
+        PortInformation(
             int,
             True,
             "If the number of children returning FAILURE exceeds this value, ParallelAll returns FAILURE",
             1,
         )
-    }
+    )
     NEEDED = {"max_failures": "fail"}
     policy: Any = NATIVE_POLICY
 
@@ -123,7 +124,7 @@ class ParallelAll(_Counting, composites.Parallel):
     def on_tick(self) -> int:
         """Tick every unfinished child, in order."""
         children = self.nodes_below()
-        tolerated = self.counted("max_failures")
+        tolerated = self.counted("max_failures", self.max_failures)
         self.set_state(RUNNING)
         skipped = 0
         for index, child in enumerate(children):

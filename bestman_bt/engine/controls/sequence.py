@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 from py_trees import composites
-from py_trees.ports import PortInformation
 
 from bestman_bt.engine.controls.base import Control
 from bestman_bt.engine.core.node import Node, odd_status, wrapped
+from bestman_bt.engine.core.ports import In
 from bestman_bt.engine.errors import NodeError
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
@@ -312,11 +312,7 @@ class TryCatch(Control, composites.Sequence):
     """
 
     MIN_CHILDREN = 2
-    INPUT_PORTS = {
-        "catch_on_halt": PortInformation(
-            bool, False, "If true, execute the catch child also when the node is halted", False
-        )
-    }
+    catch_on_halt = In(bool, "If true, execute the catch child also when the node is halted", default=False)
 
     def on_load(self) -> None:
         """Set the first child as the current one."""
@@ -330,7 +326,7 @@ class TryCatch(Control, composites.Sequence):
     def halt(self) -> None:
         """Run the cleanup if ``catch_on_halt`` is set, then halt."""
         children = self.nodes_below()
-        if self._s > IDLE and not self.catching and self.get_input("catch_on_halt"):
+        if self._s > IDLE and not self.catching and self.catch_on_halt:
             for child in children[:-1]:
                 self.halt_child(child)
             if children[-1].execute_tick() == RUNNING:

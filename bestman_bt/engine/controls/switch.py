@@ -10,6 +10,7 @@ from py_trees.ports import PortInformation
 
 from bestman_bt.engine.controls.base import Control
 from bestman_bt.engine.conversion import number_from_text
+from bestman_bt.engine.core.ports import In
 from bestman_bt.engine.scripting.operations import EPSILON
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
@@ -22,11 +23,7 @@ _RESULTS = {"s": SUCCESS, "f": FAILURE, "r": RUNNING}
 class ManualSelector(Control, composites.Selector):
     """Asks on the terminal which child to tick, or which status to return, and waits for the answer."""
 
-    INPUT_PORTS = {
-        "repeat_last_selection": PortInformation(
-            bool, False, "If true, execute the child that was selected last time again", False
-        )
-    }
+    repeat_last_selection = In(bool, "If true, execute the child that was selected last time again", default=False)
     QUESTIONS: ClassVar[TextIO | None] = None
     """Stream to which the question is written; None: standard error."""
     ANSWERS: ClassVar[TextIO | None] = None
@@ -45,7 +42,7 @@ class ManualSelector(Control, composites.Selector):
     def on_tick(self) -> int:
         """Ask, unless the last choice is repeated or its child still runs, and tick the child."""
         children = self.nodes_below()
-        repeat = self.chosen >= 0 and bool(self.get_input("repeat_last_selection"))
+        repeat = self.chosen >= 0 and self.repeat_last_selection
         self.set_state(RUNNING)
         if not repeat:
             answer = self._ask([child.name for child in children])

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status as PyTreesStatus
@@ -142,6 +142,10 @@ class NodePlace:
         self.file = file
 
 
+NO_PORTS: Final[dict[str, Any]] = {}
+"""The readers or writers of a node that has used none of its ports; never filled."""
+
+
 class Node(PyTreesFace):
     """Base of all nodes.
 
@@ -206,8 +210,8 @@ class Node(PyTreesFace):
     """The Python file that created the node; set, with ``line``, for nodes that do not come from XML."""
     attributes: dict[str, Any]
     hooks: Hooks | None
-    _readers: dict[str, Callable[[], Any]] | None
-    _writers: dict[str, Callable[[Any], None]] | None
+    _readers: dict[str, Callable[[], Any]]
+    _writers: dict[str, Callable[[Any], None]]
 
     children: list[Behaviour]
     parent: Behaviour | None
@@ -227,7 +231,8 @@ class Node(PyTreesFace):
         self._s = 0
         self.attributes = attributes
         self.children = children
-        self.conditions = self.hooks = self._readers = self._writers = None
+        self._readers = self._writers = NO_PORTS
+        self.conditions = self.hooks = None
         self.parent = self.place = self.info = None
         self.uid = 0
         self.made_in, self.line = line_that_makes(self)
@@ -287,12 +292,12 @@ class Node(PyTreesFace):
     @property
     def context(self) -> Any:
         """The application's object that was passed when the tree was loaded."""
-        return self.owner.context
+        return self._place.tree.context
 
     @property
     def clock(self) -> EngineClock:
         """The tree's clock."""
-        return self.owner.clock
+        return self._place.tree.clock
 
     def wake_up(self) -> None:
         """End the tick loop's sleep: the tree is ticked again at once. Thread-safe."""
@@ -306,12 +311,10 @@ class Node(PyTreesFace):
         Raises:
             NodeError: a required port has no value, or a value has another type.
         """
-        readers = self._readers
-        if readers is None:
-            readers = self._readers = {}
-        reader = readers.get(port)
+        reader = self._readers.get(port)
         if reader is None:
-            reader = readers[port] = make_reader(self, port)
+            reader = make_reader(self, port)
+            self._readers = {**self._readers, port: reader}
         return reader()
 
     def set_output(self, port: str, value: Any) -> None:
@@ -320,12 +323,10 @@ class Node(PyTreesFace):
         Raises:
             NodeError: the node has no such output port, or the value does not fit its type.
         """
-        writers = self._writers
-        if writers is None:
-            writers = self._writers = {}
-        writer = writers.get(port)
+        writer = self._writers.get(port)
         if writer is None:
-            writer = writers[port] = make_writer(self, port)
+            writer = make_writer(self, port)
+            self._writers = {**self._writers, port: writer}
         writer(value)
 
     def wrong_input(self, message: str) -> Exception:
@@ -410,7 +411,8 @@ class Node(PyTreesFace):
         if status != SKIPPED:
             if status == RUNNING and self.SYNCHRONOUS:
                 self.refuse_running()
-            self.set_state(status)
+            if self._s != status:
+                self.set_state(status)
         return status
 
     def refuse_running(self) -> None:

@@ -212,6 +212,10 @@ class _Declared:
     """What all kinds of typed ports share. ``port``: the port's name; by default that of the attribute."""
 
     def __init__(self, data_type: Any, text: str, default: Any, required: bool, port: str) -> None:
+        self.port = port
+        if isinstance(data_type, PortInformation):
+            self.information = data_type
+            return
         finite = data_type in (int, float) and default != math.inf  # then a value may be infinite, too
         bounded = finite or get_origin(data_type) is Annotated
         entry = (
@@ -221,7 +225,6 @@ class _Declared:
         self.information = kind(data_type, required, text, None if entry else default)
         if entry:
             object.__setattr__(self.information, "default_value", default)  # it is frozen
-        self.port = port
 
     def __set_name__(self, owner: type[Any], name: str) -> None:
         self.port = self.port or name
@@ -230,7 +233,8 @@ class _Declared:
 class In(_Declared, Generic[T]):
     """An input port; reading the attribute returns its value, converted and checked.
 
-    ``data_type``: a type, or one with bounds, as ``In[float](Annotated[float, Gt(0)], …)``; numbers must be finite.
+    ``data_type``: a type, or one with bounds, as ``In[float](Annotated[float, Gt(0)], …)``; numbers must be finite. Or
+    py_trees' ``PortInformation``, as it is: a literal ``3x`` is then read as 3, as BehaviorTree.CPP does.
     ``default``: used if the port is not given; text such as ``"{start}"`` names an entry to read. ``required``: False
     without a default: the value is None if it is not given; True with a default: an entry that it is mapped to must
     have a value. ``port``: the port's name, if an attribute of that name would hide one of the node's.

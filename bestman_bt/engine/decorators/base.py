@@ -21,7 +21,7 @@ class Decorator(Node, py_trees.decorators.Decorator):
     @property
     def child(self) -> Node:
         """The child."""
-        return self.nodes_below()[0]
+        return self.children[0]  # type: ignore[return-value]  # as in nodes_below
 
     if not TYPE_CHECKING:
 

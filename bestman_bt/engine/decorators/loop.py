@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Any, ClassVar
-
-from py_trees.ports import PortInformation
+from typing import Any
 
 from bestman_bt.engine.conversion import cast
-from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.ports import In, InOut, Out, key_of
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.errors import ConversionError
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, NodeStatus
@@ -23,30 +21,28 @@ class ForEach(Decorator):
     returned SKIPPED count as done.
     """
 
-    INPUT_PORTS = {"items": PortInformation(list[Any], True, "the items")}
-    OUTPUT_PORTS = {
-        "item": PortInformation(Any, False, "the current item"),
-        "index": PortInformation(int, False, "its position, from 0"),
-    }
+    items = In(list[Any], "the items")
+    item = Out(Any, "the current item")
+    index = Out(int, "its position, from 0")
     RESETS_CHILD = True
 
     def on_load(self) -> None:
         """Start before the first item."""
-        self.items: list[Any] = []
+        self.given: list[Any] = []
         self.position = 0
 
     def on_tick(self) -> int:
         """Continue with the current item; between two items of one tick each, return RUNNING and wake the loop."""
         if self._s <= IDLE:
-            self.items = list(self.get_input("items"))
+            self.given = list(self.items)
             self.position = 0
             self.set_state(RUNNING)
         child = self.child
-        while self.position < len(self.items):
+        while self.position < len(self.given):
             was_idle = child._s <= IDLE
             if was_idle:
-                self.set_output("index", self.position)
-                self.set_output("item", self.items[self.position])
+                self.index = self.position
+                self.item = self.given[self.position]
             status = child.execute_tick()
             if status == RUNNING:
                 return RUNNING
@@ -54,7 +50,7 @@ class ForEach(Decorator):
             if status == FAILURE:
                 return FAILURE
             self.position += 1
-            if was_idle and status != SKIPPED and self.position < len(self.items):
+            if was_idle and status != SKIPPED and self.position < len(self.given):
                 self.wake_up()
                 return RUNNING
         return SUCCESS
@@ -68,8 +64,8 @@ class ConsumeQueue(Decorator):
     fails.
     """
 
-    INPUT_PORTS = {"queue": PortInformation(deque, False, "a collections.deque, emptied in place")}
-    OUTPUT_PORTS = {"popped_item": PortInformation(Any, False, "the current item")}
+    queue = In(deque, "a collections.deque, emptied in place", required=False)
+    popped_item = Out(Any, "the current item")
     RESETS_CHILD = True
 
     def on_load(self) -> None:
@@ -88,10 +84,10 @@ class ConsumeQueue(Decorator):
             result = self._tick_child()
             if result in (RUNNING, FAILURE):
                 return result
-        queue = self.get_input("queue")
+        queue = self.queue
         while queue:
             self.set_state(RUNNING)
-            self.set_output("popped_item", queue.popleft())
+            self.popped_item = queue.popleft()
             status = self._tick_child()
             if status in (RUNNING, FAILURE):
                 return status
@@ -113,30 +109,27 @@ class Loop(Decorator):
     the loop starts.
     """
 
-    ITEM: ClassVar[Any] = Any
-    INPUT_PORTS = {
-        "queue": PortInformation(Any, True, "the items"),
-        "if_empty": PortInformation(
-            NodeStatus, False, "Status to return if queue is empty: SUCCESS, FAILURE, SKIPPED", NodeStatus.SUCCESS
-        ),
-    }
-    OUTPUT_PORTS = {"queue": PortInformation(Any), "value": PortInformation(Any, False, "the current item")}
+    queue = InOut(Any, "the items")
+    if_empty = In(
+        NodeStatus, "Status to return if queue is empty: SUCCESS, FAILURE, SKIPPED", default=NodeStatus.SUCCESS
+    )
+    value: Any = Out(Any, "the current item")
     RESETS_CHILD = True
 
     def on_load(self) -> None:
         """Convert the items if they are a literal."""
         self.child_runs = False
-        self.queue: deque[Any] | None = None
+        self.left: deque[Any] | None = None
         self.literal: list[Any] | None = None
         if key_of(self.attributes["queue"], "queue") is None:
             self.literal = list(self._items(self.attributes["queue"]))
 
     def _items(self, value: Any) -> deque[Any]:
-        converters = self.board.store.converters
+        converters, item_type = self.board.store.converters, type(self).value.information.data_type
         try:
             if isinstance(value, str):
                 value = value.removesuffix(";").split(";") if value else []
-            return deque(cast(item, self.ITEM, converters) for item in value)
+            return deque(cast(item, item_type, converters) for item in value)
         except ConversionError as error:
             raise self.error(f"port 'queue': {error}") from error
         except TypeError as error:
@@ -146,12 +139,12 @@ class Loop(Decorator):
         """Take the next item unless the child is still running, and tick the child."""
         if self._s <= IDLE:
             self.child_runs = False
-            self.queue = None if self.literal is None else deque(self.literal)
+            self.left = None if self.literal is None else deque(self.literal)
         if not self.child_runs:
             queue = self._current_queue()
             if not queue:
-                return int(self.get_input("if_empty"))
-            self.set_output("value", queue.popleft())
+                return int(self.if_empty)
+            self.value = queue.popleft()
         if self._s <= IDLE:
             self.set_state(RUNNING)
         status = self.child.execute_tick()
@@ -167,35 +160,31 @@ class Loop(Decorator):
             if value is None:
                 raise self.error(f"port 'queue': the entry '{self.attributes['queue']}' has no value yet")
             if isinstance(value, deque):
-                self.queue = value
-            elif self.queue is None:
-                self.queue = self._items(value)
-        return self.queue
+                self.left = value
+            elif self.left is None:
+                self.left = self._items(value)
+        return self.left
 
 
 class LoopInt(Loop):
     """A loop over integers."""
 
-    ITEM = int
-    OUTPUT_PORTS = {"value": PortInformation(int, False, "the current item")}
+    value = Out(int, "the current item")
 
 
 class LoopDouble(Loop):
     """A loop over numbers."""
 
-    ITEM = float
-    OUTPUT_PORTS = {"value": PortInformation(float, False, "the current item")}
+    value = Out(float, "the current item")
 
 
 class LoopBool(Loop):
     """A loop over booleans."""
 
-    ITEM = bool
-    OUTPUT_PORTS = {"value": PortInformation(bool, False, "the current item")}
+    value = Out(bool, "the current item")
 
 
 class LoopString(Loop):
     """A loop over strings."""
 
-    ITEM = str
-    OUTPUT_PORTS = {"value": PortInformation(str, False, "the current item")}
+    value = Out(str, "the current item")

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, ClassVar
 
-from py_trees.ports import PortInformation
-
-from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.ports import In, key_of
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS, NodeStatus
 
@@ -15,33 +13,35 @@ from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS, NodeSta
 class Precondition(Decorator):
     """Ticks its child if the script ``if`` is true, else returns ``else``; not evaluated while the child is running."""
 
-    INPUT_PORTS = {
-        "if": PortInformation(str, True, "the script that decides"),
-        "else": PortInformation(NodeStatus, True, "Return status if condition is false", NodeStatus.FAILURE),
-    }
+    if_ = In(str, "the script that decides", port="if")
+    else_ = In(
+        NodeStatus, "Return status if condition is false", default=NodeStatus.FAILURE, required=True, port="else"
+    )
     RESETS_CHILD = True
+
+    holds: Callable[[], bool]
 
     def on_load(self) -> None:
         """Compile the script, unless it comes from the blackboard."""
         self.source: str | None = None
-        self.holds: Callable[[], bool] | None = None
         self.entered = False
-        if key_of(self.attributes["if"], "if") is None:
+        self.is_literal = key_of(self.attributes["if"], "if") is None
+        if self.is_literal:
             self._compile()
 
-    def _compile(self) -> Callable[[], bool]:
-        source = self.get_input("if")
-        if source != self.source or self.holds is None:
+    def _compile(self) -> None:
+        source = self.if_
+        if source != self.source:
             self.holds = self.owner.compiler.compile_condition(source, self.board)
             self.source = source
-        return self.holds
 
     def on_tick(self) -> int:
         """Evaluate the script, and tick the child if it is true."""
-        holds = self._compile()
-        otherwise = int(self.get_input("else"))
+        if not self.is_literal:
+            self._compile()
+        otherwise = int(self.else_)
         if not self.entered:
-            self.entered = holds()
+            self.entered = self.holds()
         if not self.entered:
             return otherwise
         status = self.child.execute_tick()
@@ -55,7 +55,7 @@ class Precondition(Decorator):
 
 
 class _WhenUpdated(Decorator):
-    INPUT_PORTS = {"entry": PortInformation(Any, True, "Entry to check")}
+    entry = In(Any, "Entry to check")
     OTHERWISE: ClassVar[int]
 
     def on_load(self) -> None:

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from py_trees.ports import PortInformation
 
-from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.ports import In, key_of
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
@@ -16,14 +16,11 @@ from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 class RunOnce(Decorator):
     """Ticks its child once until it has finished; then SKIPPED, or the same result with ``then_skip="false"``."""
 
-    INPUT_PORTS = {
-        "then_skip": PortInformation(
-            bool,
-            False,
-            "If true, skip after the first execution, otherwise return the same NodeStatus returned once by the child.",
-            True,
-        )
-    }
+    then_skip = In(
+        bool,
+        "If true, skip after the first execution, otherwise return the same NodeStatus returned once by the child.",
+        default=True,
+    )
     RESETS_CHILD = True
 
     def on_load(self) -> None:
@@ -33,7 +30,7 @@ class RunOnce(Decorator):
     def on_tick(self) -> int:
         """Tick the child unless it has finished."""
         if self.result is not None:
-            return SKIPPED if self.get_input("then_skip") else self.result
+            return SKIPPED if self.then_skip else self.result
         self.set_state(RUNNING)
         status = self.child.execute_tick()
         if status in (SUCCESS, FAILURE):
@@ -45,16 +42,17 @@ class RunOnce(Decorator):
 class _Counting(Decorator):
     AGAIN: ClassVar[int]
     """The result of the child that is counted; the other result ends the node."""
-    PORT: ClassVar[str]
+    limit: ClassVar[In[int]]
     RESETS_CHILD = True
     CHECKED_AT_TICK = True
     count: int = 0
 
     def on_load(self) -> None:
         """Raises ValueError for a literal that counts less than -1, which would be none at all."""
-        value = self.attributes.get(self.PORT)
-        if value is not None and key_of(value, self.PORT) is None and self.get_input(self.PORT) < -1:
-            raise ValueError(f"{self.PORT} is {value}; 0 or more is accepted, or -1: for ever")
+        port = type(self).limit.port
+        value = self.attributes.get(port)
+        if value is not None and key_of(value, port) is None and self.limit < -1:
+            raise ValueError(f"{port} is {value}; 0 or more is accepted, or -1: for ever")
 
     def halt(self) -> None:
         """Forget the count."""
@@ -68,7 +66,7 @@ class _Counting(Decorator):
         ticks is reported to the listeners before the next round begins, which overwrites the feedback of the leaves.
         """
         child = self.child
-        limit = self.get_input(self.PORT)
+        limit = self.limit
         again = self.count < limit or limit == -1
         self.set_state(RUNNING)
         while again:
@@ -85,7 +83,7 @@ class _Counting(Decorator):
                 return status
             self.count += 1
             if self.AGAIN == FAILURE:
-                limit = self.get_input(self.PORT)
+                limit = self.limit
             again = self.count < limit or limit == -1
             self.reset_child()
             if was_idle and again:
@@ -100,25 +98,21 @@ class _Counting(Decorator):
 class Repeat(_Counting):
     """Ticks a succeeding child up to ``num_cycles`` times (-1: forever); fails when the child fails."""
 
-    INPUT_PORTS = {
-        "num_cycles": PortInformation(
-            int, True, "Repeat a successful child up to N times. Use -1 to create an infinite loop."
-        )
-    }
     AGAIN = SUCCESS
-    PORT = "num_cycles"
+    limit = In[int](
+        PortInformation(int, True, "Repeat a successful child up to N times. Use -1 to create an infinite loop."),
+        port="num_cycles",
+    )
 
 
 class RetryUntilSuccessful(_Counting):
     """Ticks a failing child up to ``num_attempts`` times (-1: forever); succeeds when the child succeeds."""
 
-    INPUT_PORTS = {
-        "num_attempts": PortInformation(
-            int, True, "Execute again a failing child up to N times. Use -1 to create an infinite loop."
-        )
-    }
     AGAIN = FAILURE
-    PORT = "num_attempts"
+    limit = In[int](
+        PortInformation(int, True, "Execute again a failing child up to N times. Use -1 to create an infinite loop."),
+        port="num_attempts",
+    )
 
 
 class KeepRunningUntilFailure(Decorator):

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from py_trees.behaviour import Behaviour
-from py_trees.ports import PortInformation
 
 from bestman_bt.engine.core.node import Node, odd_status, wrapped
+from bestman_bt.engine.core.ports import In
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.errors import NodeError
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
@@ -136,9 +136,7 @@ class SubTree(Decorator):
     """
 
     KIND: ClassVar[str] = "SubTree"
-    INPUT_PORTS = {
-        "_autoremap": PortInformation(bool, False, "If true, all the ports with the same name will be remapped", False)
-    }
+    autoremap = In(bool, "If true, all the ports with the same name will be remapped", default=False, port="_autoremap")
     RESETS_CHILD = True
     tree_id: str = ""
     subtree_path: str = ""

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt
 
-from bestman_bt.engine.bounds import BoundedPort
+from bestman_bt.engine.core.ports import In
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
 
@@ -16,7 +16,7 @@ from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
 class RateController(Decorator):
     """Ticks its child when it starts, while it is running, and then once per period of ``hz``; RUNNING in between."""
 
-    INPUT_PORTS = {"hz": BoundedPort(Annotated[float, Gt(0)], False, "Rate", 10.0)}
+    hz = In[float](Annotated[float, Gt(0)], "Rate", default=10.0)
 
     def on_load(self) -> None:
         """Start with the timer stopped."""
@@ -30,7 +30,7 @@ class RateController(Decorator):
             self.started = now
             self.first = True
         self.set_state(RUNNING)
-        if self.first or self.child._s == RUNNING or now - self.started >= 1.0 / self.get_input("hz"):
+        if self.first or self.child._s == RUNNING or now - self.started >= 1.0 / self.hz:
             self.first = False
             status = self.child.execute_tick()
             if status == SUCCESS:
@@ -42,11 +42,7 @@ class RateController(Decorator):
 class Timeout(Decorator):
     """Halts its child and fails if the child is still running ``msec`` after the node started (0: never)."""
 
-    INPUT_PORTS = {
-        "msec": BoundedPort(
-            Annotated[int, Ge(0)], True, "After a certain amount of time, halt() the child if it is still running."
-        )
-    }
+    msec = In[int](Annotated[int, Ge(0)], "After a certain amount of time, halt() the child if it is still running.")
     RESETS_CHILD = True
     CHECKED_AT_TICK = True
 
@@ -61,7 +57,7 @@ class Timeout(Decorator):
 
     def on_tick(self) -> int:
         """Fail if the time is up, else tick the child."""
-        duration = self.get_input("msec") * 1e-3
+        duration = self.msec * 1e-3
         if self.started is None:
             self.started = self.clock.now()
             self.set_state(RUNNING)
@@ -81,7 +77,7 @@ class Timeout(Decorator):
 class Delay(Decorator):
     """Ticks its child ``delay_msec`` after the node started, in a later tick; RUNNING until then."""
 
-    INPUT_PORTS = {"delay_msec": BoundedPort(Annotated[int, Ge(0)], True, "Tick the child after a few milliseconds")}
+    delay_msec = In[int](Annotated[int, Ge(0)], "Tick the child after a few milliseconds")
     RESETS_CHILD = True
     CHECKED_AT_TICK = True
 
@@ -96,7 +92,7 @@ class Delay(Decorator):
 
     def on_tick(self) -> int:
         """Tick the child once the delay is over."""
-        duration = self.get_input("delay_msec") * 1e-3
+        duration = self.delay_msec * 1e-3
         if self.started is None:
             self.started = self.clock.now()
             self.set_state(RUNNING)

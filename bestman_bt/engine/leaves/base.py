@@ -7,8 +7,8 @@ from typing import Annotated, ClassVar
 from annotated_types import Ge
 from py_trees.behaviour import Behaviour
 
-from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.engine.core.node import Node
+from bestman_bt.engine.core.ports import In
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
 
 
@@ -79,12 +79,12 @@ class Sleep(StatefulAction):
     """Returns RUNNING for ``msec`` milliseconds of the tree's clock, then SUCCESS."""
 
     CHECKED_AT_TICK = True
-    INPUT_PORTS = {"msec": BoundedPort(Annotated[int, Ge(0)], True, "duration, in milliseconds")}
+    msec = In[int](Annotated[int, Ge(0)], "duration, in milliseconds")
 
     def on_start(self) -> int:
         """Start the timer."""
-        self.end = self.clock.now() + self.get_input("msec") * 1e-3
-        return RUNNING if self.get_input("msec") > 0 else SUCCESS
+        self.end = self.clock.now() + self.msec * 1e-3
+        return RUNNING if self.msec > 0 else SUCCESS
 
     def on_running(self) -> int:
         """Return SUCCESS once the time is up."""

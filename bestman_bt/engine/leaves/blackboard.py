@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections import deque
 from typing import Any
 
-from py_trees.ports import PortInformation
-
 from bestman_bt.engine.core.node import Node
-from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.ports import In, InOut, Out, key_of
 from bestman_bt.engine.errors import BlackboardError
 from bestman_bt.engine.leaves.base import SyncAction
 from bestman_bt.engine.status import FAILURE, SUCCESS
@@ -18,18 +16,15 @@ class SetBlackboard(SyncAction):
     """Writes ``value``, a literal or a copy of an entry, to the entry named by ``output_key``."""
 
     CHECKED_AT_TICK = True
-    INPUT_PORTS = {
-        "value": PortInformation(Any, True, "Value to be written into the output_key"),
-        "output_key": PortInformation(Any, True, "Name of the blackboard entry where the value should be written"),
-    }
-    OUTPUT_PORTS = {"output_key": PortInformation(Any)}
+    value = In(Any, "Value to be written into the output_key")
+    output_key = InOut(Any, "Name of the blackboard entry where the value should be written")
 
     def on_tick(self) -> int:
         """Copy the value. Raises NodeError if ``value`` or ``output_key`` is missing; FAILURE if the entry is empty."""
         value = self.attributes.get("value")
         if value is None:
             raise self.error("port 'value' is required but not given")
-        target = self.board.slot(str(self.get_input("output_key")))
+        target = self.board.slot(str(self.output_key))
         source_key = key_of(value, "value")
         if source_key is not None:
             source = self.board.slot(source_key)
@@ -57,11 +52,11 @@ class UnsetBlackboard(SyncAction):
     """Removes the entry named by ``key`` from the SubTree's own blackboard."""
 
     CHECKED_AT_TICK = True
-    INPUT_PORTS = {"key": PortInformation(str, True, "Key of the entry to remove")}
+    key = In(str, "Key of the entry to remove")
 
     def on_tick(self) -> int:
         """Remove the entry, if any."""
-        self.board.unset(self.get_input("key"))
+        self.board.unset(self.key)
         return SUCCESS
 
 
@@ -73,7 +68,7 @@ def names_entry(cls: type[Node], port: str) -> bool:
 class WasEntryUpdated(SyncAction):
     """SUCCESS if ``entry`` was written since the last tick, else FAILURE."""
 
-    INPUT_PORTS = {"entry": PortInformation(Any, True, "Entry to check")}
+    entry = In(Any, "Entry to check")
 
     def on_load(self) -> None:
         """Find the entry."""
@@ -92,28 +87,28 @@ class WasEntryUpdated(SyncAction):
 class PopFromQueue(SyncAction):
     """Takes the first item of the ``deque`` at ``queue``; FAILURE if it is empty."""
 
-    INPUT_PORTS = {"queue": PortInformation(deque, False, "a collections.deque, emptied in place")}
-    OUTPUT_PORTS = {"popped_item": PortInformation(Any, False, "the item")}
+    queue = In(deque, "a collections.deque, emptied in place", required=False)
+    popped_item = Out(Any, "the item")
 
     def on_tick(self) -> int:
         """Take an item."""
-        queue = self.get_input("queue")
+        queue = self.queue
         if not queue:
             return FAILURE
-        self.set_output("popped_item", queue.popleft())
+        self.popped_item = queue.popleft()
         return SUCCESS
 
 
 class QueueSize(SyncAction):
     """Writes the number of items of the ``deque`` at ``queue``; FAILURE if it is empty."""
 
-    INPUT_PORTS = {"queue": PortInformation(deque, False, "a collections.deque")}
-    OUTPUT_PORTS = {"size": PortInformation(int, False, "the number of items")}
+    queue = In(deque, "a collections.deque", required=False)
+    size = Out(int, "the number of items")
 
     def on_tick(self) -> int:
         """Write the number of items."""
-        queue = self.get_input("queue")
+        queue = self.queue
         if not queue:
             return FAILURE
-        self.set_output("size", len(queue))
+        self.size = len(queue)
         return SUCCESS

@@ -6,10 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from py_trees.ports import PortInformation
-
 from bestman_bt.engine.core.around_tick import Tick
-from bestman_bt.engine.core.ports import key_of
+from bestman_bt.engine.core.ports import In, key_of
 from bestman_bt.engine.leaves.base import Condition, StatefulAction, SyncAction
 from bestman_bt.engine.scripting.compiler import ScriptCompiler
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS
@@ -99,14 +97,14 @@ class TestNode(StatefulAction):
 class Script(SyncAction):
     """Runs ``code`` and succeeds."""
 
-    INPUT_PORTS = {"code": PortInformation(str, True, "Piece of code that can be parsed")}
+    code = In(str, "Piece of code that can be parsed")
 
     def on_load(self) -> None:
         """Compile the code, unless it comes from the blackboard."""
         self.source: str | None = None
         self.script: Callable[[], Any] | None = None
         if key_of(self.attributes["code"], "code") is None:
-            self.source = self.get_input("code")
+            self.source = self.code
             self.script = _nothing if not self.source else self.owner.compiler.compile(self.source, self.board)
 
     def bound(self, core: Tick) -> Tick:
@@ -123,7 +121,7 @@ class Script(SyncAction):
 
     def on_tick(self) -> int:
         """Run the code; code from the blackboard is compiled when it changes."""
-        source = self.get_input("code")
+        source = self.code
         if source != self.source or self.script is None:
             self.script = self.owner.compiler.compile(source, self.board)
             self.source = source
@@ -138,14 +136,14 @@ def _nothing() -> None:
 class ScriptCondition(Condition):
     """Returns SUCCESS if ``code`` is true, else FAILURE."""
 
-    INPUT_PORTS = {"code": PortInformation(str, True, "Piece of code that can be parsed. Must return false or true")}
+    code = In(str, "Piece of code that can be parsed. Must return false or true")
 
     def on_load(self) -> None:
         """Compile the code, unless it comes from the blackboard."""
         self.source: str | None = None
         self.holds: Callable[[], bool] | None = None
         if key_of(self.attributes["code"], "code") is None:
-            self.source = self.get_input("code")
+            self.source = self.code
             self.holds = self.owner.compiler.compile_condition(self.source, self.board)
 
     def bound(self, core: Tick) -> Tick:
@@ -157,7 +155,7 @@ class ScriptCondition(Condition):
 
     def on_tick(self) -> int:
         """Evaluate the code; code from the blackboard is compiled when it changes."""
-        source = self.get_input("code")
+        source = self.code
         if source != self.source or self.holds is None:
             self.holds = self.owner.compiler.compile_condition(source, self.board)
             self.source = source
