@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
-from py_trees.ports import PortInformation
 
 from behaviours.nav2.ports import FRAMES, SERVICE, are_literals, nothing_written, without_meaning
 from behaviours.navigation.navigate import At
 from behaviours.skill import InstantSkill, RobotNode, SkillCondition, SkillFailure
-from bestman_bt.engine import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Decorator, In, Out, StatefulAction
+from bestman_bt.engine import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Decorator, In, Node, Out, StatefulAction
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.messages import Goals, Path2D, Pose2D
 from bestman_bt.messages.shapes import Count, NonNegative, NonNegativeInt, Positive
@@ -20,10 +19,11 @@ from bestman_bt.messages.shapes import Count, NonNegative, NonNegativeInt, Posit
 # Asking of goals, and keeping them up to date: GoalReached, GoalUpdated, GlobalUpdatedGoal, RemovePassedGoals, …
 
 
-WATCHED: dict[str, PortInformation] = {
-    "goal": PortInformation(object, required=False, default_value="{goal}", description="what is watched"),
-    "goals": PortInformation(object, required=False, default_value="{goals}", description="watched, too"),
-}
+class WatchesGoals(Node):
+    """A node that watches goals for a change."""
+
+    goal = In(object, "what is watched", default="{goal}")
+    goals = In(object, "watched, too", default="{goals}")
 
 
 OCCUPANCY = without_meaning("cost_threshold", "use_footprint", "consider_unknown_as_obstacle")
@@ -38,10 +38,9 @@ class GoalReached(At):
     heading_tolerance_ = In[float](Positive, "radians", default=math.pi, port="heading_tolerance")
 
 
-class GoalUpdated(SkillCondition):
+class GoalUpdated(WatchesGoals, SkillCondition):
     """Check whether ``goal`` or ``goals`` have changed since the last check; false at the first one."""
 
-    INPUT_PORTS: ClassVar = WATCHED
     AT_FIRST: ClassVar = False
 
     def on_load(self) -> None:
@@ -55,7 +54,7 @@ class GoalUpdated(SkillCondition):
 
     def check(self) -> tuple[str, str] | None:
         """Compare with the last goals."""
-        now = self.get_input("goal"), self.get_input("goals")
+        now = self.goal, self.goals
         updated = self.AT_FIRST if self._seen is None else now != self._seen
         self._seen = now
         return None if updated else ("not_updated", "the goal has not changed")
@@ -285,14 +284,13 @@ class GoalUpdater(Decorator):
         return -math.inf if key is None else self.board.slot(key).stamp
 
 
-class SpeedController(RobotNode, Decorator):
+class SpeedController(WatchesGoals, RobotNode, Decorator):
     """Tick the child at a rate that grows with the base's speed; at once at the start and when the goal changes.
 
     From ``min_speed`` to ``max_speed`` the rate changes from ``min_rate`` to ``max_rate``. RUNNING in between.
     """
 
     REQUIRES = ("base", "lidar")
-    INPUT_PORTS: ClassVar = {**WATCHED}
     min_rate = In[float](Positive, "hertz, above 0", default=0.1)
     max_rate = In[float](Positive, "hertz", default=1.0)
     min_speed = In[float](NonNegative, "m/s", default=0.0)
@@ -307,7 +305,7 @@ class SpeedController(RobotNode, Decorator):
 
     def on_tick(self) -> int:
         """Tick the child if it is running or due."""
-        now, goals = self.clock.now(), (self.get_input("goal"), self.get_input("goals"))
+        now, goals = self.clock.now(), (self.goal, self.goals)
         if self._s <= IDLE or goals != self._goals:
             self._goals, self._since, self._due = goals, now, True
             self._period = 1.0 / self.max_rate

@@ -6,10 +6,9 @@ import math
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from py_trees.ports import PortInformation
 
 from behaviours.nav2.ports import FRAMES, SERVER, SERVICE, Nav2Errors, SmootherName, nothing_written, without_meaning
-from behaviours.skill import InstantSkill, RobotNode, SkillCondition, SkillFailure
+from behaviours.skill import InstantSkill, SkillCondition, SkillFailure
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Goals, Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import NonNegative, Positive
@@ -19,13 +18,11 @@ if TYPE_CHECKING:
 
 LEAVES = 1e-3
 """Tolerance of interpolation when leaving an obstacle, metres."""
-PATH = PortInformation(Path2D, required=False, description="the path")
 NO_PATH = {"no_path": "ComputePathToPose first"}
 
 
-def path_at(node: RobotNode, port: str) -> Path2D:
-    """Return the path of a port. Raises SkillFailure (``no_path``) if there is none."""
-    path: Path2D | None = node.get_input(port)
+def needed(path: Path2D | None) -> Path2D:
+    """Return a path. Raises SkillFailure (``no_path``) if there is none."""
     if path is None:
         raise SkillFailure("no_path", "there is no path yet")
     return path
@@ -34,30 +31,27 @@ def path_at(node: RobotNode, port: str) -> Path2D:
 class TruncatePath(InstantSkill):
     """Cut a path at the last point ``distance`` metres (Euclidean) from its end; it then ends facing that end."""
 
-    INPUT_PORTS: ClassVar = {"input_path": PATH}
     FAILS: ClassVar = NO_PATH
-    OUTPUT_PORTS: ClassVar = {"output_path": PATH}
+    input_path = In(Path2D, "the path", required=False)
+    output_path = Out(Path2D, "the path")
     distance = In(float, "metres from the end", default=1.0)
 
     def act(self) -> None:
         """Cut the path at the given distance before its end."""
         from bestman_bt.navigation.path_pieces import before_goal
 
-        path = path_at(self, "input_path")
+        path = needed(self.input_path)
         whole = len(path.points) < 2 or self.distance <= 0.0
-        self.set_output("output_path", path if whole else before_goal(path, self.distance))
+        self.output_path = path if whole else before_goal(path, self.distance)
 
 
 class TruncatePathLocal(InstantSkill):
     """Keep the part of a path from ``distance_backward`` behind the base to ``distance_forward`` ahead of it."""
 
-    INPUT_PORTS: ClassVar = {
-        **FRAMES,
-        **without_meaning("transform_tolerance", "angular_distance_weight"),
-        "input_path": PATH,
-    }
+    INPUT_PORTS: ClassVar = {**FRAMES, **without_meaning("transform_tolerance", "angular_distance_weight")}
     FAILS: ClassVar = NO_PATH
-    OUTPUT_PORTS: ClassVar = {"output_path": PATH}
+    input_path = In(Path2D, "the path", required=False)
+    output_path = Out(Path2D, "the path")
     distance_forward = In(float, "metres ahead; below 0: to its end", default=8.0)
     distance_backward = In[float](NonNegative, "metres behind", default=4.0)
     pose = In(Pose2D, "x;y;theta, in place of the current base pose", required=False)
@@ -73,23 +67,25 @@ class TruncatePathLocal(InstantSkill):
         """Keep the part of the path around the base."""
         from bestman_bt.navigation.path_pieces import piece
 
-        path = path_at(self, "input_path")
+        path = needed(self.input_path)
         pose = self.pose or self.skills.world.base.pose
         if len(path.points) > 1:
             at = self._progress.find(path, pose, self.max_robot_pose_search_dist)
             forward = self.distance_forward
             end = math.inf if forward < 0.0 else at + forward
             path = piece(path, at - self.distance_backward, end)
-        self.set_output("output_path", path)
+        self.output_path = path
 
 
 class SmoothPath(Nav2Errors, InstantSkill):
     """Smooth the corners of a path; if the base would then touch an obstacle, the path is unchanged."""
 
     REQUIRES = ("base", "lidar")
-    INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("max_smoothing_duration"), "unsmoothed_path": PATH}
+    INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("max_smoothing_duration")}
     FAILS: ClassVar = NO_PATH
-    OUTPUT_PORTS: ClassVar = {"smoothed_path": PATH, **nothing_written("smoothing_duration")}
+    OUTPUT_PORTS: ClassVar = nothing_written("smoothing_duration")
+    unsmoothed_path = In(Path2D, "the path", required=False)
+    smoothed_path = Out(Path2D, "the path")
     check_for_collisions = In(bool, "keep the path if the smoothed one would collide", default=False)
     smoother_id = In[str](SmootherName, "simple_smoother", default="")
     was_completed = Out(bool, "false: the path is unchanged")
@@ -98,11 +94,11 @@ class SmoothPath(Nav2Errors, InstantSkill):
         """Smooth."""
         from bestman_bt.navigation.path_pieces import PathSmoother
 
-        self.get_input("smoother_id")  # read to be checked where it is an entry: it must name what there is
-        path = path_at(self, "unsmoothed_path")
+        _ = self.smoother_id  # read to be checked where it is an entry: it must name what there is
+        path = needed(self.unsmoothed_path)
         smoothed = PathSmoother().smooth(path)
         touches = self.check_for_collisions and first_contact(smoothed, self.skills.seen_costmap()) is not None
-        self.set_output("smoothed_path", path if touches else smoothed)
+        self.smoothed_path = path if touches else smoothed
         self.was_completed = not touches
 
 
@@ -127,14 +123,14 @@ class ConcatenatePaths(InstantSkill):
 class GetPoseFromPath(InstantSkill):
     """Output a pose of a path by its index; the last one is the path's goal."""
 
-    INPUT_PORTS: ClassVar = {"path": PATH}
     FAILS: ClassVar = NO_PATH
+    path_ = In(Path2D, "the path", required=False, port="path")
     index = In(int, "from 0; below 0: from the end, -1 is the last", default=0)
     pose = Out(Pose2D, "the pose; it faces along the path")
 
     def act(self) -> None:
         """Look up the pose."""
-        path = path_at(self, "path")
+        path = needed(self.path_)
         count = len(path.points)
         at = self.index + count if self.index < 0 else self.index
         if not 0 <= at < count:
@@ -205,8 +201,8 @@ class IsPathValid(SkillCondition):
         **SERVICE,
         **without_meaning("max_cost", "consider_unknown_as_obstacle", "layer_name", "footprint"),
         **without_meaning("stop_at_first_collision"),
-        "path": PATH,
     }
+    path_ = In(Path2D, "the path", required=False, port="path")
     max_lookahead_distance = In(float, "metres ahead to check; below 0: all", default=-1.0)
     collision_poses = Out(Goals, "first colliding pose, if any")
     FAILS: ClassVar = {**NO_PATH, "path_blocked": "ComputePathToPose again"}
@@ -215,7 +211,7 @@ class IsPathValid(SkillCondition):
         """Check the costmap."""
         from bestman_bt.navigation.path_pieces import nearest_along, piece
 
-        path = path_at(self, "path")
+        path = needed(self.path_)
         ahead = self.max_lookahead_distance
         if len(path.points) > 1:
             at = nearest_along(path, self.skills.world.base.pose.xy)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from behaviours.nav2.pacing import WATCHED
+from behaviours.nav2.pacing import WatchesGoals
 from behaviours.nav2.ports import without_meaning
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, Control, Decorator, InOut
 
@@ -87,10 +87,8 @@ class SingleTrigger(Decorator):
         return status
 
 
-class GoalUpdatedController(Decorator):
+class GoalUpdatedController(WatchesGoals, Decorator):
     """Tick the child at the start, and when ``goal`` or ``goals`` change; RUNNING in between."""
-
-    INPUT_PORTS: ClassVar = WATCHED
 
     def on_load(self) -> None:
         """Reset the goals."""
@@ -98,7 +96,7 @@ class GoalUpdatedController(Decorator):
 
     def on_tick(self) -> int:
         """Tick the child if it is running or due."""
-        goals = self.get_input("goal"), self.get_input("goals")
+        goals = self.goal, self.goals
         due = self._s <= IDLE or goals != self._goals
         self._goals = goals
         self.set_state(RUNNING)

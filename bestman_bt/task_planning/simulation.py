@@ -13,6 +13,7 @@ from bestman_bt.engine import (
     RUNNING,
     SUCCESS,
     Condition,
+    In,
     ManualClock,
     Node,
     NodeRegistry,
@@ -96,7 +97,7 @@ class SimulatedAbility(StatefulAction):
 class SimulatedHolds(Condition):
     """``Holds`` for a ``SymbolicWorld``."""
 
-    INPUT_PORTS: ClassVar = {"fact": PortInformation(str, description="facts, joined by 'and'")}
+    fact = In(str, "facts, joined by 'and'")
 
     def on_load(self) -> None:
         """Parse the facts."""
