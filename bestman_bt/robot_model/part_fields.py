@@ -54,10 +54,9 @@ class FrameConfig:
 
 @dataclass(frozen=True)
 class ContactConfig:
-    """Contact parameters of a link: lateral and spinning friction, stiffness (N/m) and damping (N s/m)."""
+    """Contact parameters of a link: lateral friction, stiffness (N/m) and damping (N s/m)."""
 
     lateral_friction: Friction
-    spinning_friction: Friction = 0.0
     stiffness: Stiffness | None = None
     damping: Damping | None = None
 

@@ -69,10 +69,8 @@ def arm_payload(
 
 
 def flange_of(model: RobotModel, arm: str) -> str:
-    """Return the link that carries the hand of an arm: the tip of its part, by the name that it has in the robot."""
-    links = {element.get("name", "") for element in ET.fromstring(model.urdf).findall("link")}
-    tip = model.of(ArmModel)[arm].part.tip
-    return tip if tip in links else f"{arm}_{tip}"
+    """Return the link that carries the hand of an arm: the tip of its part."""
+    return model.of(ArmModel)[arm].part.tip
 
 
 def _children(robot: ET.Element, positions: Mapping[str, float]) -> dict[str, list[tuple[str, Pose]]]:

@@ -10,9 +10,9 @@ import numpy as np
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model.model import BaseModel
 from bestman_bt.robot_model.part_config import BasePart, MobilePart
-from hal.api import CommandRefusedError, Failure, MobileBase, Motion, MotionErrorCode, MotionStatus, NoDataError
+from hal.api import Failure, MobileBase, Motion, MotionErrorCode, MotionStatus, NoDataError
 from hal.parts.channels import BaseChannel, BaseReading, ControlledPart
-from hal.parts.part_connection import PartConnection
+from hal.parts.part_connection import PartConnection, refusal
 from hal.parts.stop_latch import StopLatch
 
 STILL = Twist2D(0.0, 0.0, 0.0)
@@ -326,20 +326,17 @@ class BaseCommandChecks:
             ("wz", wz, limits.max_wz, "rad/s"),
         ):
             if not (math.isfinite(value) and abs(value) <= limit + 1e-9):
-                raise self._refuse("set_velocity", f"{what} = {value} {unit}, its limit is {limit} {unit}")
+                raise refusal(self._part_name, "set_velocity", f"{what} = {value} {unit}, its limit is {limit} {unit}")
         return Twist2D(float(vx), float(vy), float(wz))
 
     def distance(self, command: str, distance: float) -> float:
         """Return ``distance``, metres. Raises CommandRefusedError unless it is finite and above 0."""
         if not (math.isfinite(distance) and distance > 0.0):
-            raise self._refuse(command, f"distance = {distance} m should be finite and above 0")
+            raise refusal(self._part_name, command, f"distance = {distance} m should be finite and above 0")
         return float(distance)
 
     def angle(self, command: str, angle: float) -> float:
         """Return ``angle``, radians. Raises CommandRefusedError unless it is finite."""
         if not math.isfinite(angle):
-            raise self._refuse(command, f"angle = {angle} rad should be finite")
+            raise refusal(self._part_name, command, f"angle = {angle} rad should be finite")
         return float(angle)
-
-    def _refuse(self, command: str, why: str) -> CommandRefusedError:
-        return CommandRefusedError(f"{self._part_name} refused {command}: {why}", self._part_name)

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from bestman_bt.robot_model.model import GripperModel
-from hal.api import CommandRefusedError, Failure, Gripper, GripperState, Motion, MotionErrorCode, MotionStatus
+from hal.api import Failure, Gripper, GripperState, Motion, MotionErrorCode, MotionStatus
 from hal.parts.channels import GripperChannel, GripperReading, StoppablePart
+from hal.parts.part_connection import refusal
 from hal.parts.stop_latch import StopLatch
 
 SETTLED = 0.05
@@ -190,7 +191,7 @@ class GripperCommandChecks:
     """The ranges of a gripper and the checks of its commands, which raise CommandRefusedError.
 
     ``usual_force`` (N) and ``usual_speed`` (m/s, rate of the width): defaults of commands; by default, and at most, the
-    gripper's maximum. ``least_width``: metres; the model's by default.
+    gripper's maximum.
     """
 
     def __init__(
@@ -199,12 +200,10 @@ class GripperCommandChecks:
         model: GripperModel,
         usual_force: float = math.inf,
         usual_speed: float = math.inf,
-        least_width: float | None = None,
     ) -> None:
         self._part_name, self._model = part_name, model
         self._usual_force = min(usual_force, model.part.max_force)
         self._usual_speed = min(usual_speed, model.part.max_speed)
-        self._least_width = model.part.min_width if least_width is None else least_width
 
     def move(self, width: float, force: float | None, speed: float | None) -> tuple[float, float, float]:
         """Return width, force and speed (m, N, m/s). Raises CommandRefusedError outside of the ranges."""
@@ -212,11 +211,11 @@ class GripperCommandChecks:
         force = self._usual_force if force is None else force
         speed = self._usual_speed if speed is None else speed
         for what, value, lower, upper, unit in (
-            ("width", width, self._least_width - 1e-9, self._model.max_width + 1e-9, "m"),
+            ("width", width, part.min_width - 1e-9, self._model.max_width + 1e-9, "m"),
             ("force", force, 1e-9, part.max_force, "N"),
             ("speed", speed, 1e-9, part.max_speed, "m/s"),
         ):
             if not (math.isfinite(value) and lower <= value <= upper):
                 why = f"{what} = {value} {unit} is not within [{max(lower, 0.0):.4g}, {upper:.4g}] {unit}"
-                raise CommandRefusedError(f"{self._part_name} refused move: {why}", self._part_name)
+                raise refusal(self._part_name, "move", why)
         return float(width), float(force), float(speed)

@@ -14,6 +14,11 @@ class ConnectionFailedError(RobotError, InputError):
     """A controller could not be reached, refused the connection, or its SDK is not installed."""
 
 
+def refusal(part_name: str, command: str, why: str) -> CommandRefusedError:
+    """Return the error for a command that is malformed or beyond a limit."""
+    return CommandRefusedError(f"{part_name} refused {command}: {why}", part_name)
+
+
 class PartConnection:
     """The state of one part, shared between threads; hold ``lock`` for related accesses."""
 
@@ -60,8 +65,8 @@ class PartConnection:
         self._latch.check(self.part_name, command)
 
     def refuse(self, command: str, why: str) -> CommandRefusedError:
-        """Return the error for a command that is malformed or beyond a limit."""
-        return CommandRefusedError(f"{self.part_name} refused {command}: {why}", self.part_name)
+        """Return the error for a command that this part does not take."""
+        return refusal(self.part_name, command, why)
 
     def begin(self, motion: Motion[None] | None) -> None:
         """Start a new command; the motion under way, if any, is superseded."""

@@ -10,10 +10,10 @@ from typing_extensions import override
 
 from bestman_bt.messages import JointTrajectory, MotionObstacle, MotionStage
 from bestman_bt.robot_model.model import JointedModel
-from hal.api import CommandRefusedError, Failure, JointGroup, Motion, MotionErrorCode, MotionStatus
+from hal.api import Failure, JointGroup, Motion, MotionErrorCode, MotionStatus
 from hal.parts.channels import JointChannel, StoppablePart
 from hal.parts.gate import SetpointGate, ToolLimits
-from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.part_connection import ConnectionFailedError, refusal
 from hal.parts.setpoints import Brake, BrakeThenMove, Drift, Hold, Reach, Setpoints, Stream, Trapezoid
 from hal.parts.stop_latch import StopLatch
 from hal.parts.time_scale import TimeScale
@@ -51,10 +51,6 @@ class JointCommandChecks:
     def __init__(self, part_name: str, model: JointedModel) -> None:
         self._part_name, self._model = part_name, model
 
-    def refuse(self, command: str, why: str) -> CommandRefusedError:
-        """Return the error for a command that is malformed or beyond a limit."""
-        return CommandRefusedError(f"{self._part_name} refused {command}: {why}", self._part_name)
-
     def positions(self, command: str, values: ArrayLike) -> Array:
         """Return ``values`` as positions (n,). Raises CommandRefusedError beyond a limit."""
         return self._within(command, "positions", values, self._model.lower, self._model.upper)
@@ -71,12 +67,14 @@ class JointCommandChecks:
         """Raise CommandRefusedError unless exactly one of the kinds of set-point is given."""
         given = sum(kind is not None for kind in kinds)
         if given != 1:
-            raise self.refuse(command, f"exactly one of positions, velocities, efforts should be given, got {given}")
+            raise refusal(
+                self._part_name, command, f"exactly one of positions, velocities, efforts should be given, got {given}"
+            )
 
     def speed_scale(self, command: str, scale: float) -> float:
         """Return ``scale``, a fraction of the limits. Raises CommandRefusedError outside of (0, 1]."""
         if not (np.isfinite(scale) and 0.0 < scale <= 1.0):
-            raise self.refuse(command, f"speed_scale = {scale} is not within (0, 1]")
+            raise refusal(self._part_name, command, f"speed_scale = {scale} is not within (0, 1]")
         return float(scale)
 
     def servo(self, target: Array, position: Array, interval: float) -> None:
@@ -84,7 +82,8 @@ class JointCommandChecks:
         speed = np.abs(target - position) / interval
         worst = int(np.argmax(speed / self._model.velocity))
         if speed[worst] > self._model.velocity[worst] * SPEED_TOLERANCE:
-            raise self.refuse(
+            raise refusal(
+                self._part_name,
                 "servo",
                 f"{self._model.joint_names[worst]} would need {speed[worst]:.3f} rad/s, its limit is "
                 f"{self._model.velocity[worst]:.3f} rad/s",
@@ -94,7 +93,9 @@ class JointCommandChecks:
         """Raise CommandRefusedError unless joints and limits fit the arm and the trajectory starts at ``measured``."""
         names, limit = self._model.joint_names, self._model.velocity * SPEED_TOLERANCE
         if trajectory.joint_names != names:
-            raise self.refuse("follow", f"the joints are {trajectory.joint_names}, but this arm's are {names}")
+            raise refusal(
+                self._part_name, "follow", f"the joints are {trajectory.joint_names}, but this arm's are {names}"
+            )
         pairs = [(trajectory.positions, self._model.lower, self._model.upper, "position")]
         speeds = [trajectory.velocities]
         if len(trajectory.times) > 1:
@@ -104,7 +105,8 @@ class JointCommandChecks:
             wrong = ~((values >= lower - 1e-6) & (values <= upper + 1e-6))
             if np.any(wrong):
                 sample, joint = (int(index) for index in np.argwhere(wrong)[0])
-                raise self.refuse(
+                raise refusal(
+                    self._part_name,
                     "follow",
                     f"{what} of {names[joint]} in sample {sample} is {values[sample, joint]:.4f}, its "
                     f"limits are [{lower[joint]:.4f}, {upper[joint]:.4f}]",
@@ -112,7 +114,8 @@ class JointCommandChecks:
         start = trajectory.positions[0]
         worst = int(np.argmax(np.abs(start - measured)))
         if abs(start[worst] - measured[worst]) > START_TOLERANCE:
-            raise self.refuse(
+            raise refusal(
+                self._part_name,
                 "follow",
                 f"the trajectory starts with {names[worst]} = {start[worst]:.4f}, but the joint is at "
                 f"{measured[worst]:.4f}; within {START_TOLERANCE} would be accepted",
@@ -122,15 +125,15 @@ class JointCommandChecks:
         try:
             array = np.array(values, dtype=float)
         except (TypeError, ValueError) as error:
-            raise self.refuse(command, f"{what} are not numbers: {values!r}") from error
+            raise refusal(self._part_name, command, f"{what} are not numbers: {values!r}") from error
         if array.shape != lower.shape:
-            raise self.refuse(command, f"{what} should have shape {lower.shape} but have {array.shape}")
+            raise refusal(self._part_name, command, f"{what} should have shape {lower.shape} but have {array.shape}")
         if not np.all(np.isfinite(array)):
-            raise self.refuse(command, f"{what} should be finite but are {array.tolist()}")
+            raise refusal(self._part_name, command, f"{what} should be finite but are {array.tolist()}")
         for joint, value, low, high in zip(self._model.joint_names, array, lower, upper, strict=True):
             if not low - 1e-6 <= value <= high + 1e-6:
                 why = f"{what} of {joint} = {value:.4f} is beyond its limits [{low:.4f}, {high:.4f}]"
-                raise self.refuse(command, why)
+                raise refusal(self._part_name, command, why)
         clipped: Array = np.clip(array, lower, upper)
         return clipped
 

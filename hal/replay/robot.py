@@ -17,7 +17,6 @@ from bestman_bt.messages import JointTrajectory
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.scene.scene import World
 from hal.api import (
-    CommandRefusedError,
     Failure,
     Motion,
     MotionErrorCode,
@@ -28,7 +27,7 @@ from hal.api import (
     Robot,
 )
 from hal.parts.channels import interface_of, stand_in
-from hal.parts.part_connection import ConnectionFailedError
+from hal.parts.part_connection import ConnectionFailedError, refusal
 from hal.parts.simulated_clock import SimulatedClock
 from hal.parts.stop_latch import StopLatch
 from hal.replay.tape import Readings, RecordedCommand, Tape, error_from_json, from_json, read_tape
@@ -195,7 +194,7 @@ class ReplayRobot(Robot):
         self._latch.check(part, what)
         recorded = self.tape.commands.get((part, what), [])
         if not recorded:
-            raise _refusal(part, what, "the recording holds no such command")
+            raise refusal(part, what, "the recording holds no such command")
         if all(command.motion is None and command.refusal is None for command in recorded):
             self._supersede(part)
             self._go_on_with_streams((part, what))
@@ -203,11 +202,11 @@ class ReplayRobot(Robot):
         used = self._used.get((part, what), 0)
         asked = in_words(what, arguments, keywords)
         if used == len(recorded):
-            raise _refusal(part, asked, f"the recording holds no further {what}")
+            raise refusal(part, asked, f"the recording holds no further {what}")
         command = recorded[used]
         if not same_target(arguments, command.arguments):
             held = in_words(what, command.arguments, command.keywords)
-            raise _refusal(part, asked, f"at {command.time:.2f} s the recording holds {held}")
+            raise refusal(part, asked, f"at {command.time:.2f} s the recording holds {held}")
         self._used[part, what] = used + 1
         self._offset = command.time - self.clock.now()
         if command.refusal is not None:
@@ -262,10 +261,6 @@ class ReplayedMotion(Motion[None]):
             self.end(end[1], end[2])
         elif moment > self._robot.tape.end:
             self.fail(MotionErrorCode.DISCONNECTED, "the recording ends before this motion does")
-
-
-def _refusal(part: str, command: str, why: str) -> CommandRefusedError:
-    return CommandRefusedError(f"{part} refused {command}: {why}", part)
 
 
 POSITION_TOLERANCE = 0.05

@@ -191,7 +191,6 @@ class RobotiqChannel(GripperChannel):
             self._from, self._moved = status.position, bool(presses_on)
         self._asked = position
         self._exchange(lambda wire: wire.go(position, speed_byte, force_byte))
-        self.refresh()
 
     def halt(self) -> None:
         """Stay where the fingers are."""
@@ -278,9 +277,10 @@ class RobotiqConnection(Connection):
         self._channel.activate()
 
     def _cycle(self, elapsed: float) -> None:
-        self._channel.refresh()
         if self._channel.fault is None:
             self._gripper.cycle(elapsed)
+        else:
+            self._channel.refresh()
 
     def _make_wire(self) -> RobotiqWire:
         options: RobotiqOptions = self.options

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.messages import GRAVITY, Pose2D, wrap_angle
 from bestman_bt.robot_model.model import LeggedBaseModel
 from bestman_bt.robot_model.payload import Payload
 from hal.parts.legged.trot import LegKinematics, Trot
@@ -21,7 +21,6 @@ from hal.parts.legged.trot import LegKinematics, Trot
 # bias.
 
 
-GRAVITY = 9.81
 Array = NDArray[np.float64]
 
 

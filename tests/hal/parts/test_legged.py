@@ -7,11 +7,12 @@ import math
 import numpy as np
 import pytest
 
+from bestman_bt.messages import GRAVITY
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import BaseModel, LeggedBaseModel
 from bestman_bt.robot_model.payload import payload
 from hal.parts.legged.trot import LegKinematics, Trot
-from hal.parts.legged.walker import GRAVITY, Attitude, LegOdometry, TrotGait
+from hal.parts.legged.walker import Attitude, LegOdometry, TrotGait
 
 HEIGHT, PERIOD = 0.27, 1 / 240
 
