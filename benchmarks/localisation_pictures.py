@@ -73,16 +73,16 @@ def draw_search(known: SemanticMap, truth: Pose2D, file: Path) -> None:
 def draw_particles(known: SemanticMap, truth: Pose2D, file: Path) -> None:
     """From all over the floor to one place, while the base turns and drives."""
     rng, localizer, odometry = np.random.default_rng(2), ParticleFilter(known), Pose2D()
-    localizer.reset(Pose2D(), odometry, 1.0, math.pi)
+    estimate = localizer.start(Pose2D(), odometry, 1.0, math.pi)
     figure = Figure(figsize=(11.0, 3.6), layout="constrained")
     panels = dict(zip((0, 1, 20, 60), figure.subplots(1, 4), strict=True))
     for scans in range(61):
         if scans:
             truth, odometry = truth @ Pose2D(0.03, 0.0, 0.05), odometry @ Pose2D(0.033, 0.0, 0.055)
-            localizer.predict(odometry)
-            localizer.correct(scan_at(truth, known.lidar_segments(), rng), Pose2D())
+            estimate = localizer.predict(estimate, odometry)
+            estimate = localizer.correct(estimate, scan_at(truth, known.lidar_segments(), rng), Pose2D())
         if scans in panels:
-            axes, particles = panels[scans], localizer.particles
+            axes, particles = panels[scans], estimate.particles
             draw_map(axes, known, f"scans taken: {scans}, particles: {len(particles)}")
             axes.plot(*particles[:, :2].T, ".", color="tab:blue", markersize=1.5, alpha=0.4)
             arrow(axes, truth, "tab:green")

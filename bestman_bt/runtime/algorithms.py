@@ -153,7 +153,7 @@ class Algorithms:
             case "localization":
                 localizer: Localizer = make(slot, self._map)
                 if any(base.part.turning_slip != 1.0 for base in model.of(WheeledBaseModel).values()):
-                    localizer.expect_dragged_wheels()
+                    return localizer.for_dragged_wheels()
                 return localizer
         return make(slot)
 

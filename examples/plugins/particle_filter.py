@@ -11,7 +11,7 @@ Chosen by ``algorithms: {localization: {algorithm: "examples/plugins/particle_fi
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -103,7 +103,26 @@ class OdometryMotion:
         return moved_poses
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
+class ParticleEstimate(LocalizationEstimate):
+    """``particles``: the poses (N, 3) of x, y, theta that are thought possible, equally likely, in the map frame.
+
+    They are those at ``moved_at``, in the ``odom`` frame, where the base was believed at ``place``; ``odometry``: the
+    odometry pose since. ``searching``: whether they are spread over many places. ``slow``, ``fast``: averages of how
+    well scans fit. ``rng``: of the drawing.
+    """
+
+    particles: NDArray[np.float64] = field(kw_only=True)
+    place: Pose2D = field(kw_only=True)
+    moved_at: Pose2D = field(kw_only=True)
+    odometry: Pose2D = field(kw_only=True)
+    searching: bool = field(kw_only=True)
+    slow: float = field(kw_only=True)
+    fast: float = field(kw_only=True)
+    rng: np.random.Generator = field(kw_only=True)
+
+
+@dataclass(frozen=True, eq=False)
 class ParticleFilter(Localizer):
     """AMCL: tracks from a known pose, finds itself from an unknown one, recovers when it has been carried off.
 
@@ -145,86 +164,81 @@ class ParticleFilter(Localizer):
     motion: OdometryMotion = field(default_factory=OdometryMotion)
     kld: KldSampling = field(default_factory=KldSampling)
 
+    _field: DistanceField = field(init=False, repr=False)
+    _fine: NDArray[np.float32] = field(init=False, repr=False)
+    _blurred: NDArray[np.float32] = field(init=False, repr=False)
+
     def __post_init__(self) -> None:
-        self._field = DistanceField.of_map(self.planar_map, self.resolution, self.reach, self.clearance)
-        self._fine = _log_likelihood(self._field, self.hit_std, self.random)
-        self._blurred = _log_likelihood(self._field, self.search_hit_std, self.random)
-        self._searching = False
-        self._rng = np.random.default_rng(self.seed)
-        self._particles = np.empty((0, 3))
-        self._slow = self._fast = 0.0
-        self._odometry = self._moved_at = Pose2D()
-        self._place = Pose2D()
-        self._estimate: LocalizationEstimate | None = None
+        distances = DistanceField.of_map(self.planar_map, self.resolution, self.reach, self.clearance)
+        object.__setattr__(self, "_field", distances)
+        object.__setattr__(self, "_fine", _log_likelihood(distances, self.hit_std, self.random))
+        object.__setattr__(self, "_blurred", _log_likelihood(distances, self.search_hit_std, self.random))
 
-    @property
-    def estimate(self) -> LocalizationEstimate:
-        """See ``Localizer.estimate``."""
-        if self._estimate is None:
-            raise RuntimeError("ParticleFilter was used before reset")
-        return self._estimate
-
-    @property
-    def particles(self) -> NDArray[np.float64]:
-        """The poses (N, 3) of x, y, theta that are thought possible, equally likely, in the map frame."""
-        return self._particles
-
-    def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
-        """See ``Localizer.reset``; from a pose less certain than ``unknown_std`` the whole floor is searched."""
-        self._rng = np.random.default_rng(self.seed)
-        self._odometry = self._moved_at = odometry
-        self._slow = self._fast = self.good_fit
-        self._searching = position_std > self.unknown_std
-        if self._searching:
-            self._particles = self._field.draw(self.kld.most, self._rng)
+    def start(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> ParticleEstimate:
+        """See ``Localizer.start``; from a pose less certain than ``unknown_std`` the whole floor is searched."""
+        rng = np.random.default_rng(self.seed)
+        searching = position_std > self.unknown_std
+        if searching:
+            particles = self._field.draw(self.kld.most, rng)
         else:
-            spread = self._rng.standard_normal((self.kld.fewest, 3)) * (position_std, position_std, heading_std)
-            self._particles = np.array([pose.x, pose.y, pose.theta]) + spread
-        self._place = pose
-        covariance = np.diag([position_std**2, position_std**2, heading_std**2])
-        self._estimate = LocalizationEstimate(pose, covariance)
-        return self._estimate
+            spread = rng.standard_normal((self.kld.fewest, 3)) * (position_std, position_std, heading_std)
+            particles = np.array([pose.x, pose.y, pose.theta]) + spread
+        return ParticleEstimate(
+            pose,
+            np.diag([position_std**2, position_std**2, heading_std**2]),
+            particles=particles,
+            place=pose,
+            moved_at=odometry,
+            odometry=odometry,
+            searching=searching,
+            slow=self.good_fit,
+            fast=self.good_fit,
+            rng=rng,
+        )
 
-    def predict(self, odometry: Pose2D) -> LocalizationEstimate:
+    def predict(self, before: ParticleEstimate, odometry: Pose2D) -> ParticleEstimate:
         """See ``Localizer.predict``; the particles follow with the next scan, or after ``move_every``."""
-        estimate = self.estimate
-        self._odometry = odometry
-        moved = self._moved_at.inverse() @ odometry
-        if max(math.hypot(moved.x, moved.y), abs(moved.theta)) > self.move_every:
-            self._move()
-            pose, covariance, _ = self._heaviest(np.full(len(self._particles), 1.0 / len(self._particles)))
-            self._place = pose
-            self._estimate = LocalizationEstimate(pose, covariance, estimate.match)
-        else:
-            self._estimate = LocalizationEstimate(self._place @ moved, estimate.covariance, estimate.match)
-        return self._estimate
+        moved = before.moved_at.inverse() @ odometry
+        if max(math.hypot(moved.x, moved.y), abs(moved.theta)) <= self.move_every:
+            return replace(before, pose=before.place @ moved, odometry=odometry)
+        moved_on = self._moved(replace(before, odometry=odometry))
+        count = len(moved_on.particles)
+        pose, covariance, _ = self._heaviest(moved_on.particles, np.full(count, 1.0 / count))
+        return replace(moved_on, pose=pose, covariance=covariance, place=pose)
 
-    def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
+    def correct(self, before: ParticleEstimate, scan: LaserScan, base_from_lidar: Pose2D) -> ParticleEstimate:
         """See ``Localizer.correct``."""
-        estimate = self.estimate
         hits = base_from_lidar.apply(scan.points())
         if len(hits) < 10:
-            refused = ScanMatch(False, 0.0, math.inf, f"only {len(hits)} beams hit anything")
-            self._estimate = LocalizationEstimate(estimate.pose, estimate.covariance, refused)
-            return self._estimate
+            return replace(before, match=ScanMatch(False, 0.0, math.inf, f"only {len(hits)} beams hit anything"))
         hits = hits[np.linspace(0, len(hits) - 1, min(self.beams, len(hits))).astype(int)]
-        self._move()
-        fine = self._fit(self._particles, hits, self._fine)
-        fits = self._fit(self._particles, hits, self._blurred) if self._searching else fine
+        moved_on = self._moved(before)
+        fine = self._fit(moved_on.particles, hits, self._fine)
+        fits = self._fit(moved_on.particles, hits, self._blurred) if before.searching else fine
         weights = np.exp(self.independent_beams * (fits - fits.max()))
         weights /= weights.sum()
-        pose, covariance, share = self._heaviest(weights)
-        self._place = pose
-        match = self._judged(pose, share, hits)
-        self._searching = share < self.sure
-        self._estimate = LocalizationEstimate(pose, covariance, match)
-        self._draw_anew(weights, self._replaced(fine), hits)
-        return self._estimate
+        pose, covariance, share = self._heaviest(moved_on.particles, weights)
+        # How much worse scans fit now than in the long run: that share of the particles is drawn from the floor.
+        average = float(np.exp(fine).mean())
+        slow = before.slow + self.slow * (average - before.slow)
+        fast = before.fast + self.fast * (average - before.fast)
+        drawn = self._drawn_anew(moved_on, weights, max(0.0, 1.0 - fast / slow), hits)
+        return replace(
+            moved_on,
+            pose=pose,
+            covariance=covariance,
+            match=self._judged(pose, share, hits),
+            particles=drawn,
+            place=pose,
+            searching=share < self.sure,
+            slow=slow,
+            fast=fast,
+        )
 
-    def _move(self) -> None:
-        moved = self._moved_at.inverse() @ self._odometry
-        self._moved_at = self._odometry
-        self._particles = self.motion.sample(self._particles, moved, self._rng)
+    def _moved(self, before: ParticleEstimate) -> ParticleEstimate:
+        moved = before.moved_at.inverse() @ before.odometry
+        particles = self.motion.sample(before.particles, moved, before.rng)
+        return replace(before, particles=particles, moved_at=before.odometry)
 
     def _fit(
         self, poses: NDArray[np.float64], hits: NDArray[np.float64], log_likelihood: NDArray[np.float32]
@@ -234,16 +248,18 @@ class ParticleFilter(Localizer):
         fits: NDArray[np.float64] = log_likelihood.take(index).mean(axis=1, dtype=np.float64)
         return fits
 
-    def _heaviest(self, weights: NDArray[np.float64]) -> tuple[Pose2D, NDArray[np.float64], float]:
+    def _heaviest(
+        self, particles: NDArray[np.float64], weights: NDArray[np.float64]
+    ) -> tuple[Pose2D, NDArray[np.float64], float]:
         """Mean and covariance (3, 3) of the particles about the heaviest place, and its share of the weight."""
-        _, of = np.unique(self.kld.bins(self._particles), return_inverse=True)
-        heaviest = self._particles[of == np.argmax(np.bincount(of, weights))]
-        turns = self._particles[:, 2] - heaviest[0, 2]
+        _, of = np.unique(self.kld.bins(particles), return_inverse=True)
+        heaviest = particles[of == np.argmax(np.bincount(of, weights))]
+        turns = particles[:, 2] - heaviest[0, 2]
         turns = (turns + math.pi) % (2.0 * math.pi) - math.pi
-        away = np.linalg.norm(self._particles[:, :2] - heaviest[:, :2].mean(axis=0), axis=1)
+        away = np.linalg.norm(particles[:, :2] - heaviest[:, :2].mean(axis=0), axis=1)
         about = (away < self.place_radius) & (np.abs(turns) < self.place_angle)
         share = float(weights[about].sum())
-        chosen = np.column_stack([self._particles[about, :2], turns[about]])
+        chosen = np.column_stack([particles[about, :2], turns[about]])
         mean = np.average(chosen, axis=0, weights=weights[about])
         covariance = np.cov(chosen.T, aweights=weights[about], ddof=0)
         x, y, turn = mean.tolist()
@@ -262,24 +278,21 @@ class ParticleFilter(Localizer):
             reason = f"only {inliers:.0%} of the hits lie on something in the map"
         return ScanMatch(not reason, inliers, residual, reason)
 
-    def _replaced(self, fits: NDArray[np.float64]) -> float:
-        """The share of particles to draw from the floor: how much worse scans fit now than in the long run."""
-        average = float(np.exp(fits).mean())
-        self._slow += self.slow * (average - self._slow)
-        self._fast += self.fast * (average - self._fast)
-        return max(0.0, 1.0 - self._fast / self._slow)
-
-    def _draw_anew(self, weights: NDArray[np.float64], replaced: float, hits: NDArray[np.float64]) -> None:
-        kept = self._particles[_low_variance(weights, len(weights), self._rng)]
+    def _drawn_anew(
+        self, before: ParticleEstimate, weights: NDArray[np.float64], replaced: float, hits: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        rng = before.rng
+        kept = before.particles[_low_variance(weights, len(weights), rng)]
         count = self.kld.enough(len(np.unique(self.kld.bins(kept))))
         from_floor = round(replaced * count)
-        self._particles = self._particles[_low_variance(weights, count - from_floor, self._rng)]
-        if from_floor:
-            candidates = self._field.draw(self.candidates, self._rng)
-            fits = self._fit(candidates, hits, self._blurred)
-            chosen = np.exp(self.independent_beams * (fits - fits.max()))
-            found = candidates[_low_variance(chosen / chosen.sum(), from_floor, self._rng)]
-            self._particles = np.vstack([self._particles, found])
+        drawn = before.particles[_low_variance(weights, count - from_floor, rng)]
+        if not from_floor:
+            return drawn
+        candidates = self._field.draw(self.candidates, rng)
+        fits = self._fit(candidates, hits, self._blurred)
+        chosen = np.exp(self.independent_beams * (fits - fits.max()))
+        found = candidates[_low_variance(chosen / chosen.sum(), from_floor, rng)]
+        return np.vstack([drawn, found])
 
 
 def _log_likelihood(field: DistanceField, hit_std: float, random: float) -> NDArray[np.float32]:

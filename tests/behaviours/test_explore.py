@@ -71,9 +71,9 @@ def test_halted_on_the_way_it_stops_and_gives_the_old_localisation_back() -> Non
         clock.sleep(0.5)
         assert fastest(opened) < 0.01
         clock.sleep(0.3)
-        assert opened.skills.base.localisation.localizer.estimate.match is not None
-        assert opened.skills.base.localisation.localizer.estimate.match.accepted
-        assert not isinstance(opened.skills.base.localisation.localizer.estimate, SlamEstimate)
+        assert opened.skills.base.localisation.estimate.match is not None
+        assert opened.skills.base.localisation.estimate.match.accepted
+        assert not isinstance(opened.skills.base.localisation.estimate, SlamEstimate)
 
 
 def test_time_that_is_up_is_told_and_the_map_is_saved_all_the_same(tmp_path: Path) -> None:

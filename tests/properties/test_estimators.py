@@ -19,6 +19,7 @@ from bestman_bt.navigation.localization.ekf import OdometryEkf
 from bestman_bt.navigation.localization.scan_to_map import ScanToMap, cast_rays
 from bestman_bt.navigation.slam.pose_graph_slam import PoseGraphSlam, SlamLocalizer
 from bestman_bt.world_model.semantic_map import SemanticMap
+from tests.navigation.localization.tracking import Tracking
 from tests.properties.profile import examples
 
 WALLS = np.array([(-3, -2, 4, -2), (4, -2, 4, 2.5), (4, 2.5, -3, 2.5), (-3, 2.5, -3, -2), (1, -2, 1, 0)], dtype=float)
@@ -44,21 +45,20 @@ def broken(draw):
 @examples(10)
 @given(at=poses, wrong=broken(), std=st.sampled_from([math.nan, math.inf, -0.1]))
 def test_a_localizer_refuses_nonsense_and_goes_on_as_if_it_had_not_come(name, at, wrong, std):
-    localizer, other = LOCALIZERS[name](), LOCALIZERS[name]()
+    localizer, other = (Tracking(LOCALIZERS[name](), at, Pose2D(), 0.02, 0.02) for _ in range(2))
     for one in (localizer, other):
-        one.reset(at, Pose2D(), 0.02, 0.02)
         one.correct(scan_at(at), Pose2D())
     for nonsense in (
         lambda: localizer.predict(wrong),
-        lambda: localizer.reset(wrong, Pose2D(), 0.02, 0.02),
-        lambda: localizer.reset(at, wrong, 0.02, 0.02),
+        lambda: localizer.localizer.start(wrong, Pose2D(), 0.02, 0.02),
+        lambda: localizer.localizer.start(at, wrong, 0.02, 0.02),
         lambda: localizer.correct(scan_at(at), wrong),
     ):
         with pytest.raises(ValueError, match="should be finite"):
             nonsense()
     for stds in ((std, 0.02), (0.02, std)):
         with pytest.raises(ValueError, match="_std is"):
-            localizer.reset(at, Pose2D(), *stds)
+            localizer.localizer.start(at, Pose2D(), *stds)
     moved = Pose2D(0.05, 0.0, 0.1)
     for one in (localizer, other):
         one.predict(moved)
@@ -113,8 +113,7 @@ def test_a_localizer_finds_the_same_wherever_the_map_lies(at, off, turn, x, y):
     believed = at @ Pose2D(0.01 * off.x, 0.01 * off.y, 0.01 * off.theta)
     found = []
     for segments, pose, frame in ((WALLS, believed, Pose2D()), (walls, moved @ believed, moved)):
-        localizer = ScanToMap(SemanticMap(segments, {}))
-        localizer.reset(pose, Pose2D(), 0.03, 0.03)
+        localizer = Tracking(ScanToMap(SemanticMap(segments, {})), pose, Pose2D(), 0.03, 0.03)
         found.append(frame.inverse() @ localizer.correct(scan_at(at), Pose2D()).pose)
     assert found[0].distance_to(found[1]) < 1e-3
     assert abs(wrap_angle(found[0].theta - found[1].theta)) < 1e-3

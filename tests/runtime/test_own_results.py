@@ -22,7 +22,7 @@ from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFa
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
-from bestman_bt.navigation.localization.base import Localizer
+from bestman_bt.navigation.slam.base import Slam
 from bestman_bt.navigation.slam.frontiers import ExplorationPlanner
 from bestman_bt.perception.detection.base import Detector
 from bestman_bt.perception.grasp_pose.base import GraspPlanner
@@ -133,17 +133,17 @@ def test_a_mapping_that_contains_nan_is_refused(costs: Mapping[str, Any], refuse
 
 
 def test_properties_of_an_interface_are_checked_too() -> None:
-    class Lost(Localizer):
-        reset = predict = correct = lambda self, *arguments: None
+    class Lost(Slam):
+        reset = predict = add = grid = trajectory = lambda self, *arguments: None
 
         @property
         def estimate(self) -> Any:
             return (0.0, 0.0, math.nan)
 
-    localizer = with_checked_results(Lost, Localizer)()
+    slam = with_checked_results(Lost, Slam)()
     line = inspect.getsourcelines(Lost.__dict__["estimate"].fget)[1]
     with pytest.raises(WrongResultError, match=rf"Lost\.estimate should return .*got tuple of float \(at .*:{line}\)"):
-        _ = localizer.estimate
+        _ = slam.estimate
 
 
 def test_what_is_annotated_is_found_for_each_slot() -> None:

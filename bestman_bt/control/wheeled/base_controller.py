@@ -467,7 +467,7 @@ class BaseController:
             self._settle(action)
             return
         where = self.localisation
-        pose = where.odometry if action.by_odometry else where.localizer.estimate.pose
+        pose = where.odometry if action.by_odometry else where.estimate.pose
         if not action.by_odometry and not where.knows_where:
             where.lost = True
             self._halt(MotionErrorCode.LOST, where.doubt)
@@ -497,7 +497,7 @@ class BaseController:
             command.twist,
             min(allowed, default=None),
             velocity,
-            where.localizer.estimate.pose,
+            where.estimate.pose,
             where.odometry,
             people,
             self.layer.moving.walkers,

@@ -12,7 +12,7 @@ from bestman_bt.control.inertial import FusedOdometry
 from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.control.lidar import LidarSensor, deskewed
 from bestman_bt.messages import LaserScan, Pose2D
-from bestman_bt.navigation.localization.base import Localizer, OdometryScan
+from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, OdometryScan
 from bestman_bt.world_model.world_model import BasePose, WorldModel
 from hal.api import Clock, NoDataError
 
@@ -58,8 +58,11 @@ class PlacedScan:
 class LocalisationCycle:
     """Updates ``world.base`` with each ``step``; ``seen`` is called with each scan.
 
+    ``estimate``: the localizer's latest, from ``begin`` on.
     ``lost``: whether the pose is unknown until a scan fits again; also set by the controller that drives by the map.
     """
+
+    estimate: LocalizationEstimate
 
     def __init__(
         self,
@@ -91,12 +94,12 @@ class LocalisationCycle:
     def knows_where(self) -> bool:
         """Whether the estimate is certain enough to drive by the map."""
         p = self._localising
-        return self.localizer.estimate.position_std <= p.lost_position_std and self._refused_scans < p.lost_scans
+        return self.estimate.position_std <= p.lost_position_std and self._refused_scans < p.lost_scans
 
     @property
     def doubt(self) -> str:
         """Return the reason for a lost localisation as text."""
-        estimate = self.localizer.estimate
+        estimate = self.estimate
         why = estimate.match.reason if estimate.match is not None and estimate.match.reason else "odometry alone"
         if self._confirmed or estimate.position_std > self._localising.lost_position_std:
             return f"the base no longer knows where it is (±{estimate.position_std:.2f} m: {why})"
@@ -163,14 +166,14 @@ class LocalisationCycle:
         self._odometries.add(self.clock.now(), odometry)
         if math.hypot(moved.x, moved.y) * p.rate > p.still_speed or abs(moved.theta) * p.rate > p.still_turn_rate:
             self._scans_at_rest = 0
-        estimate = self.localizer.predict(odometry)
+        self.estimate = self.localizer.predict(self.estimate, odometry)
         self._ticks += 1
         every = p.rest_scan_every if self.settled and not self.lost else p.scan_every
         taken = self._due(every)
         if taken is not None:
             # From where the base is now to where its lidar was when the scan was taken.
             base_from_lidar = odometry.inverse() @ taken.odometry @ self.lidar.base_from_lidar
-            estimate = self.localizer.correct(taken.scan, base_from_lidar)
+            self.estimate = estimate = self.localizer.correct(self.estimate, taken.scan, base_from_lidar)
             self._scans_at_rest += 1
             fits = estimate.match is not None and estimate.match.accepted
             if fits:
@@ -178,7 +181,8 @@ class LocalisationCycle:
             else:
                 self._refused_scans += 1
             self.seen(PlacedScan(taken.scan, taken.odometry, estimate.pose @ base_from_lidar, fits))
-        self.world.base = BasePose(estimate.pose, estimate.position_std, estimate.heading_std, self.clock.now())
+        believed = self.estimate
+        self.world.base = BasePose(believed.pose, believed.position_std, believed.heading_std, self.clock.now())
 
     def _due(self, every: int) -> OdometryScan | None:
         """Return the scan that is due this tick, if one is.
@@ -219,7 +223,7 @@ class LocalisationCycle:
     def _reset(self, believed: BasePose) -> None:
         self.odometry = self._odometer.pose()
         self._odometries.add(self.clock.now(), self.odometry)
-        self.localizer.reset(believed.pose, self.odometry, believed.position_std, believed.heading_std)
+        self.estimate = self.localizer.start(believed.pose, self.odometry, believed.position_std, believed.heading_std)
         self._confirmed = False
         self._scans_at_rest = self._refused_scans = 0
 

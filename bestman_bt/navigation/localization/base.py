@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,31 +64,32 @@ class LocalizationEstimate:
 
 
 class Localizer(ABC):
-    """Tracks the base's pose: call ``reset`` once, then ``predict`` and ``correct`` for each reading."""
+    """Tracks the base's pose: ``start`` once, then ``predict`` and ``correct`` for each reading.
+
+    ``before``: the last estimate that one of them returned. All raise ValueError for values that are not finite.
+    """
 
     @abstractmethod
-    def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
-        """Initialise the estimate at ``pose`` in the map frame; ``odometry``: the odometry pose at the same moment.
+    def start(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
+        """Return the first estimate, at ``pose`` in the map frame; ``odometry``: the odometry pose at the same moment.
 
-        ``position_std``: metres, ``heading_std``: radians. Raises ValueError for values that are not finite, as do all
-        methods; the estimate is then unchanged.
+        ``position_std``: metres, ``heading_std``: radians.
         """
 
     @abstractmethod
-    def predict(self, odometry: Pose2D) -> LocalizationEstimate:
-        """Move the estimate by the change of the odometry pose (``odom`` frame) since the last call."""
+    def predict(self, before: Any, odometry: Pose2D) -> LocalizationEstimate:
+        """Move the estimate by the change of the odometry pose (``odom`` frame) since ``before``."""
 
     @abstractmethod
-    def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
-        """Correct the estimate by a scan taken at the last predicted pose."""
+    def correct(self, before: Any, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
+        """Correct the estimate by a scan taken at the pose of ``before``."""
 
-    @property
-    @abstractmethod
-    def estimate(self) -> LocalizationEstimate:
-        """The current estimate. Raises RuntimeError before the first ``reset``."""
+    def for_dragged_wheels(self) -> Localizer:
+        """Return a localizer for wheels that slip sideways in turns (skid steering): with more noise of their odometry.
 
-    def expect_dragged_wheels(self) -> None:  # noqa: B027 - not every localizer relies on the odometry of turns
-        """Increase the odometry noise of turns: the wheels of the base slip sideways when it turns (skid steering)."""
+        By default itself: not every localizer relies on it.
+        """
+        return self
 
 
 @dataclass(frozen=True, eq=False)

@@ -198,11 +198,11 @@ class _Search:
 
     def matched(self, pose: Pose2D, position_std: float, heading_std: float, scan: LaserScan) -> LocalizationEstimate:
         """Return the pose near ``pose`` at which a scan fits best."""
-        estimate = self._matcher.reset(pose, Pose2D(), position_std, heading_std)
+        estimate = self._matcher.start(pose, Pose2D(), position_std, heading_std)
         for _ in range(self._search.matches):
             # Each time as unsure as before: the scan is one measurement, however often it is matched.
-            self._matcher.reset(estimate.pose, Pose2D(), position_std, heading_std)
-            estimate = self._matcher.correct(scan, self._base_from_lidar)
+            unsure = self._matcher.start(estimate.pose, Pose2D(), position_std, heading_std)
+            estimate = self._matcher.correct(unsure, scan, self._base_from_lidar)
         return estimate
 
     def fit(self, pose: Pose2D, scan: LaserScan) -> Agreement:

@@ -10,20 +10,28 @@ door or people: they do not contradict the pose (``z_short`` of the beam model, 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import Count, Fraction, NonNegative, NotBelow, Positive
 from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch, checked_std
-from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines, open_furniture, within
+from bestman_bt.navigation.localization.map_lines import MapLines, PlanarMap, map_lines, open_furniture, within
 from bestman_bt.navigation.localization.pose_uncertainty import WEAK_PRIOR, deviation, difference, driven_on, inverse
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
+class TrackedEstimate(LocalizationEstimate):
+    """``odometry``: the odometry pose (``odom`` frame) at ``pose``."""
+
+    odometry: Pose2D = field(default_factory=Pose2D)
+
+
+@dataclass(frozen=True, eq=False)
 class ScanToMap(Localizer):
     """Tracks the pose by scan-to-map matching; needs an initial pose within about 10 cm and 5°.
 
@@ -66,86 +74,69 @@ class ScanToMap(Localizer):
     sure_inlier_ratio: Annotated[Fraction, NotBelow("min_inlier_ratio")] = 0.6
     surprise: Positive = 4.0
     unknown_std: Annotated[Positive, "m"] = 0.5
+    _lines: MapLines = field(init=False, repr=False)
+    _open_furniture: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         lines = map_lines(self.planar_map, self.wall_std, self.furniture_std)
-        self._segments, self._bodies, self._body_std = lines.segments, lines.bodies, lines.body_std
-        self._open_furniture = open_furniture(self.planar_map)
-        self._estimate: LocalizationEstimate | None = None
-        self._odometry = Pose2D()
+        object.__setattr__(self, "_lines", lines)
+        object.__setattr__(self, "_open_furniture", open_furniture(self.planar_map))
 
-    @property
-    def estimate(self) -> LocalizationEstimate:
-        """Implement ``Localizer.estimate``."""
-        if self._estimate is None:
-            raise RuntimeError("ScanToMap was used before reset")
-        return self._estimate
+    @override
+    def for_dragged_wheels(self) -> ScanToMap:
+        return replace(self, turn_slip=self.dragged_turn_slip, turn_shift=self.dragged_turn_shift)
 
-    def expect_dragged_wheels(self) -> None:
-        """Use the larger odometry noise of slipping wheels in turns."""
-        self.turn_slip, self.turn_shift = self.dragged_turn_slip, self.dragged_turn_shift
-
-    def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
-        """Initialise the estimate; see ``Localizer.reset``."""
+    @override
+    def start(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> TrackedEstimate:
         position = checked_std(position_std, "ScanToMap position_std") ** 2
         heading = checked_std(heading_std, "ScanToMap heading_std") ** 2
-        self._odometry, pose = odometry.checked("ScanToMap odometry"), pose.checked("ScanToMap pose")
-        self._estimate = LocalizationEstimate(pose, np.diag([position, position, heading]))
-        return self._estimate
+        odometry, pose = odometry.checked("ScanToMap odometry"), pose.checked("ScanToMap pose")
+        return TrackedEstimate(pose, np.diag([position, position, heading]), None, odometry)
 
-    def predict(self, odometry: Pose2D) -> LocalizationEstimate:
-        """Move the estimate by the odometry; see ``Localizer.predict``."""
-        estimate = self.estimate
-        moved = self._odometry.inverse() @ odometry.checked("ScanToMap odometry")
-        self._odometry = odometry
+    @override
+    def predict(self, before: TrackedEstimate, odometry: Pose2D) -> TrackedEstimate:
+        moved = before.odometry.inverse() @ odometry.checked("ScanToMap odometry")
         if moved == Pose2D():
-            return estimate
-        pose, covariance = driven_on(estimate.pose, estimate.covariance, moved, self)
-        self._estimate = LocalizationEstimate(pose, covariance, estimate.match)
-        return self._estimate
+            return replace(before, odometry=odometry)
+        pose, covariance = driven_on(before.pose, before.covariance, moved, self)
+        return TrackedEstimate(pose, covariance, before.match, odometry)
 
-    def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
-        """Correct the estimate by a scan; see ``Localizer.correct``."""
-        estimate = self.estimate
+    @override
+    def correct(self, before: TrackedEstimate, scan: LaserScan, base_from_lidar: Pose2D) -> TrackedEstimate:
         hits = base_from_lidar.checked("ScanToMap base_from_lidar").apply(scan.points())
         if len(hits) < 10:
-            return self._refused(ScanMatch(False, 0.0, math.inf, f"only {len(hits)} beams hit anything"))
-        if estimate.position_std > self.unknown_std:
-            text = f"a pose as uncertain as ±{estimate.position_std:.1f} m cannot be tracked"
-            return self._refused(ScanMatch(False, 0.0, math.inf, text))
-        visible = self._visible(estimate.pose @ base_from_lidar, scan)
+            return _refused(before, ScanMatch(False, 0.0, math.inf, f"only {len(hits)} beams hit anything"))
+        if before.position_std > self.unknown_std:
+            text = f"a pose as uncertain as ±{before.position_std:.1f} m cannot be tracked"
+            return _refused(before, ScanMatch(False, 0.0, math.inf, text))
+        visible = self._visible(before.pose @ base_from_lidar, scan)
         if len(visible) == 0:
-            return self._refused(ScanMatch(False, 0.0, math.inf, "nothing in the map is in view"))
+            return _refused(before, ScanMatch(False, 0.0, math.inf, "nothing in the map is in view"))
         # A board of a shelf before a wall is not that wall.
-        boards = within(self._open_furniture, estimate.pose.apply(hits))
-        matched, information, on_map, residual = self._match(hits, boards, estimate.pose, visible)
+        boards = within(self._open_furniture, before.pose.apply(hits))
+        matched, information, on_map, residual = self._match(hits, boards, before.pose, visible)
         inliers = float(on_map.mean())
         if inliers < self.min_inlier_ratio and not self._is_hidden(scan, matched @ base_from_lidar, on_map):
             text = f"only {inliers:.0%} of the hits lie on something in the map"
-            return self._refused(ScanMatch(False, inliers, residual, text))
-        innovation = difference(matched, estimate.pose)
+            return _refused(before, ScanMatch(False, inliers, residual, text))
+        innovation = difference(matched, before.pose)
         measured = inverse(information + WEAK_PRIOR)
-        expected = estimate.covariance + measured
+        expected = before.covariance + measured
         away = deviation(innovation, expected)
         if away > self.max_deviation:
             text = f"the match lies {away:.1f} standard deviations from the prediction"
             growth = self.surprise if inliers >= self.sure_inlier_ratio else 1.0
-            return self._refused(ScanMatch(False, inliers, residual, text), growth)
-        gain = estimate.covariance @ np.linalg.inv(expected)
+            return _refused(before, ScanMatch(False, inliers, residual, text), growth)
+        gain = before.covariance @ np.linalg.inv(expected)
         dx, dy, dtheta = (gain @ innovation).tolist()
-        pose = Pose2D(estimate.pose.x + dx, estimate.pose.y + dy, wrap_angle(estimate.pose.theta + dtheta))
+        pose = Pose2D(before.pose.x + dx, before.pose.y + dy, wrap_angle(before.pose.theta + dtheta))
         keep = np.eye(3) - gain
-        covariance = keep @ estimate.covariance @ keep.T + gain @ measured @ gain.T
-        self._estimate = LocalizationEstimate(pose, covariance, ScanMatch(True, inliers, residual))
-        return self._estimate
-
-    def _refused(self, match: ScanMatch, growth: float = 1.0) -> LocalizationEstimate:
-        self._estimate = LocalizationEstimate(self.estimate.pose, growth * self.estimate.covariance, match)
-        return self._estimate
+        covariance = keep @ before.covariance @ keep.T + gain @ measured @ gain.T
+        return TrackedEstimate(pose, covariance, ScanMatch(True, inliers, residual), before.odometry)
 
     def _visible(self, map_from_lidar: Pose2D, scan: LaserScan) -> NDArray[np.intp]:
         """Indices of the segments in view: not the far side of a wall, nor what stands behind it."""
-        _, seen = cast_rays(self._segments, map_from_lidar, scan.angles[::2])
+        _, seen = cast_rays(self._lines.segments, map_from_lidar, scan.angles[::2])
         return np.unique(seen[seen >= 0])
 
     def _is_hidden(self, scan: LaserScan, map_from_lidar: Pose2D, on_map: NDArray[np.bool_]) -> bool:
@@ -154,7 +145,7 @@ class ScanToMap(Localizer):
         ``on_map``: the hits (N,) that lie on something in the map.
         """
         hit = np.isfinite(scan.ranges)
-        expected, _ = cast_rays(self._segments, map_from_lidar, scan.angles[hit])
+        expected, _ = cast_rays(self._lines.segments, map_from_lidar, scan.angles[hit])
         early = ~on_map & (scan.ranges[hit] < expected - self.early_by)
         seen = float(on_map.mean())
         return seen >= self.min_seen_ratio and seen >= self.min_consistent_ratio * float(np.mean(~early))
@@ -167,7 +158,7 @@ class ScanToMap(Localizer):
 
         ``boards``: hits (N,) that lie on furniture of which the map has no lines.
         """
-        segments, bodies = self._segments[visible], self._bodies[visible]
+        segments, bodies = self._lines.segments[visible], self._lines.bodies[visible]
         starts, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
         length2 = np.sum(along**2, axis=1)
         normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.sqrt(length2)[:, None]
@@ -181,7 +172,7 @@ class ScanToMap(Localizer):
                 start_x, start_y = starts[nearest].T
                 share_x, share_y = (along[nearest] / length2[nearest, None]).T
                 normal_x, normal_y = jacobian[:2] = normals[nearest].T
-                squares, body, errors = length2[nearest], bodies[nearest], self._body_std[bodies[nearest]] ** 2
+                squares, body, errors = length2[nearest], bodies[nearest], self._lines.body_std[bodies[nearest]] ** 2
             dx, dy = turned_x + (x - start_x), turned_y + (y - start_y)
             residuals = dx * normal_x + dy * normal_y
             u = dx * share_x + dy * share_y
@@ -190,7 +181,7 @@ class ScanToMap(Localizer):
             gate = self.gate_first * self.gate_decay**k + self.gate_last
             inlier = (squared_residuals + beyond * beyond * squares < gate**2) & ~boards
             weights = inlier / (1.0 + squared_residuals / self.robust_scale**2)
-            hits_of_body = np.bincount(body, weights, minlength=len(self._body_std))
+            hits_of_body = np.bincount(body, weights, minlength=len(self._lines.body_std))
             weights /= self.range_std**2 + hits_of_body[body] * errors
             jacobian[2] = normal_y * turned_x - normal_x * turned_y
             weighted = jacobian * weights
@@ -203,6 +194,10 @@ class ScanToMap(Localizer):
         matched = Pose2D(x, y, wrap_angle(theta))
         residual = math.sqrt(float(np.mean(residuals[inlier] ** 2))) if inlier.any() else math.inf
         return matched, information, inlier, residual
+
+
+def _refused(before: TrackedEstimate, match: ScanMatch, growth: float = 1.0) -> TrackedEstimate:
+    return replace(before, covariance=growth * before.covariance, match=match)
 
 
 def _nearest(

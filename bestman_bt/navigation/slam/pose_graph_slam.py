@@ -14,11 +14,12 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import LaserScan, OccupancyGrid, Pose2D, wrap_angle
 from bestman_bt.messages.grids import FREE, OCCUPIED, UNKNOWN
 from bestman_bt.messages.shapes import Count, Fraction, NonNegative, NotBelow, Positive, Several, check_bounds
-from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch, checked_std
+from bestman_bt.navigation.localization.base import Localizer, ScanMatch, checked_std
 from bestman_bt.navigation.localization.pose_uncertainty import (
     WEAK_PRIOR,
     deviation,
@@ -38,35 +39,37 @@ from bestman_bt.navigation.slam.submap import Keyframe, Submap
 # SLAM in the place of a localizer: the base controller drives on the map that is being made.
 
 
+@dataclass(frozen=True, eq=False)
+class LocatedEstimate(SlamEstimate):
+    """``odometry``: the odometry pose (``odom`` frame) at ``pose``."""
+
+    odometry: Pose2D = field(default_factory=Pose2D)
+
+
+@dataclass(frozen=True, eq=False)
 class SlamLocalizer(Localizer):
-    """Feeds ``slam``; the map's frame is that of the believed pose at ``reset``."""
+    """Feeds ``slam``; the map's frame is that of the believed pose at ``start``."""
 
-    def __init__(self, slam: Slam) -> None:
-        self._slam = slam
-        self._odometry = Pose2D()
+    slam: Slam
 
-    @property
-    def estimate(self) -> SlamEstimate:
-        """Implement ``Localizer.estimate``."""
-        return self._slam.estimate
-
-    def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
+    @override
+    def start(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocatedEstimate:
         """Start a new map, on which the base is exactly at ``pose``."""
         checked_std(position_std, "SlamLocalizer position_std")
         checked_std(heading_std, "SlamLocalizer heading_std")
-        estimate = self._slam.reset(pose, odometry)
-        self._odometry = odometry
-        return estimate
+        return _located(self.slam.reset(pose, odometry), odometry)
 
-    def predict(self, odometry: Pose2D) -> LocalizationEstimate:
-        """Implement ``Localizer.predict``."""
-        estimate = self._slam.predict(odometry)
-        self._odometry = odometry
-        return estimate
+    @override
+    def predict(self, before: LocatedEstimate, odometry: Pose2D) -> LocatedEstimate:
+        return _located(self.slam.predict(odometry), odometry)
 
-    def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
-        """Implement ``Localizer.correct``."""
-        return self._slam.add(self._odometry, scan, base_from_lidar)
+    @override
+    def correct(self, before: LocatedEstimate, scan: LaserScan, base_from_lidar: Pose2D) -> LocatedEstimate:
+        return _located(self.slam.add(before.odometry, scan, base_from_lidar), before.odometry)
+
+
+def _located(estimate: SlamEstimate, odometry: Pose2D) -> LocatedEstimate:
+    return LocatedEstimate(estimate.pose, estimate.covariance, estimate.match, estimate.loop_closures, odometry)
 
 
 # An occupancy grid that scans are drawn into, by log odds (H. Moravec, A. Elfes 1985; S. Thrun et al. 2005, ch. 9).

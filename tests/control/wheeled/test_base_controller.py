@@ -203,10 +203,11 @@ def test_a_base_that_is_sent_on_again_and_again_finds_out_that_it_is_lost(simula
 @pytest.mark.slow
 def test_a_lost_base_does_not_drive_until_a_scan_fits_again(simulate):
     simulated = simulate(1)
-    localizer, base = simulated.base.localisation.localizer, simulated.robot.part("base", MobileBase)
+    where, base = simulated.base.localisation, simulated.robot.part("base", MobileBase)
     # As if it had been carried off: what it believes is another place.
-    known = localizer.estimate.pose
-    localizer.reset(Pose2D(known.x + 0.8, known.y - 0.5, known.theta + 1.2), base.odometry(), 0.002, 0.002)
+    known = where.estimate.pose
+    elsewhere = Pose2D(known.x + 0.8, known.y - 0.5, known.theta + 1.2)
+    where.estimate = where.localizer.start(elsewhere, base.odometry(), 0.002, 0.002)
     first = simulated.wait(simulated.base.drive(1.5), limit=15.0)
     assert first.failure.code is MotionErrorCode.LOST
     assert len(simulated.base.layer.points) == 0  # walls that stand elsewhere on the map are no obstacles
@@ -215,7 +216,7 @@ def test_a_lost_base_does_not_drive_until_a_scan_fits_again(simulate):
     again = simulated.wait(simulated.base.drive(0.5), limit=15.0)
     assert again.failure.code is MotionErrorCode.LOST
     assert simulated.true_pose.distance_to(before) < 1e-3
-    localizer.reset(before, base.odometry(), 0.02, 0.012)
+    where.estimate = where.localizer.start(before, base.odometry(), 0.02, 0.012)
     simulated.robot.clock.sleep(0.05)
     found = simulated.wait(simulated.base.drive(-0.2), limit=15.0)
     assert found.status is MotionStatus.SUCCEEDED, found.failure

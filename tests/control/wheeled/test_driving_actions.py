@@ -44,21 +44,20 @@ class Told(Localizer):
         self._from = self._pose = Pose2D()
         self._match: ScanMatch | None = None
 
-    def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
+    def start(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
         self.resets.append(pose)
         self._from, self._pose = pose @ odometry.inverse(), pose
-        return self.estimate
+        return self._estimate()
 
-    def predict(self, odometry: Pose2D) -> LocalizationEstimate:
+    def predict(self, before: LocalizationEstimate, odometry: Pose2D) -> LocalizationEstimate:
         self._pose = self._from @ odometry
-        return self.estimate
+        return self._estimate()
 
-    def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
+    def correct(self, before: LocalizationEstimate, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
         self._match = ScanMatch(self.fits, 1.0, 0.0, self.reason)
-        return self.estimate
+        return self._estimate()
 
-    @property
-    def estimate(self) -> LocalizationEstimate:
+    def _estimate(self) -> LocalizationEstimate:
         return LocalizationEstimate(self._pose, np.diag([self.position_std**2] * 2 + [1e-4]), self._match)
 
 
@@ -443,7 +442,7 @@ def test_another_localizer_goes_on_from_where_the_base_is_believed_to_be_and_the
     assert it.controller.localise_by(other) is it.localizer
     assert other.resets == [pose]
     it.sleep(0.2)
-    assert it.controller.localisation.localizer.estimate is not None
+    assert it.controller.localisation.estimate is not None
     assert it.wait(it.controller.drive(-0.5)).status is MotionStatus.SUCCEEDED
     assert it.world.base.pose.distance_to(START) < 0.01
     assert it.controller.localise_by(it.localizer) is other

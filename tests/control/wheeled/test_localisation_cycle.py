@@ -32,22 +32,21 @@ class Scripted(Localizer):
         self.match: ScanMatch | None = None
         self.corrections = 0
 
-    def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
+    def start(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
         self.begun.append((pose, odometry, position_std, heading_std))
         self.match, self._pose, self._last = None, pose, odometry
-        return self.estimate
+        return self._estimate()
 
-    def predict(self, odometry: Pose2D) -> LocalizationEstimate:
+    def predict(self, before: LocalizationEstimate, odometry: Pose2D) -> LocalizationEstimate:
         self._pose, self._last = self._pose @ (self._last.inverse() @ odometry), odometry
-        return self.estimate
+        return self._estimate()
 
-    def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
+    def correct(self, before: LocalizationEstimate, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
         self.corrections += 1
         self.match = ScanMatch(self.fits, 0.9, 0.01, "" if self.fits else "few hits")
-        return self.estimate
+        return self._estimate()
 
-    @property
-    def estimate(self) -> LocalizationEstimate:
+    def _estimate(self) -> LocalizationEstimate:
         return LocalizationEstimate(self._pose, np.diag([self.std**2, 1e-6, 0.04**2]), self.match)
 
 
@@ -147,6 +146,7 @@ def test_so_many_scans_in_a_row_that_do_not_fit_and_it_no_longer_knows_where_it_
 def test_an_uncertain_estimate_is_none_to_drive_by(std: float, knows: bool) -> None:
     base = Cycle()
     base.localizer.std = std
+    base.steps(1)
     assert base.cycle.knows_where is knows
     assert ("no longer knows" in base.cycle.doubt) is not knows
 

@@ -9,6 +9,7 @@ from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
 from bestman_bt.navigation.localization.scan_to_map import ScanToMap
 from bestman_bt.world_model.semantic_map import MapFurniture, SemanticMap
 from tests.navigation.localization.simulated_scans import BASE_FROM_LIDAR, BEAMS, grid_of, scan_at
+from tests.navigation.localization.tracking import Tracking
 
 
 def actual(semantic_map: SemanticMap, offset: Pose2D) -> SemanticMap:
@@ -32,9 +33,7 @@ def errors(pose: Pose2D, truth: Pose2D) -> tuple[float, float]:
 
 
 def localizer_at(semantic_map, pose, position_std=0.02, heading_std=0.012):
-    localizer = ScanToMap(semantic_map)
-    localizer.reset(pose, Pose2D(), position_std, heading_std)
-    return localizer
+    return Tracking(ScanToMap(semantic_map), pose, Pose2D(), position_std, heading_std)
 
 
 @pytest.mark.parametrize("truth", [Pose2D(0.0, 0.0, 0.3), Pose2D(2.6, -0.9, 0.0), Pose2D(2.9, 1.5, 1.57)])
@@ -222,11 +221,6 @@ def test_a_grid_serves_as_well_as_a_map_of_walls_within_half_a_cell(kitchen):
     assert worst < grid.resolution / 2
 
 
-def test_before_the_first_reset_there_is_no_estimate(kitchen):
-    with pytest.raises(RuntimeError, match="before reset"):
-        ScanToMap(kitchen).predict(Pose2D())
-
-
 def test_the_back_of_a_shelf_is_not_taken_for_the_wall_behind_it():
     walls = np.array([[-9.0, -1.5, 2.0, -1.5], [2.0, -1.5, 2.0, 1.5], [2.0, 1.5, -9.0, 1.5]])
     shelf = MapFurniture("shelf", Pose2D(1.78, 0.0, 0.0), (0.35, 2.6), 1.2, (), solid_at_lidar=False)
@@ -246,7 +240,7 @@ def turned_by_dragged_wheels(semantic_map, dragged):
     rng = np.random.default_rng(4)
     localizer = localizer_at(semantic_map, Pose2D(0.0, 0.0, 0.0), 0.005, 0.003)
     if dragged:
-        localizer.expect_dragged_wheels()
+        localizer.localizer = localizer.localizer.for_dragged_wheels()
     truth, odometry, worst = Pose2D(), Pose2D(), 0.0
     for _ in range(30):
         truth = truth @ Pose2D(-0.006, -0.013, 0.1)

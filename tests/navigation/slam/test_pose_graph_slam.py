@@ -9,6 +9,7 @@ from bestman_bt.messages import LaserScan, Pose2D
 from bestman_bt.messages.grids import FREE, OCCUPIED
 from bestman_bt.navigation.slam.loop_closure import LoopCloser
 from bestman_bt.navigation.slam.pose_graph_slam import PoseGraphSlam, SlamLocalizer
+from tests.navigation.localization.tracking import Tracking
 
 BASE_FROM_LIDAR = Pose2D(0.1, 0.0, 0.05)
 
@@ -91,10 +92,10 @@ def test_scans_that_show_nothing_are_refused_and_odometry_goes_on(round_drive):
     assert estimate.position_std > 3.0 * before.position_std
 
 
-def test_as_a_localizer_it_begins_a_new_map_at_each_reset(round_drive):
-    localizer = SlamLocalizer(PoseGraphSlam())
+def test_as_a_localizer_it_begins_a_new_map_at_each_start(round_drive):
+    slam = SlamLocalizer(PoseGraphSlam())
     for _ in range(2):
-        localizer.reset(Pose2D(1.0, 2.0, 0.5), round_drive.odometry[0], 0.05, 0.02)
+        localizer = Tracking(slam, Pose2D(1.0, 2.0, 0.5), round_drive.odometry[0], 0.05, 0.02)
         for odometry, scan in list(zip(round_drive.odometry, round_drive.scans, strict=True))[:10]:
             localizer.predict(odometry)
             estimate = localizer.correct(scan, BASE_FROM_LIDAR)
