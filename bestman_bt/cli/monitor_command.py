@@ -114,7 +114,7 @@ def command(
 
 
 def _recorded(given: Iterable[Path]) -> list[Path]:
-    from bestman_bt.monitor.recorded import run_folders
+    from bestman_bt.records.reader import run_folders
 
     found: list[Path] = []
     for path in given:

@@ -41,10 +41,10 @@ def command(
 ) -> None:
     """Write one HTML page that tells what happened in a run, or what many runs say together."""
     from bestman_bt.evaluation.report.page import report_page
-    from bestman_bt.evaluation.report.run_reader import ReportError, read_story, run_folders
+    from bestman_bt.evaluation.report.run_reader import ReportError, folders_to_report, read_story
 
     stories, faults = [], []
-    folders = list(dict.fromkeys(folder.resolve() for given in runs for folder in run_folders(given)))
+    folders = list(dict.fromkeys(folder.resolve() for given in runs for folder in folders_to_report(given)))
     for folder in folders:
         try:
             stories.append(read_story(folder))

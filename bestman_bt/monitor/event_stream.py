@@ -6,12 +6,14 @@ import contextlib
 import queue
 import threading
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from bestman_bt.engine import IDLE
 from bestman_bt.monitor.subscriber_queue import SubscriberQueue
 from bestman_bt.records.events import (
+    MAIN_TREE,
     BlackboardEvent,
     BreakpointsEvent,
     DroppedEvent,
@@ -55,7 +57,24 @@ class StateSnapshot:
         self._blackboard: dict[str, dict[str, ShownEntry]] = {}
         self.time = 0.0
         """Of the latest event."""
-        self._tick = 0
+        self.tick = 0
+
+    @property
+    def states(self) -> Mapping[int, int]:
+        """The state of each node of the main tree, by uid."""
+        return self._trees[MAIN_TREE].states
+
+    @property
+    def paused(self) -> PausedEvent | None:
+        """Why the execution is paused; None if it is not."""
+        paused = self._latest.get("paused")
+        return paused if isinstance(paused, PausedEvent) else None
+
+    @property
+    def breakpoints(self) -> list[dict[str, Any]]:
+        """The breakpoints that are set."""
+        points = self._latest.get("breakpoints")
+        return points.breakpoints if isinstance(points, BreakpointsEvent) else []
 
     def _take_tree(self, event: TreeEvent) -> None:
         ended = [number for number, tree in self._trees.items() if number and tree.told.under == event.under]
@@ -71,12 +90,12 @@ class StateSnapshot:
             case TreeEvent():
                 self._take_tree(event)
             case StatesEvent():
-                self.time, self._tick = event.time, event.tick
+                self.time, self.tick = event.time, event.tick
                 if event.tree in self._trees:
                     self._trees[event.tree].states.update(event.changes)
                     self._trees[event.tree].messages.update(event.messages)
             case BlackboardEvent():
-                self.time, self._tick = event.time, event.tick
+                self.time, self.tick = event.time, event.tick
                 for scope, entries in event.entries.items():
                     self._blackboard.setdefault(scope, {}).update(entries)
             case ResumedEvent():
@@ -97,10 +116,10 @@ class StateSnapshot:
             yield self._latest["map"]
         if "states" in topics:
             for number, tree in self._trees.items():
-                yield StatesEvent(self.time, self._tick, list(tree.states.items()), dict(tree.messages), number)
+                yield StatesEvent(self.time, self.tick, list(tree.states.items()), dict(tree.messages), number)
         if "blackboard" in topics:
             entries = {scope: dict(entries) for scope, entries in self._blackboard.items()}
-            yield BlackboardEvent(self.time, self._tick, entries)
+            yield BlackboardEvent(self.time, self.tick, entries)
         for name, event in list(self._latest.items()):
             if name != "map" and topic_of(event) in (None, *topics):
                 yield event

@@ -116,10 +116,10 @@ class PyTreesWatch:
             if self._steps:
                 self._steps -= 1
                 return
-            shown.tell(PausedEvent(shown.time, "asked"))
+            shown.tell(PausedEvent(shown.standing.time, "asked"))
             self._pace.wait_for(lambda: not self._is_paused or self._steps > 0)
             self._steps = max(0, self._steps - 1)
-            shown.tell(ResumedEvent(shown.time))
+            shown.tell(ResumedEvent(shown.standing.time))
 
     def _after(self, tree: BehaviourTree) -> None:
         """Tell what the tick changed."""
@@ -155,7 +155,7 @@ class PyTreesWatch:
         news |= {key: REMOVED for key in self._entries if key not in entries}
         self._entries = entries
         if news:
-            shown.tell(BlackboardEvent(now, shown.tick, {"": news}))
+            shown.tell(BlackboardEvent(now, shown.standing.tick, {"": news}))
 
     def _control(self, asked: Request) -> None:
         what = asked.get("do")

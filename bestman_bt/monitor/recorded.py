@@ -12,14 +12,7 @@ from typing import Any
 from bestman_bt.monitor.run import MonitoredRun, RunError
 from bestman_bt.records.events import LogEvent, RunEvent
 from bestman_bt.records.history import RunHistory
-from bestman_bt.records.reader import RecordError, first_event, has_record, is_log, read, read_picture, read_result
-
-
-def run_folders(given: Path) -> list[Path]:
-    """Return the run folders at a path: itself, those inside it, or a log of BehaviorTree.CPP."""
-    if has_record(given) or is_log(given):
-        return [given]
-    return sorted(path for path in given.iterdir() if has_record(path)) if given.is_dir() else []
+from bestman_bt.records.reader import RecordError, first_event, read, read_picture, read_result
 
 
 def identity_of(folder: Path) -> str:

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from bestman_bt.monitor.control_client import remove_socket, socket_folder
-from bestman_bt.monitor.recorded import RecordedRun, identity_of, read_run, run_folders
+from bestman_bt.monitor.recorded import RecordedRun, identity_of, read_run
 from bestman_bt.monitor.run import MonitoredRun, RunError, running_first
 from bestman_bt.records.events import Event, EventError, ImageEvent, RunEvent, Topic, from_line
+from bestman_bt.records.reader import run_folders
 
 # A run of an executor of this machine, followed through its control socket.
 

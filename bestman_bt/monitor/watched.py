@@ -13,16 +13,14 @@ from typing import Any
 from bestman_bt.engine.status import IDLE, RUNNING, STATUS_NAMES
 from bestman_bt.errors import Error
 from bestman_bt.monitor.control_socket import Request, RequestRefusedError, serve, topics_of
-from bestman_bt.monitor.event_stream import EventStream
+from bestman_bt.monitor.event_stream import EventStream, StateSnapshot
 from bestman_bt.monitor.subscriber_queue import SubscriberQueue
 from bestman_bt.records.events import (
-    BreakpointsEvent,
     EndEvent,
     Event,
     Level,
     LogEvent,
     PausedEvent,
-    ResumedEvent,
     RunEvent,
     StatesEvent,
     TreeEvent,
@@ -50,13 +48,8 @@ class WatchedExecution:
             run = replace(run, folder=str(folder))
             log = RunLogWriter(folder, tree.xml, run)
         self.run, self.tree = run, tree
-        self.time = 0.0
-        """Of the newest event, seconds since the start."""
-        self.tick = 0
-        self.states = {node.uid: IDLE for node in tree.nodes}
+        self.standing = StateSnapshot()
         self._result = IDLE
-        self._paused: PausedEvent | None = None
-        self._breakpoints: list[dict[str, Any]] = []
         self._control = control
         self._stack = ExitStack()
         self._stream = EventStream()
@@ -75,32 +68,28 @@ class WatchedExecution:
 
     def tell(self, event: Event) -> bool:
         """Publish and record an event. Returns False if it was lost."""
-        if isinstance(event, (PausedEvent, ResumedEvent)):
-            self._paused = event if isinstance(event, PausedEvent) else None
-        elif isinstance(event, BreakpointsEvent):
-            self._breakpoints = event.breakpoints
+        self.standing.take(event)
         return self._stream.tell(lambda: (event,))
 
     def tell_states(self, time: float, changes: list[tuple[int, int]], messages: dict[int, str] | None = None) -> bool:
         """Publish the state changes of one moment, in order. ``time``: seconds since the start. Returns False if
         lost.
         """
-        self.time, self.tick = max(self.time, time), self.tick + 1
-        self.states.update(changes)
         for uid, state in changes:
             if uid == 1 and state != IDLE:
                 self._result = state
-        return self.tell(StatesEvent(self.time, self.tick, changes, messages or {}))
+        now = self.standing
+        return self.tell(StatesEvent(max(now.time, time), now.tick + 1, changes, messages or {}))
 
     def say(self, level: Level, message: str) -> None:
         """A line of the log."""
-        self.tell(LogEvent(self.time, level, message, logger=__name__))
+        self.tell(LogEvent(self.standing.time, level, message, logger=__name__))
 
     def end(self, why: str) -> None:
         """End the execution: succeeded or failed like its root's last result, else cancelled."""
         outcome = OUTCOMES.get(self._result, "cancelled")
         self.say("info" if outcome == "success" else "warning", f"{self.run.task} ends: {outcome}: {why}")
-        self.tell(EndEvent(self.time, outcome, STATUS_NAMES[self._result], why))
+        self.tell(EndEvent(self.standing.time, outcome, STATUS_NAMES[self._result], why))
 
     # ---- as a channel
 
@@ -114,17 +103,18 @@ class WatchedExecution:
                 self._control(message if isinstance(message, dict) else {})
         except Error as error:
             return {"ok": False, "error": str(error)}
+        now = self.standing
         return {
             "ok": True,
             "task": self.run.task,
             "pid": self.run.pid,
-            "ticks": self.tick,
-            "time": self.time,
-            "paused": self._paused is not None,
+            "ticks": now.tick,
+            "time": now.time,
+            "paused": now.paused is not None,
             "speed": 1.0,
-            "held_at": None if self._paused is None else _held_at(self._paused),
-            "breakpoints": self._breakpoints,
-            "root": STATUS_NAMES[self.states[1]],
+            "held_at": None if now.paused is None else _held_at(now.paused),
+            "breakpoints": now.breakpoints,
+            "root": STATUS_NAMES[now.states[1]],
             "run": Path(self.run.folder).name,
             "folder": self.run.folder,
             "active": [node.path for node in self._running_leaves()],
@@ -142,7 +132,7 @@ class WatchedExecution:
         self._stream.forget(outbox)
 
     def _running_leaves(self) -> Iterable[Any]:
-        return (node for node in self.tree.nodes if node.is_leaf and self.states[node.uid] == RUNNING)
+        return (node for node in self.tree.nodes if node.is_leaf and self.standing.states[node.uid] == RUNNING)
 
 
 def file_name(text: str) -> str:

@@ -36,6 +36,7 @@ from bestman_bt.records.writer import EVENTS_FILE, LOG_FILE, RESULT_FILE, SEGMEN
 LONGEST_SEGMENT = 4 * SEGMENT
 MOST_READ = 512 << 20
 """Bytes that are read of all segments together: more than ten hours; of these one is in memory at a time."""
+RECORDS = (STATES_FILE, EVENTS_FILE)
 LARGEST_FILE = 32 << 20
 """Bytes of one log that are read; executors cut theirs long before."""
 LOG_SUFFIXES = (".btlog", ".db3", ".btdb")
@@ -59,7 +60,27 @@ def is_log(path: Path) -> bool:
 
 def has_record(folder: Path) -> bool:
     """Return whether a folder has states or events of a run."""
-    return (folder / STATES_FILE).is_file() or (folder / EVENTS_FILE).is_file()
+    return _has_one(folder, RECORDS)
+
+
+def run_folders(given: Path, parts: Collection[str] = RECORDS, depth: int = 1) -> list[Path]:
+    """Return the run folders of a path: itself, those at most ``depth`` folders below it, or a log of BehaviorTree.CPP.
+
+    A run folder has one of the files ``parts``. Links to run folders count; other links are not followed.
+    """
+    return [given] if is_log(given) else list(_below(given, parts, depth))
+
+
+def _below(folder: Path, parts: Collection[str], depth: int) -> Iterator[Path]:
+    if _has_one(folder, parts):
+        yield folder
+    elif depth and folder.is_dir():
+        for inner in sorted(folder.iterdir()):
+            yield from _below(inner, parts, 0 if inner.is_symlink() else depth - 1)
+
+
+def _has_one(folder: Path, parts: Collection[str]) -> bool:
+    return any((folder / part).is_file() for part in parts)
 
 
 def read(path: Path, left_out: Collection[str] = ()) -> RunHistory:

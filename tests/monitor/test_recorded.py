@@ -16,12 +16,20 @@ import pytest
 
 from bestman_bt.engine import ManualClock, NodeRegistry, load_tree
 from bestman_bt.engine.logs.btlog import BtLogWriter
-from bestman_bt.monitor.recorded import RecordedRun, read_run, run_folders
+from bestman_bt.monitor.recorded import RecordedRun, read_run
 from bestman_bt.monitor.run import RunError
 from bestman_bt.monitor.run_list import MAX_LOADED, RunList
 from bestman_bt.records.events import LogEvent, RunEvent, from_line
 from bestman_bt.records.history import RunHistory
-from bestman_bt.records.reader import LARGEST_FILE, LONGEST_SEGMENT, RecordError, read_events, read_log, read_picture
+from bestman_bt.records.reader import (
+    LARGEST_FILE,
+    LONGEST_SEGMENT,
+    RecordError,
+    read_events,
+    read_log,
+    read_picture,
+    run_folders,
+)
 from bestman_bt.records.writer import RunLogWriter
 from tests.monitor.conftest import FakeExecutor, Message, Monitor, run_event, states_event, tree_event
 

@@ -21,10 +21,12 @@ from bestman_bt.messages.black_box import PATTERN, BlackBox, BlackBoxError
 from bestman_bt.records.events import LogEvent
 from bestman_bt.records.history import Picture, RunHistory
 from bestman_bt.records.nodes import NodeList
-from bestman_bt.records.reader import LARGEST_RESULT, RecordError, has_record, is_log, read, read_result
+from bestman_bt.records.reader import LARGEST_RESULT, RecordError, has_record, is_log, read, read_result, run_folders
 from bestman_bt.records.timeline import Activities, activities
 from bestman_bt.records.writer import CONFIG_FILE, EVENTS_FILE, LOG_FILE, RESULT_FILE, STATES_FILE
 
+DEPTH = 4
+"""Folders below the given one in which runs are looked for."""
 PARTS = (RESULT_FILE, CONFIG_FILE, STATES_FILE, EVENTS_FILE, LOG_FILE)
 MAX_BYTES = {RESULT_FILE: LARGEST_RESULT, CONFIG_FILE: 256_000}
 LEFT_OUT = ("blackboard", "map", "path", "robot", "scan")
@@ -45,28 +47,14 @@ class ReportError(InputError):
     """A folder is not a run folder, or its report cannot be made."""
 
 
-def run_folders(given: Path, depth: int = 4) -> list[Path]:
-    """Return the run folders of a path: itself, all below it, or a log.
-
-    Raises ReportError if there is none.
-    """
-    if is_log(given):
-        return [given]
-    if not given.is_dir():
+def folders_to_report(given: Path) -> list[Path]:
+    """Return the run folders of a path. Raises ReportError if there is none."""
+    found = run_folders(given, PARTS, DEPTH)
+    if not found and not given.is_dir():
         raise ReportError(f"{given} is not a folder")
-    found = list(_below(given, depth))
     if not found:
         raise ReportError(f"{given} is not a run folder and contains none: none has {' or '.join(PARTS)}")
     return found
-
-
-def _below(folder: Path, depth: int) -> Iterator[Path]:
-    if any((folder / part).is_file() for part in PARTS):
-        yield folder
-    elif depth:
-        for inner in sorted(folder.iterdir()):
-            if inner.is_dir() and not inner.is_symlink():
-                yield from _below(inner, depth - 1)
 
 
 def read_story(folder: Path) -> RunReport:

@@ -175,7 +175,7 @@ class _Session:
 
     def _tell_standing(self, standing: dict[int, int], but: set[int]) -> None:
         """How all stand, ``but`` those whose changes follow."""
-        shown = self._shown.states
+        shown = self._shown.standing.states
         changes = [(uid, state) for uid, state in standing.items() if uid not in but and shown.get(uid, state) != state]
         if changes:
             self._shown.tell_states(self._now(), changes)
@@ -190,7 +190,7 @@ class _Session:
 
     def _take_breakpoints(self) -> None:
         for uid in islice(iter(self._client.reached, None), MOST_REACHED):
-            self._points.reached(uid, self._shown.time)
+            self._points.reached(uid, self._shown.standing.time)
 
     def _take_blackboards(self) -> None:
         began = time.monotonic()
@@ -211,7 +211,8 @@ class _Session:
         for (scope, key), entry in news.items():
             boards.setdefault(scope, {})[key] = entry
         if boards:
-            self._shown.tell(BlackboardEvent(max(self._shown.time, self._now()), self._shown.tick, boards))
+            shown = self._shown.standing
+            self._shown.tell(BlackboardEvent(max(shown.time, self._now()), shown.tick, boards))
 
     def _control(self, asked: Request) -> None:
         """What is asked of the execution, from any thread."""

@@ -9,7 +9,7 @@ import pytest
 from bestman_bt.engine import load_tree
 from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.engine.status import FAILURE, RUNNING, SUCCESS
-from bestman_bt.evaluation.report.run_reader import MAX_BYTES, ReportError, RunReport, read_story, run_folders
+from bestman_bt.evaluation.report.run_reader import MAX_BYTES, ReportError, RunReport, folders_to_report, read_story
 from bestman_bt.evaluation.result import Outcome
 from bestman_bt.records.events import DescribedNode, ImageEvent, LogEvent, StatesEvent, TreeEvent
 from bestman_bt.records.states import NO
@@ -226,9 +226,9 @@ def test_a_log_with_an_entity_bomb_is_refused(tmp_path: Path) -> None:
 
 def test_a_folder_of_nothing_is_refused_in_words(tmp_path: Path) -> None:
     with pytest.raises(ReportError, match="is not a folder"):
-        run_folders(tmp_path / "not_there")
+        folders_to_report(tmp_path / "not_there")
     with pytest.raises(ReportError, match="is not a run folder and contains none"):
-        run_folders(tmp_path)
+        folders_to_report(tmp_path)
     (tmp_path / "result.json").write_text("not json")
     with pytest.raises(ReportError, match="result.json was not read to its end"):
         read_story(tmp_path)
@@ -239,8 +239,8 @@ def test_the_runs_below_a_folder_are_found_and_links_are_not_followed(tmp_path: 
     second = write_run(tmp_path / "evaluation" / "runs" / "b", outcome=Outcome.CANCELLED)
     (tmp_path / "evaluation" / "again").symlink_to(tmp_path)
 
-    assert run_folders(tmp_path) == [first, second]
-    assert run_folders(first) == [first]
+    assert folders_to_report(tmp_path) == [first, second]
+    assert folders_to_report(first) == [first]
 
 
 def test_hostile_names_are_kept_as_text(tmp_path: Path) -> None:
