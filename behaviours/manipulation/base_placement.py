@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from behaviours.arm_motion import unreached
 from behaviours.context import DRIVEN
-from behaviours.manipulation.grasp_candidates import grasp_candidates
+from behaviours.manipulation.grasp_candidates import APPROACH, GraspApproach, grasp_candidates
 from behaviours.manipulation.place import place_tool_poses
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface, with_open_drawers
 from behaviours.skill import ArmNode, Declaration, ObjectName, Skill, SkillCoroutine, SkillFailure, SurfaceName
@@ -84,6 +84,7 @@ class FindStandPose(FindBasePlacement):
     surface = In[str](SurfaceName, "the surface to stand at, such as table")
     object = In[str | None](ObjectName, "the object to reach, if it has been seen", required=False)
     goal = In(Pose, "the place to reach, in the map frame", required=False)
+    approach = In[str](GraspApproach, APPROACH, default="any")
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         "no_stand": "the obstacle may have gone: ForgetBlocked, then retry",
@@ -131,7 +132,7 @@ class FindStandPose(FindBasePlacement):
             poses = place_tool_poses(skills.held, on_surface, place.descent, place.drop_height)
             return [StandTarget(poses, goal.position[:2])]
         if belief is not None:
-            candidates = grasp_candidates(self.skills, belief)[:8]
+            candidates = grasp_candidates(self.skills, belief, self.approach)[:8]
             map_from_base = skills.map_from_base
             grasps = [(map_from_base @ c.pre_grasp, map_from_base @ c.grasp) for c in candidates]
             return [StandTarget(grasps, belief.pose.position[:2])]

@@ -10,7 +10,7 @@ import numpy as np
 from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free, timed_path, unreached
 from behaviours.contacts import grasp as grasp_contact
 from behaviours.contacts import stopping_at, support, surface_below
-from behaviours.manipulation.grasp_candidates import grasp_candidates
+from behaviours.manipulation.grasp_candidates import APPROACH, GraspApproach, grasp_candidates
 from behaviours.skill import (
     ALGORITHM_ERRORS,
     ArmName,
@@ -115,6 +115,7 @@ class PlanGrasp(ArmNode, Skill):
     USES = ("wrist_camera",)
     object = In[str](ObjectName, "a located object")
     count = In[int](Count, "number of grasps to keep", default=4)
+    approach = In[str](GraspApproach, APPROACH, default="any")
     grasps = Out(list, "planned grasps, best first", required=True)
     FAILS: ClassVar = {
         "not_found": "DetectObject first",
@@ -128,17 +129,18 @@ class PlanGrasp(ArmNode, Skill):
         belief = self.skills.world.objects.get(name)
         if belief is None:
             raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
-        grasps = yield self.compute("grasp_planning", self._plan, belief, self.count)
+        approach: str = self.approach
+        grasps = yield self.compute("grasp_planning", self._plan, belief, self.count, approach)
         if not grasps:
             raise unreached(
                 self.skills,
                 SkillFailure("no_grasp", f"no grasp of the {name} is free and within reach from here"),
-                (candidate.pre_grasp for candidate in grasp_candidates(self.skills, belief)),
+                (candidate.pre_grasp for candidate in grasp_candidates(self.skills, belief, approach)),
             )
         self.grasps = grasps
         self.feedback_message = f"{len(grasps)} grasps"
 
-    def _plan(self, belief: ObjectBelief, count: int) -> list[PlannedGrasp]:
+    def _plan(self, belief: ObjectBelief, count: int, kind: str) -> list[PlannedGrasp]:
         from bestman_bt.manipulation.motion_planning.approach import ApproachPoses, approaches
         from bestman_bt.perception.grasp_pose.ranking import GraspRanking
 
@@ -149,7 +151,7 @@ class PlanGrasp(ArmNode, Skill):
         reference = skills.arm_positions()
         base_from_object = skills.map_from_base.inverse() @ belief.pose
         planned: list[tuple[float, PlannedGrasp]] = []
-        for ranked in GraspRanking().rank(grasp_candidates(skills, belief), self._reachability):
+        for ranked in GraspRanking().rank(grasp_candidates(skills, belief, kind), self._reachability):
             candidate = ranked.candidate
             for approach in approaches(
                 skills.kinematics,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
+from bestman_bt.engine import OneOf
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.world_model.world_model import HandleBelief, ObjectBelief
 
@@ -23,9 +24,20 @@ OBLIQUE = 0.5
 SURROUNDINGS_SPACING = 0.01
 """Distance between the points that represent other objects, metres."""
 
+GraspApproach = Annotated[str, OneOf(lambda: ("any", "top", "side"))]
+APPROACH = "from where the hand comes: top, side or any"
+"""What the port says that has such a value."""
 
-def grasp_candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspCandidate, ...]:
-    """Return grasps of a believed object in the base frame, best first; without a model, from its points."""
+
+def grasp_candidates(skills: SkillContext, belief: ObjectBelief, approach: str = "any") -> tuple[GraspCandidate, ...]:
+    """Return grasps of a believed object in the base frame, best first; without a model, from its points.
+
+    ``approach``: ``top`` or ``side`` for those grasps alone.
+    """
+    return tuple(one for one in _candidates(skills, belief) if approach in ("any", one.approach))
+
+
+def _candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspCandidate, ...]:
     from bestman_bt.perception.grasp_pose.base import GraspTarget
 
     base_from_map = skills.map_from_base.inverse()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from behaviours.manipulation.grasp_candidates import grasp_candidates
 from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.messages import Pose
@@ -94,6 +95,17 @@ def test_planned_grasps_fit_the_cup_and_come_best_first(looked) -> None:
     grasps = tree.blackboard.get("grasps")
     assert 1 <= len(grasps) <= 3
     assert all(0.05 < grasp.candidate.width < 0.08 for grasp in grasps)
+
+
+def test_grasps_come_from_the_given_direction_alone(looked) -> None:
+    robot, _, _ = looked
+    belief = robot.skills.world.objects["cup"]
+    offered = {one.approach for one in grasp_candidates(robot.skills, belief)}
+    assert offered == {"top", "side"}
+    tree = robot.load(tree_of('<PlanGrasp object="cup" grasps="{grasps}" count="8" approach="top"/>'))
+    assert tick(tree, 100) == SUCCESS
+    assert {grasp.candidate.approach for grasp in tree.blackboard.get("grasps")} == {"top"}
+    assert {one.approach for one in grasp_candidates(robot.skills, belief, "side")} == {"side"}
 
 
 def test_each_time_it_is_asked_again_another_stand_is_found(looked) -> None:
