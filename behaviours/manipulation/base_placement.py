@@ -84,7 +84,7 @@ class FindStandPose(FindBasePlacement):
     surface = In[str](SurfaceName, "the surface to stand at, such as table")
     object = In[str | None](ObjectName, "the object to reach, if it has been seen", required=False)
     goal = In(Pose, "the place to reach, in the map frame", required=False)
-    approach = In[str](GraspApproach, APPROACH, default="any")
+    approach = In[str](GraspApproach, APPROACH, default="")
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         "no_stand": "the obstacle may have gone: ForgetBlocked, then retry",

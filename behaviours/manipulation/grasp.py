@@ -115,7 +115,7 @@ class PlanGrasp(ArmNode, Skill):
     USES = ("wrist_camera",)
     object = In[str](ObjectName, "a located object")
     count = In[int](Count, "number of grasps to keep", default=4)
-    approach = In[str](GraspApproach, APPROACH, default="any")
+    approach = In[str](GraspApproach, APPROACH, default="")
     grasps = Out(list, "planned grasps, best first", required=True)
     FAILS: ClassVar = {
         "not_found": "DetectObject first",

@@ -24,17 +24,17 @@ OBLIQUE = 0.5
 SURROUNDINGS_SPACING = 0.01
 """Distance between the points that represent other objects, metres."""
 
-GraspApproach = Annotated[str, OneOf(lambda: ("any", "top", "side"))]
-APPROACH = "from where the hand comes: top, side or any"
+GraspApproach = Annotated[str, OneOf(lambda: ("", "top", "side"))]
+APPROACH = "from where the hand comes, top or side; by default any"
 """What the port says that has such a value."""
 
 
-def grasp_candidates(skills: SkillContext, belief: ObjectBelief, approach: str = "any") -> tuple[GraspCandidate, ...]:
+def grasp_candidates(skills: SkillContext, belief: ObjectBelief, approach: str = "") -> tuple[GraspCandidate, ...]:
     """Return grasps of a believed object in the base frame, best first; without a model, from its points.
 
     ``approach``: ``top`` or ``side`` for those grasps alone.
     """
-    return tuple(one for one in _candidates(skills, belief) if approach in ("any", one.approach))
+    return tuple(one for one in _candidates(skills, belief) if approach in ("", one.approach))
 
 
 def _candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspCandidate, ...]:
