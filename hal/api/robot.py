@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -17,12 +18,34 @@ if TYPE_CHECKING:
 # Time, as the robot sees it.
 
 
-class Timer(ABC):
-    """A periodic call that runs until it is cancelled."""
+class Timer:
+    """A periodic call that runs until it is cancelled; for implementations of clocks.
 
-    @abstractmethod
+    ``start``: time of the clock at which the first ``period`` begins, seconds. Raises ValueError if ``period`` is not
+    finite and positive.
+    """
+
+    def __init__(self, period: float, start: float, call: Callable[[], None]) -> None:
+        if not (math.isfinite(period) and period > 0.0):
+            raise ValueError(f"timer period should be finite and positive but is {period!r}")
+        self._period, self._start, self._call = period, start, call
+        self._calls = 0
+        self.cancelled = False
+
+    @property
+    def due(self) -> float:
+        """Return the time of the next call, seconds of the clock."""
+        return self._start + (self._calls + 1) * self._period
+
+    def run(self, now: float | None = None) -> None:
+        """Call once; with ``now``, calls that were missed by then are skipped."""
+        missed = 0 if now is None else int((now - self._start) / self._period + 1e-9)
+        self._calls = max(self._calls + 1, missed)
+        self._call()
+
     def cancel(self) -> None:
         """Stop calling; idempotent."""
+        self.cancelled = True
 
 
 class Clock(ABC):

@@ -5,35 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from typing_extensions import override
-
 from hal.api import Clock, NotConnectedError, Timer
 
 # A timer or a sleep that ends within this share of a physics step counts as ended.
 ROUNDING = 1e-6
-
-
-class SimulatedTimer(Timer):
-    """A periodic call; ``due``: the time of the next call."""
-
-    def __init__(self, period: float, start: float, call: Callable[[], None]) -> None:
-        self._period, self._start, self.call = period, start, call
-        self._calls = 0
-        self.cancelled = False
-
-    @property
-    def due(self) -> float:
-        """The time of the next call, seconds."""
-        return self._start + (self._calls + 1) * self._period
-
-    def run(self) -> None:
-        """Call once."""
-        self._calls += 1
-        self.call()
-
-    @override
-    def cancel(self) -> None:
-        self.cancelled = True
 
 
 class SimulatedClock(Clock):
@@ -46,7 +21,7 @@ class SimulatedClock(Clock):
         self.time_step = time_step
         self._steps = 0
         self._target = 0.0
-        self._timers: list[SimulatedTimer] = []
+        self._timers: list[Timer] = []
         self._sleeping = False
         self.step: Callable[[], None] | None = None
 
@@ -81,9 +56,7 @@ class SimulatedClock(Clock):
 
         Raises ValueError if ``period`` is not finite and positive.
         """
-        if not (math.isfinite(period) and period > 0.0):
-            raise ValueError(f"timer period should be finite and positive but is {period!r}")
-        timer = SimulatedTimer(period, self.now(), call)
+        timer = Timer(period, self.now(), call)
         self._timers.append(timer)
         return timer
 
