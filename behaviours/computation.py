@@ -72,9 +72,6 @@ class _Computed(Motion[Result]):
             self.end(MotionStatus.FAILED, Failure(code, str(self._error)))
 
 
-# Waiting for a condition, also while something moves.
-
-
 class Until(Motion[None]):
     """Wait until ``condition`` is true; with ``motion``, also end when that has ended.
 

@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from bestman_bt.manipulation.base_placement import PathPlacement
 
 
-# Standing to close a door or drawer: from where the arm pushes its front all the way shut.
-
-
 CLOSE_DISTANCES = (0.55, 0.65, 0.75, 0.85, 0.95)
 """Metres from the middle of the pushed point's way to the middle of the base."""
 CLOSE_BEARINGS = tuple(math.radians(degrees) for degrees in range(-90, 91, 15))

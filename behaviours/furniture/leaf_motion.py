@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from bestman_bt.manipulation.collision.base import CollisionWorld
 
 
-# Waiting until the wrist sensor's offset without contact is measured.
-
-
 def tare_wrist(skill: Skill) -> SkillCoroutine[None]:
     """Measure the wrist sensor's offset with the hand at rest and without contact; do nothing without such a sensor.
 
@@ -34,9 +31,6 @@ def tare_wrist(skill: Skill) -> SkillCoroutine[None]:
     if wrist is not None:
         wrist.tare()
         yield Until(lambda: not wrist.taring)
-
-
-# Taking the hand away from a door or drawer, and the arm to a posture.
 
 
 FELT = 0.012

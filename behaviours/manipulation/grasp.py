@@ -34,9 +34,6 @@ if TYPE_CHECKING:
     from bestman_bt.perception.grasp_pose.base import GraspCandidate
 
 
-# Checks of the held object: by width, touch and sight.
-
-
 class CheckHeld(ArmNode, Skill):
     """Verify that the hand holds an object: by gripper width, and tactile pads and wrist camera, if any.
 

@@ -270,9 +270,6 @@ def _way(base_from_object: Pose, base_from_goal: Pose) -> tuple[NDArray[np.float
     return way / distance, distance
 
 
-# Standing where an object can be pushed to its goal.
-
-
 class FindPushStand(FindStandPose):
     """Choose a base placement to push a seen object to a goal: the arm reaches behind it and along the whole push.
 

@@ -1,4 +1,4 @@
-"""NavigateToPose and NavigateThroughPoses: planning and driving in one leaf."""
+"""Nav2's planning of paths, following of paths, and both in one leaf."""
 
 from __future__ import annotations
 
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from bestman_bt.control import Motion
     from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure
     from bestman_bt.navigation.global_planning.costmap import Costmap
-
-
-# Planning a path, without driving it: ComputePathToPose and ComputePathThroughPoses.
 
 
 ALL_GOALS = -1
@@ -115,9 +112,6 @@ def _legs(
         legs.append(planned)
         start = goal
     return legs, None
-
-
-# FollowPath: drive along a path, and along the next one as soon as there is one.
 
 
 class FollowPath(Nav2Errors, Skill):

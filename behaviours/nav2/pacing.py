@@ -1,4 +1,4 @@
-"""Pacing of a child's ticks by the motion of the base: SpeedController, DistanceController, PathLongerOnApproach."""
+"""Nav2's nodes on goals and on the motion of the base, which also pace the ticks of a child."""
 
 from __future__ import annotations
 
@@ -15,8 +15,6 @@ from bestman_bt.engine import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Decorato
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.messages import Goals, Path2D, Pose2D
 from bestman_bt.messages.shapes import Count, NonNegative, NonNegativeInt, Positive
-
-# Asking of goals, and keeping them up to date: GoalReached, GoalUpdated, GlobalUpdatedGoal, RemovePassedGoals, …
 
 
 class WatchesGoals(Node):

@@ -1,4 +1,7 @@
-"""Conditions on recoveries: IsStuck, WouldAPlannerRecoveryHelp, WouldAControllerRecoveryHelp, …"""
+"""Nav2's recoveries: clearing of the costmap, and conditions on what would help.
+
+Cleared obstacles that still exist are seen again immediately.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +16,6 @@ from behaviours.skill import InstantSkill, SkillCondition
 from bestman_bt.engine import In, InOut
 from bestman_bt.messages import Pose2D
 from bestman_bt.messages.shapes import Positive
-
-# ClearEntireCostmap and related leaves: obstacles that still exist are seen again immediately.
-
 
 PORTS = {**SERVICE, **without_meaning("plugins")}
 RESET_DISTANCE = In[float](Positive, "metres, the side of a square", default=1.0)

@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from bestman_bt.perception.segmentation.base import Cluster
 
 
-# Beliefs of objects that the robot has not looked at: their places are given.
-
-
 class BelieveObject(InstantSkill):
     """Believe that an object stands at a pose, for example in a fixture or as reported by another robot.
 

@@ -16,9 +16,6 @@ from behaviours.skill import ArmNode, Declaration, ObjectName, Skill, SkillCorou
 from bestman_bt.engine import In
 from bestman_bt.messages import Pose
 
-# Looking into a drawer, or down on a thing, with the camera on the hand.
-
-
 DISTANCES = (0.48, 0.42, 0.55, 0.36)
 """Distances of the camera from its target, metres, the best first: it sees a drawer of 70 cm completely."""
 TILTS = tuple(math.radians(degrees) for degrees in (0.0, 12.0, -12.0, 24.0, -24.0, 36.0))

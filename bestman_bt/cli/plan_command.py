@@ -29,8 +29,6 @@ from bestman_bt.task_planning.language.errors import quoted
 from bestman_bt.task_planning.simulation import folded
 from bestman_bt.task_planning.symbolic.problem import PlanningError, PlanningProblem, TaskPlan
 
-# The log of one package on standard error, while something is done with it.
-
 
 @contextmanager
 def shown_log(package: str) -> Iterator[None]:

@@ -44,9 +44,6 @@ def start_motion(
     return refused
 
 
-# A motion before its start, for a person to check: what moves, how long, and the swept area.
-
-
 Array = NDArray[np.float64]
 
 

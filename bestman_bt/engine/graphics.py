@@ -17,8 +17,6 @@ from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.palette import STATE_COLORS, STATE_MARKS
 from bestman_bt.engine.status import IDLE, STATUS_NAMES
 
-# A tree as text, with the nodes' states where they are known.
-
 
 def render_text(tree: Tree, states: Mapping[int, int] | None = None, *, ports: bool = True) -> str:
     """Return the tree as indented text, one node per line.

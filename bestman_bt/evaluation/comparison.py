@@ -26,9 +26,6 @@ from bestman_bt.evaluation.paired_comparison import (
     compare_runs,
 )
 
-# A comparison as a picture: success, and for each metric the values of both runs of each pair, joined by a line.
-
-
 COLUMNS = 4
 UP, DOWN, SAME = "#d95f02", "#1b7f8c", "#9a9a9a"
 """Lines of pairs of which the second value is larger, smaller, or equal."""
@@ -177,9 +174,6 @@ def _told_apart(first: str, second: str, given: tuple[str, str]) -> tuple[str, s
     if folders[0].resolve() == folders[1].resolve():
         raise ConfigurationError([Problem(given[0], None, "", "is compared with itself: name another one")])
     return (names[0], names[1]) if names[0] != names[1] else (str(folders[0]), str(folders[1]))
-
-
-# A comparison in words: one sentence about success and one about each metric.
 
 
 MOST_PAIRS = 1000

@@ -12,8 +12,6 @@ from bestman_bt.messages.frozen_array import frozen_array
 from bestman_bt.messages.handle import JointKind
 from bestman_bt.messages.pose import Pose, Pose2D
 
-# Planar paths.
-
 
 @dataclass(frozen=True, eq=False)
 class Path2D:

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from bestman_bt.messages.pose import Pose, wrap_angle
 from bestman_bt.messages.shapes import PlacedShape, bounding_corners
 
-# The yaws that agree with the views of an object so far: a set of arcs.
-
 
 @dataclass(frozen=True)
 class YawSet:

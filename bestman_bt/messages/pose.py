@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.messages.frozen_array import frozen_array
 
-# Velocities of a planar base.
-
 
 @dataclass(frozen=True)
 class Twist2D:
@@ -249,9 +247,6 @@ class Pose2D:
     def distance_to(self, other: Pose2D) -> float:
         """Return the Euclidean distance of the positions, metres."""
         return math.hypot(self.x - other.x, self.y - other.y)
-
-
-# Several poses to drive to, one after the other.
 
 
 class Goals(tuple[Pose2D, ...]):

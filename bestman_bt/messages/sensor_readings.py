@@ -13,8 +13,6 @@ from bestman_bt.messages.pose import Pose
 GRAVITY = 9.81
 """Acceleration by gravity, m/s²."""
 
-# Forces and torques.
-
 
 @dataclass(frozen=True, eq=False)
 class Wrench:
@@ -29,9 +27,6 @@ class Wrench:
     def __post_init__(self) -> None:
         object.__setattr__(self, "force", frozen_array(self.force, (3,), "Wrench force"))
         object.__setattr__(self, "torque", frozen_array(self.torque, (3,), "Wrench torque"))
-
-
-# Unordered points.
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +55,6 @@ class PointCloud:
     def selected(self, index: NDArray[np.bool_] | NDArray[np.intp]) -> PointCloud:
         """Return the points selected by ``index``, a mask (N,) or indices."""
         return PointCloud(self.points[index], None if self.colors is None else self.colors[index])
-
-
-# Planar range scans.
 
 
 @dataclass(frozen=True, eq=False)

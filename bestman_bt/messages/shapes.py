@@ -133,9 +133,6 @@ def bounding_corners(shape: Shape) -> NDArray[np.float64]:
             return shape.vertices
 
 
-# How far points are from a shape.
-
-
 def distance_to_shape(points: NDArray[np.float64], placed: PlacedShape) -> NDArray[np.float64]:
     """Return the distances (N,) of points (N, 3) from a solid shape, metres, 0 inside; a mesh counts as its bounding
     box.

@@ -37,8 +37,6 @@ from bestman_bt.records.events import (
 from bestman_bt.records.keeping import Keeping
 from bestman_bt.records.writer import RunLogWriter
 
-# How an execution stands: what one is told who begins to watch it, or has missed something.
-
 
 @dataclass
 class _TreeStanding:

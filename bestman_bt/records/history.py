@@ -303,12 +303,6 @@ class RunHistory:
             self.timeline.mark(event.time, "paused", event.reason)
 
 
-# The base pose and the joints of the robot over time.
-
-
-# Values over time with a bound: what is older gets coarser, what is recent stays whole.
-
-
 T = TypeVar("T")
 K = TypeVar("K", bound=Hashable)
 

@@ -13,8 +13,6 @@ from bestman_bt.engine.logs.btlog import Transitions
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.records.states import NO
 
-# When each node was at work, and how that ended, from its changes of state.
-
 
 @dataclass(frozen=True, eq=False)
 class Activities:

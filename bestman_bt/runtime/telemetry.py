@@ -38,9 +38,6 @@ from bestman_bt.runtime.blackboard_changes import BlackboardChanges, blackboard_
 from bestman_bt.runtime.executor import Execution, Executor, PauseReason, TerminationReason
 from bestman_bt.runtime.failure_lines import FailureLines, failure_codes
 
-# Listens to one tree for the telemetry.
-
-
 LONGEST_MESSAGE = 2000
 """Largest number of characters of a node's feedback."""
 
@@ -123,9 +120,6 @@ class TreeListener:
         changes = [uid_and_state(code) for code in codes]
         short = {uid: text[:LONGEST_MESSAGE] for uid, text in messages.items()}
         return (StatesEvent(time, tick, changes, short, self._number),)
-
-
-# Records that these packages log with Python's ``logging`` during a run become part of the run's log.
 
 
 PACKAGES = ("bestman_bt", "behaviours", "hal")

@@ -177,9 +177,6 @@ def _note_change(child: Node, status: int, log: list[Any]) -> None:
     child._s = status
 
 
-# IfThenElse and WhileDoElse: a first child decides which of the others is ticked.
-
-
 class IfThenElse(Control, composites.Selector):
     """Ticks the first child once, then the second if it succeeded, else the third (FAILURE without one)."""
 
@@ -255,9 +252,6 @@ class WhileDoElse(Control, composites.Selector):
         return status
 
 
-# Fallback and AsyncFallback: children in order, until one succeeds.
-
-
 class Fallback(Indexed, composites.Selector):
     """Ticks its children in order; SUCCESS as soon as one succeeds, FAILURE when all failed.
 
@@ -300,9 +294,6 @@ class SequenceWithMemory(Indexed, composites.Sequence):
     GO, STOP = SUCCESS, FAILURE
     YIELDS = True
     RESETS_ON_HALT = False
-
-
-# TryCatch: a sequence with a last child for cleanup.
 
 
 class TryCatch(Control, composites.Sequence):

@@ -1,4 +1,4 @@
-"""Switch2 to Switch6: a blackboard value chooses the child."""
+"""The choice of a child: by a blackboard value (Switch2 to Switch6), or by a person (ManualSelector)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,6 @@ from bestman_bt.engine.conversion import number_from_text
 from bestman_bt.engine.core.ports import In
 from bestman_bt.engine.scripting.operations import EPSILON
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
-
-# ManualSelector: a person at the terminal chooses which child is ticked.
-
 
 _RESULTS = {"s": SUCCESS, "f": FAILURE, "r": RUNNING}
 

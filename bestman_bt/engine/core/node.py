@@ -43,9 +43,6 @@ if TYPE_CHECKING:
     from bestman_bt.engine.core.tree import Tree
 
 
-# Error messages for the authors of nodes whose tick failed.
-
-
 def describe_bad_status(status: object) -> str:
     """Return the message for the author of a node that returned an invalid status."""
     if isinstance(status, int) and status == IDLE:
@@ -114,9 +111,6 @@ def _child(cls: type[Node], found: Any) -> Behaviour:
         raise TypeError(f"{cls.__name__} takes a name and children but got {found!r}")
     subtree: Behaviour = found.as_subtree()
     return subtree
-
-
-# Where a node of a loaded tree belongs: its tree, its blackboard and the SubTrees around it.
 
 
 class NodePlace:

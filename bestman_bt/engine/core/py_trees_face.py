@@ -14,8 +14,6 @@ from py_trees.common import Status as PyTreesStatus
 
 from bestman_bt.engine.status import IDLE, RUNNING, TO_PY_TREES, from_py_trees
 
-# An attribute that is created on first access, and is an ordinary attribute afterwards.
-
 
 class Lazy:
     """A non-data descriptor that makes the attribute on first access; ``__getattr__`` would disable CPython's attribute

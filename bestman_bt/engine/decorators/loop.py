@@ -1,4 +1,4 @@
-"""LoopInt, LoopDouble, LoopBool and LoopString: tick the child once for each item of a queue."""
+"""Loops: tick the child once for each item of a list or queue."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from bestman_bt.engine.core.ports import In, InOut, Out, key_of
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.errors import ConversionError
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, NodeStatus
-
-# ForEach: the child once for each item of a list of any type.
 
 
 class ForEach(Decorator):
@@ -54,9 +52,6 @@ class ForEach(Decorator):
                 self.wake_up()
                 return RUNNING
         return SUCCESS
-
-
-# ConsumeQueue: the older form of Loop, over a shared queue.
 
 
 class ConsumeQueue(Decorator):

@@ -51,9 +51,6 @@ class Precondition(Decorator):
         return status
 
 
-# SkipUnlessUpdated and WaitValueUpdate: tick the child if an entry was written since the last time.
-
-
 class _WhenUpdated(Decorator):
     entry = In(Any, "Entry to check")
     OTHERWISE: ClassVar[int]

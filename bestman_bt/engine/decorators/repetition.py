@@ -1,4 +1,4 @@
-"""Repeat, RetryUntilSuccessful and KeepRunningUntilFailure: repeated ticks of the child."""
+"""Decorators that decide how often the child is executed: once, a number of times, or until it fails."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from py_trees.ports import PortInformation
 from bestman_bt.engine.core.ports import In, key_of
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
-
-# RunOnce: the child is executed only once.
 
 
 class RunOnce(Decorator):

@@ -1,4 +1,4 @@
-"""Timeout and Delay. Both read the tree's clock when they are ticked; no timer thread is involved."""
+"""RateController, Timeout and Delay. They read the tree's clock when they are ticked; no timer thread is involved."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from annotated_types import Ge, Gt
 from bestman_bt.engine.core.ports import In
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
-
-# RateController of Nav2: the child at most so many times a second.
 
 
 class RateController(Decorator):

@@ -1,4 +1,4 @@
-"""The base classes of skills: a synchronous action, a condition, and a stateful action."""
+"""The base classes of leaves: a synchronous action, a condition, and a stateful action; and the simplest leaves."""
 
 from __future__ import annotations
 
@@ -72,9 +72,6 @@ class StatefulAction(Leaf):
         self.reset_status()
 
 
-# Sleep: RUNNING for a while.
-
-
 class Sleep(StatefulAction):
     """Returns RUNNING for ``msec`` milliseconds of the tree's clock, then SUCCESS."""
 
@@ -92,9 +89,6 @@ class Sleep(StatefulAction):
 
     def on_halted(self) -> None:
         """Do nothing: a sleep moves nothing."""
-
-
-# AlwaysSuccess and AlwaysFailure.
 
 
 class AlwaysSuccess(SyncAction):

@@ -1,4 +1,4 @@
-"""CoroutineAction: an action written as one ``async def`` that pauses between ticks."""
+"""Actions that do not block the tick: a coroutine that pauses between ticks, and work in a separate thread."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from typing import Any
 
 from bestman_bt.engine.leaves.base import StatefulAction
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
-
-# ThreadedAction: work that would hold up the tick, in a thread of its own.
 
 
 class ThreadedAction(StatefulAction):

@@ -1,4 +1,4 @@
-"""Script and ScriptCondition: leaves that run the script language."""
+"""Leaves that run the script language: Script, ScriptCondition, and TestNode in the place of a real leaf."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from bestman_bt.engine.core.ports import In, key_of
 from bestman_bt.engine.leaves.base import Condition, StatefulAction, SyncAction
 from bestman_bt.engine.scripting.compiler import ScriptCompiler
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS
-
-# TestNode: a leaf with a scripted result and delay, put in the place of a real one by a substitution rule.
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,6 @@ from bestman_bt.engine.logs.segmented_file import SegmentedFile, read_segments
 from bestman_bt.engine.status import IDLE, SKIPPED
 from bestman_bt.engine.xml.writer import full_tree_xml
 
-# The state changes of a log, stored as arrays and accessed one by one.
-
-
 PIECE = 1 << 14
 """Number of changes that are turned into objects at a time."""
 

@@ -170,9 +170,6 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-# Leaves that follow a scenario.
-
-
 @dataclass
 class Improvisation:
     """The scenario and random generator of simulated leaves."""

@@ -20,8 +20,6 @@ from bestman_bt.errors import Error
 from bestman_bt.extras import install_command
 from bestman_bt.records.shown_value import show_value
 
-# What goes wrong between Groot2 and a tree.
-
 
 class Groot2Error(Error):
     """The publisher cannot serve: the extra is missing, the port is in use, or the tree has too many nodes."""

@@ -32,9 +32,6 @@ if TYPE_CHECKING:
     import zmq
 
 
-# What Groot2 asks of the states: how all nodes stand now, and what changed since a recording began.
-
-
 IDLE_AFTER = 10
 """Added to the state that a node had before it became idle: Groot2 draws it faintly."""
 MOST_TRANSITIONS = 1000

@@ -34,8 +34,6 @@ from bestman_bt.robot_model.model import ArmModel, JointGroupModel
 from bestman_bt.runtime.calibration.dataset import Dataset, Progress, RecordedView, pose_of
 from bestman_bt.runtime.calibration.robot_chain import RobotChain, written
 
-# A picture of the residuals: offsets of the corners, and the error of each view.
-
 
 def plot_residuals(result: CalibrationResult, path: Path) -> None:
     """Write a PNG: offsets of all corners in pixels, and the root mean square of each view."""
@@ -56,9 +54,6 @@ def plot_residuals(result: CalibrationResult, path: Path) -> None:
     bars.set(ylabel="pixels", title=f"{result.camera}, {result.kind.replace('_', '-')}: each view")
     bars.margins(x=0.01)
     figure.savefig(path, dpi=110, metadata={"Software": ""})
-
-
-# From a dataset to the intrinsics and the distortion of a lens.
 
 
 def solve_intrinsics(dataset: Dataset, method: IntrinsicsCalibration, progress: Progress) -> CalibrationResult:
@@ -85,9 +80,6 @@ def solve_intrinsics(dataset: Dataset, method: IntrinsicsCalibration, progress: 
         project(sighting.points, board_pose(sighting, k).eye_from_board, k) - sighting.pixels for sighting in sightings
     ]
     return result_of("intrinsics", dataset, seen, offsets, {dataset.config.camera: {"set": settings}}, figures, [])
-
-
-# From a dataset to where a pan-tilt head stands, and how its camera sits on it.
 
 
 def solve_head(dataset: Dataset, progress: Progress) -> CalibrationResult:
@@ -190,9 +182,6 @@ def solve_hand_eye(dataset: Dataset, method: str, progress: Progress) -> Calibra
 
 def _degrees(a: Pose, b: Pose) -> float:
     return math.degrees(2.0 * math.asin(min(1.0, float(np.linalg.norm((a.inverse() @ b).quaternion[:3])))))
-
-
-# The views of a dataset that show its board, with the poses of both ends of the chain from the encoders.
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,8 +23,6 @@ from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Pose, Shape, S
 from bestman_bt.visualization.errors import RecordingError, VisualizationError
 from bestman_bt.visualization.snapshot import RecordedBody, RobotSnapshot
 
-# Shapes and poses as plain values, for the file that Blender reads.
-
 
 def shape_document(shape: Shape) -> dict[str, Any]:
     """Return a shape as plain values; metres."""
