@@ -53,7 +53,7 @@ def pick() -> Node:
             LookAt(object="{object}", surface="{where}"),
             EstimatePose(object="{object}", pose="{pose}"),
             ForceSuccess("if_it_can", [SecondLook(object="{object}", max_yaw_width=0.2, arm="{arm}")]),
-            PlanGrasp(object="{object}", grasps="{grasps}", arm="{arm}"),
+            PlanGrasp(object="{object}", grasps="{grasps}", arm="{arm}", approach="{approach}"),
             RetryUntilSuccessful(
                 "try_grasps", [Grasp(object="{object}", grasps="{grasps}", arm="{arm}")], num_attempts=3
             ),
@@ -64,7 +64,12 @@ def pick() -> Node:
         [
             BelievedSurface(object="{object}", otherwise="{surface}", surface="{where}"),
             FindStandPose(
-                object="{object}", surface="{where}", stand="{stand}", error_code="{stand_error}", arm="{arm}"
+                object="{object}",
+                surface="{where}",
+                stand="{stand}",
+                error_code="{stand_error}",
+                arm="{arm}",
+                approach="{approach}",
             ),
             MoveArm(posture="carry", arm="{arm}"),
             NavigateTo(goal="{stand}"),

@@ -205,8 +205,10 @@ class _RobotFile:
             self.faults.problems += wrong
             mislaid = mislaid or bool(wrong)
             if part is None:
-                unread[part_name] = links = links_in_spite_of_faults(part_name, mounted.part, changes, taken)
-                taken.update(links or ())
+                unread[part_name] = None
+                with found.step():  # ``part`` itself may be what could not be read
+                    unread[part_name] = links_in_spite_of_faults(part_name, mounted.part, changes, taken)
+                taken.update(unread[part_name] or ())
                 continue
             self.placed[part_name] = part
             taken |= {element.get("name", "") for element in part.elements}

@@ -8,13 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
 
 import hal.ur.arm
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
 from bestman_bt.robot_model.model import ArmModel, RobotModel
-from bestman_bt.robot_model.payload import Payload
 from hal.api import CommandRefusedError, Failure, Motion, MotionErrorCode, MotionStatus
 from hal.parts.channels import JointChannel, JointReading
 from hal.parts.gate import ToolLimits
@@ -77,10 +75,6 @@ class Controller(JointChannel):
         return [name for name, _ in self.calls]
 
 
-def _alone(mass: float, centre: ArrayLike) -> Payload:
-    return Payload(mass, np.array(centre, dtype=float))
-
-
 @pytest.fixture(scope="module")
 def ur5() -> RobotModel:
     return load_robot_model("diff_ur5")
@@ -104,7 +98,7 @@ def make_arm(ur5: RobotModel, controller: Controller, now: list[float]) -> Calla
     def make(model: ArmModel | None = None, **safety: Any) -> URArm:
         model = model or ur5.of(ArmModel)["arm"]
         tool = ToolLimits(ur5, "arm", SafetyConfig(**safety))
-        made = URArm("arm", model, controller, StopLatch(), PERIOD, tool, controller, _alone)
+        made = URArm("arm", model, controller, StopLatch(), PERIOD, tool, controller)
         made.attach()
         return made
 
