@@ -15,6 +15,7 @@ from scipy.optimize import linear_sum_assignment
 
 from bestman_bt.messages import ObjectModel, Pose, wrap_angle
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
+from bestman_bt.perception.pose_estimation.point_to_plane import turned_model
 from bestman_bt.perception.view import View
 from bestman_bt.world_model.world_model import ObjectBelief, ObjectChange
 
@@ -190,16 +191,18 @@ class GlobalNearestNeighbour(Tracker):
         return max(self.moved_distance, self.deviations * deviation)
 
     def _moved(self, before: ObjectBelief, sighting: ObjectBelief, drift: float) -> bool:
-        distance = float(np.linalg.norm(before.pose.position - sighting.pose.position))
-        if distance > self._gate(before, sighting, drift):
-            return True
-        if not before.recognised or not before.model.symmetry_order:
-            return False
-        return all(
-            abs(wrap_angle(middle - other)) - half - other_half > self.moved_turn
-            for middle, half in _with_symmetry(before)
-            for other, other_half in sighting.yaw_set.arcs or ((sighting.pose.yaw, 0.0),)
-        )
+        there = sighting.pose
+        if before.recognised and before.model.symmetry_order:
+            turned = all(
+                abs(wrap_angle(middle - other)) - half - other_half > self.moved_turn
+                for middle, half in _with_symmetry(before)
+                for other, other_half in sighting.yaw_set.arcs or ((sighting.pose.yaw, 0.0),)
+            )
+            if turned:
+                return True
+            there = _at_yaw(sighting, before.pose.yaw)
+        distance = float(np.linalg.norm(before.pose.position - there.position))
+        return distance > self._gate(before, sighting, drift)
 
     def _contradiction(
         self, belief: ObjectBelief, sightings: Sequence[ObjectBelief], view: View
@@ -219,10 +222,23 @@ def _seen_again(before: ObjectBelief, sighting: ObjectBelief, moved: bool) -> Ob
     known_better = not moved and before.yaw_set.arcs and before.yaw_set.width < sighting.yaw_set.width
     if not known_better:
         return replace(sighting, name=before.name, since=since)
-    turn = before.pose.yaw - sighting.pose.yaw
-    turned = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, turn)) @ Pose(np.zeros(3), sighting.pose.quaternion)
-    pose = Pose(sighting.pose.position, turned.quaternion)
+    pose = _at_yaw(sighting, before.pose.yaw)
     return replace(sighting, name=before.name, pose=pose, yaw_set=before.yaw_set, since=since)
+
+
+def _at_yaw(sighting: ObjectBelief, yaw: float) -> Pose:
+    """Return the pose of what was seen if its yaw is ``yaw``, radians.
+
+    Of models without symmetry, what looks alike at both yaws stays where it was seen: the body of a mug, not its
+    origin, which lies between body and handle.
+    """
+    seen = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, sighting.pose.yaw))
+    turn = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw - sighting.pose.yaw))
+    position = sighting.pose.position
+    if sighting.model.symmetry_order == 1:
+        shift = turned_model(sighting.model).shift(np.array([yaw - sighting.pose.yaw]))[0]
+        position = position + seen.apply(np.array([*shift, 0.0]))
+    return Pose(position, (turn @ Pose(np.zeros(3), sighting.pose.quaternion)).quaternion)
 
 
 def _with_symmetry(belief: ObjectBelief) -> list[tuple[float, float]]:

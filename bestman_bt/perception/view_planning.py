@@ -11,11 +11,10 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import CameraIntrinsics, ObjectModel, PlacedShape, Pose, YawSet
+from bestman_bt.messages import CameraIntrinsics, PlacedShape, Pose, YawSet
 from bestman_bt.messages.shapes import bounding_corners
 from bestman_bt.perception.pose_estimation.base import PoseHypothesis
-from bestman_bt.perception.pose_estimation.model_surface import model_surface
-from bestman_bt.perception.pose_estimation.point_to_plane import TurnedSurface, evenly, turned_surface
+from bestman_bt.perception.pose_estimation.point_to_plane import TurnedSurface, evenly, turned_model
 from bestman_bt.perception.pose_estimation.yaw_profile import YawSearch
 
 # What a camera could see of sampled surfaces: not what the surface itself or another body hides.
@@ -163,7 +162,6 @@ class ExpectedYaw(ViewPlanner):
     noise_quadratic: Annotated[float, "1/m"] = 0.0019
     caution: float = 0.3
     profile: YawSearch = field(default_factory=YawSearch)
-    _turned: dict[ObjectModel, TurnedSurface] = field(default_factory=dict, init=False, repr=False)
 
     def candidates(self, hypothesis: PoseHypothesis, intrinsics: CameraIntrinsics) -> tuple[Pose, ...]:
         """Return the candidate camera poses, nearest ring first; see ``ViewPlanner.candidates``."""
@@ -190,7 +188,7 @@ class ExpectedYaw(ViewPlanner):
         """Return the ranked candidates; views with equal expected gain are ranked by the visible part of the object."""
         if not candidates:
             return ()
-        turned = self._turned_surface(hypothesis.model)
+        turned = turned_model(hypothesis.model, self.spacing)
         yaws, step = self._yaws(hypothesis)
         telling, others = self._samples(turned)
         chosen = np.concatenate([telling, others])
@@ -209,11 +207,6 @@ class ExpectedYaw(ViewPlanner):
         telling, others = np.flatnonzero(tells), np.flatnonzero(~tells)
         telling = telling[evenly(len(telling), self.telling_samples)]
         return telling, others[evenly(len(others), self.samples - len(telling))]
-
-    def _turned_surface(self, model: ObjectModel) -> TurnedSurface:
-        if model not in self._turned:
-            self._turned[model] = turned_surface(model_surface(model, Pose(), self.spacing))
-        return self._turned[model]
 
     def _yaws(self, hypothesis: PoseHypothesis) -> tuple[NDArray[np.float64], float]:
         """Turns (Y,) away from the likeliest yaw that are open, and the width that each stands for, radians."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from bestman_bt.perception.pose_estimation.model_surface import ModelSurface
+from bestman_bt.messages import ObjectModel, Pose
+from bestman_bt.perception.pose_estimation.model_surface import ModelSurface, model_surface
 
 
 def into_model(points: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -133,6 +135,12 @@ def turned_surface(surface: ModelSurface, count: int = 72) -> TurnedSurface:
     costs = np.minimum(surface_distances(surface, some, poses), 0.02).mean(axis=1).reshape(2, count)
     poses = poses.reshape(2, count, 3)[costs.argmin(axis=0), np.arange(count)]
     return TurnedSurface(surface, angles, poses[:, :2], surface_distances(surface, surface.points, poses))
+
+
+@cache
+def turned_model(model: ObjectModel, spacing: float = 0.003) -> TurnedSurface:
+    """Compare a standing model's surface, sampled every ``spacing`` metres, with itself at all turns."""
+    return turned_surface(model_surface(model, Pose(), spacing))
 
 
 def slide(
