@@ -190,7 +190,8 @@ def test_a_connection_that_is_closed_stops_the_robot_until_it_is_connected_again
 def test_readings_that_come_200_ms_late_stop_the_robot(case: Case, robot: HardwareRobot, twin: TwinProcess) -> None:
     motion = case.controller.begin(robot)
     since = strike(robot, twin, case.controller.connection, "delay", 0.2)
-    assert stopped_within(robot, motion, since, 0.6) in LATE
+    # A reply that was under way is still heard, and an xArm's silence counts from there.
+    assert stopped_within(robot, motion, since, 0.2 + WATCHDOG) in LATE
     assert motion.status is MotionStatus.FAILED
     twin.fault(case.controller.connection, "restore")
     robot.clock.sleep(0.3)
