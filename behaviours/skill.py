@@ -26,9 +26,6 @@ from bestman_bt.messages import Failure, Goals, Pose, Pose2D
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.registry import PREDICATES, suggestion
 
-# Ports that name things: a literal is compared with scene, map and robot before anything moves.
-
-
 ObjectName = Annotated[str, Named("object")]
 SurfaceName = Annotated[str, Named("surface")]
 FurnitureName = Annotated[str, Named("furniture")]

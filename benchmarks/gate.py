@@ -169,8 +169,6 @@ class Trial:
         self._channel = channel
         return group
 
-    # What is done to it
-
     def run(self, commands: int) -> None:
         """``commands`` of them, each some time after the one before."""
         self._attach()
@@ -265,8 +263,6 @@ class Trial:
                 step = -step
             arm.servo(target)
             self._pass(between)
-
-    # What the wire took
 
     def worst(self) -> dict[str, float]:
         """The largest share of each limit that a set-point has come to."""

@@ -67,9 +67,6 @@ DEEPEST = 1e-4
 PEERS = {"ompl_rrt_connect": "RRTConnect", "ompl_aorrtc": "AORRTC"}
 
 
-# Problems, out of files of MoveIt.
-
-
 @dataclass(frozen=True, eq=False)
 class Problem:
     """``start``, ``goal``: (n,) of the arm's joints; ``positions``: of all others. ``fault``: why it is none."""
@@ -164,9 +161,6 @@ def _obstacle(name: str, body: dict, base_from_world: Pose) -> SceneObstacle:
     return SceneObstacle(name, tuple(shapes))
 
 
-# Robots.
-
-
 def robot_named(name: str, urdf: Path | None) -> RobotModel:
     """``panda``, ``ur5`` (of ``urdf``), or a YAML; Error says what is wrong with it, ValueError what is missing."""
     if name == "panda":
@@ -191,9 +185,6 @@ def _composed(parts: dict[str, Any]) -> RobotModel:
         file = Path(folder) / "robot.yaml"
         file.write_text(yaml.safe_dump({"parts": parts}))
         return load_robot_model(file)
-
-
-# The judge.
 
 
 class Judge:
@@ -284,9 +275,6 @@ class Judge:
         return all(self.is_free(q) for points in (dense_points(answer.path, STEP), along) for q in points)
 
 
-# Planners.
-
-
 @dataclass(frozen=True, eq=False)
 class Answer:
     """``path`` (N, n), None without one; ``trajectory``: timed, None where that failed; ``plan_ms``: of the path."""
@@ -345,9 +333,6 @@ def peer(kind: str, timing: Any) -> Solver:
             return Answer(found.plan_ms, found.path, error=str(error))
 
     return solve
-
-
-# Figures.
 
 
 def spread(values: list[float]) -> dict[str, float] | None:

@@ -42,9 +42,6 @@ if TYPE_CHECKING:
     from bestman_bt.robot_model.model import GripperModel
 
 
-# What closing asks of the arm: where to push at a front, and on which tool poses it goes shut.
-
-
 STEP = 0.04
 """Metres of the pushed point's way between two stations."""
 PALM_STEP = 0.03

@@ -10,8 +10,6 @@ from bestman_bt.engine import In, Out
 from bestman_bt.messages.shapes import NonNegative
 from bestman_bt.world_model.openness import openness_of
 
-# Doors and drawers as abilities name them: how far to open one, and that one did not open.
-
 
 class _OfContainer(InstantSkill):
     container = In[str](ArticulationName, "a door or drawer of the map, such as drawer_chest/drawer_3")

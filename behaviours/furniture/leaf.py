@@ -185,9 +185,6 @@ def free_along(
     return is_free
 
 
-# Where the base may stand while the arm moves a door or drawer, and from where the arm follows it all the way.
-
-
 BATCHES = (slice(0, 6), slice(6, 18))
 """Ranges of the most promising base placements: checked first for all ways, then if none is good."""
 ROOM = 0.05

@@ -135,9 +135,6 @@ def _same(one: Pose2D, other: Pose2D) -> bool:
     return one.distance_to(other) < SAME_PLACE and abs(wrap_angle(one.theta - other.theta)) < 2.0 * HEADING_ERROR
 
 
-# Where a door or drawer is by feel: the hand that has moved it knows that better than the map does.
-
-
 def felt_leaf(
     opening: Opening, before: NDArray[np.float64], after: NDArray[np.float64], angle: float, stamp: float
 ) -> Obstacle:

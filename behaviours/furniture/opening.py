@@ -197,9 +197,6 @@ def _radius(handle: Handle) -> float:
     return float(np.linalg.norm(np.cross(handle.hinge_direction, handle.pose.position - handle.hinge)))
 
 
-# Planning to take a handle and go with it: which grasp, by which way, and how arm and hand turn meanwhile.
-
-
 ENOUGH = 1
 """Number of grasps that reach the end of the path after which the search stops."""
 SAME_PLACE = 0.02

@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from bestman_bt.manipulation.collision.planning_scene import SceneObstacle
 
 
-# Carrying what no posture of the robot holds upright: beside the mast, over the base, out of the camera's view.
-
-
 BESIDE = (
     (0.0, 0.25, 1.45),
     (0.0, -0.2, 1.45),

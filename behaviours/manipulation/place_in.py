@@ -17,9 +17,6 @@ from bestman_bt.world_model.openness import leaf_shapes
 from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface
 from bestman_bt.world_model.world_model import HeldObject
 
-# Where in an open drawer there is room, as far as is believed: the hand is full, so that its camera cannot look.
-
-
 STEP = 0.02
 """Metres between the places that are considered."""
 ENOUGH = 0.05

@@ -30,9 +30,6 @@ if TYPE_CHECKING:
     from bestman_bt.manipulation.policy.specification import PolicySpecification, Workspace
 
 
-# The arm and the gripper under a policy: one motion from chunk to chunk, monitored and stoppable.
-
-
 POLICY_SPEED = SpeedScale(0.5, 0.35)
 OUTSIDE = 0.02
 """Metres by which the measured tool may leave the box before the arm is stopped; plans may not leave it at all."""

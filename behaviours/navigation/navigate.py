@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     from bestman_bt.navigation.global_planning.costmap import Costmap
 
 
-# Places that could be reached from nowhere: remembered, so that plans go round them, and forgotten again.
-
-
 class BelieveBlocked(InstantSkill):
     """Remember that no base placement could reach a surface.
 

@@ -31,9 +31,6 @@ if TYPE_CHECKING:
     from bestman_bt.perception.segmentation.base import Region
 
 
-# Conditions on believed objects: no image is taken.
-
-
 class BelievedSurface(ErrorReporting, SyncAction):
     """Output the surface on which an object is believed to stand, or a default if it has not been seen."""
 

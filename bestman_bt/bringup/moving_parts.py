@@ -138,9 +138,6 @@ gripper = of_each(Gripper, "no gripper is", _widths, _force)
 drive, turn = of_each(MobileBase, "no base is", _drive), of_each(MobileBase, "no base is", _turn)
 
 
-# Stopping time and distance of arms and bases at three speeds, compared with their promises.
-
-
 SPEEDS = (0.05, 0.1, 0.2)
 """Shares of the joint's limit."""
 BASE_SPEEDS = (0.05, 0.1, 0.2)

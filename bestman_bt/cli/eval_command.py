@@ -37,8 +37,6 @@ from bestman_bt.evaluation.sweep import draw_settings
 from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.registry import LAUNCHERS
 
-# An evaluation on the terminal: a table that fills while it goes on, a line per episode elsewhere.
-
 
 class EvaluationView:
     """Shows the progress of an evaluation on ``console``; pass each result to ``told``."""

@@ -59,8 +59,6 @@ from bestman_bt.visualization.rerun.viewer import Display, LiveFeed, RerunViewer
 from hal.parts.part_connection import ConnectionFailedError
 from hal.twins.remote_truth import RemoteTruth
 
-# ``--groot2-port`` of verbs that run something: Groot2 may look at the tree and hold it up.
-
 
 class Groot2View:
     """Serves the tree that a run ticks, until the context ends. Raises ConfigurationError if that cannot be."""
@@ -86,9 +84,6 @@ class Groot2View:
         self._publisher = Groot2Publisher(tree, self._port, intervened=session.intervened).open()
         print(f"Groot2: {self._publisher.host}, port {self._port}", file=sys.stderr, flush=True)
         return lambda: None
-
-
-# ``--live`` of verbs that run something: a Rerun viewer that sees the run while it happens.
 
 
 SLOW_ARMS = "safety: arms go at 10 % of their joints' speed and 0.25 m/s of the tool at most: {why}"

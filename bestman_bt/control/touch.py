@@ -13,8 +13,6 @@ from bestman_bt.messages import GRAVITY, Pose, Wrench
 from bestman_bt.robot_model.payload import payload
 from hal.api import Clock, ForceTorque, RobotError, Tactile, Timer
 
-# Tactile pads: whether and how something presses on them, and whether it slips.
-
 
 @dataclass(eq=False)
 class TactileSensor:

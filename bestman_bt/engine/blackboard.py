@@ -460,9 +460,6 @@ class Blackboard:
         return unsubscribe
 
 
-# A tree's top blackboard and py_trees' blackboard as one, for trees with native behaviours.
-
-
 _MISSING: Final = object()
 
 

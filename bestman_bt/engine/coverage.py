@@ -96,9 +96,6 @@ class Coverage:
         return [leaf for leaf in leaves if not self.counts[leaf.uid, status] and status in possible_results(leaf)]
 
 
-# Reachability: the possible results of each node, and children that can never be ticked.
-
-
 _ALL: Final = frozenset((RUNNING, SUCCESS, FAILURE, SKIPPED))
 _DONE: Final = frozenset((SUCCESS, FAILURE))
 _CONDITIONS: Final = (("_failureIf", FAILURE), ("_successIf", SUCCESS), ("_skipIf", SKIPPED), ("_while", SKIPPED))

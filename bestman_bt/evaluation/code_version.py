@@ -19,9 +19,6 @@ from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import RunConfig, dump_run
 from bestman_bt.evaluation.versions import versions
 
-# The files of a user that a run's configuration names, and those that they name in turn.
-
-
 _DOCUMENTS, _TREES = (".yaml", ".yml"), (".xml", ".urdf", ".xacro")
 
 

@@ -22,9 +22,6 @@ from hal.simulation.audit_record import DisturbanceEvent
 from hal.simulation.disturbance_injector import DisturbanceInjector
 from hal.simulation.ground_truth import GroundTruth
 
-# Where a scripted intervention puts an object during a run: upright, free, and not where no robot could reach it.
-
-
 EDGE = 0.04
 """Metres between an object and the edge of what it is put on: the map may have that 3 cm elsewhere."""
 REACH = 0.35
@@ -193,8 +190,6 @@ class Disturbances:
         """Return the executed disturbances."""
         return tuple(script.event for script in self._scripts if script.event is not None)
 
-    # What has to happen
-
     def _is_seen(self, script: _Script) -> bool:
         """Return the robot knows where it is, has not had it in its hand yet, and the hand is far away."""
         name, truth = str(script.asked.object), self._truth
@@ -225,8 +220,6 @@ class Disturbances:
         leaf = next(a for a in piece.model.articulations if a.name == name.partition("/")[2])
         handle = piece.pose @ leaf.moved(opened) @ leaf.handle.pose
         return script.asked.object not in self._was_held and math.dist(self._hand(), handle.position) > HAND_OUT
-
-    # The intervention
 
     def _move_on_surface(self, script: _Script) -> _Event:
         asked = script.asked

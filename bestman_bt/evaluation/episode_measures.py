@@ -13,8 +13,6 @@ from bestman_bt.visualization.snapshot import RobotSnapshot
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.scene_recorder import SceneRecorder, SceneSnapshot
 
-# How far a base has really driven.
-
 
 class DrivenPath:
     """Sums the distance of the true base pose from tick to tick, without turns in place."""
@@ -31,9 +29,6 @@ class DrivenPath:
         if self._before is not None:
             self.length += pose.distance_to(self._before)
         self._before = pose
-
-
-# Writes down where everything was during a simulated run, so that it can be filmed when it has ended.
 
 
 class MotionLog:

@@ -50,9 +50,6 @@ def decimals_of(value: float, width: float | None) -> int:
     return min(max(0, 1 - math.floor(math.log10(size))), 4)
 
 
-# How many episodes a success rate needs: until its interval is narrow enough.
-
-
 _TEXT = re.compile(r"95\s*%?\s*(?:±|\+-|\+/-)\s*(\d+(?:\.\d+)?)\s*%?")
 _Z = 1.959964
 _GROWTH = 50

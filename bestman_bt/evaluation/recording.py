@@ -34,9 +34,6 @@ from bestman_bt.visualization.snapshot import RecordedBody
 from bestman_bt.world_model.world_model import ObjectBelief
 from hal.simulation.scene_recorder import SceneRecorder
 
-# What a recording is told of the robot's own view: its map, path, lidar, objects, grasps, and the blackboard.
-
-
 SCAN_EVERY = 0.5
 """Seconds between scans."""
 LONGEST_TEXT = 300

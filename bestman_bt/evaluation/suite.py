@@ -346,9 +346,6 @@ def _successes_faults(document: Document, kind: str, key: str, entry: EntryConfi
         yield document.problem(path, f"more than all {asked.of} are asked")
 
 
-# Targets of an entry of a suite: asked, found, met or missed.
-
-
 ALWAYS_ASKED = ("errors", "false successes", "audit")
 """Targets that every entry of a suite has; one with no others asks nothing of its own."""
 

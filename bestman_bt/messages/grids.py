@@ -10,9 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from bestman_bt.messages.frozen_array import frozen_array
 from bestman_bt.messages.pose import Pose
 
-# Space in cubes: free, occupied, or not yet seen.
-
-
 VOXEL_UNKNOWN, VOXEL_FREE, VOXEL_OCCUPIED = 0, 1, 2
 
 

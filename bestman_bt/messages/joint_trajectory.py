@@ -41,9 +41,6 @@ class Path2D:
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
 
 
-# How what hangs on a joint moves: the rigid motion of a door about its hinge, or of a drawer along its rail.
-
-
 def joint_motion(kind: JointKind, origin: ArrayLike, axis: ArrayLike, position: float) -> Pose:
     """Return frame_from_closed, the motion of a door or drawer that is open by ``position``, radians or metres.
 

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from bestman_bt.messages import CameraIntrinsics, RGBDImage
 from bestman_bt.perception.errors import PerceptionError
 
-# The systematic error of a depth sensor, and how it is taken away.
-
 
 @dataclass(frozen=True)
 class DepthCorrection:

@@ -25,9 +25,6 @@ from bestman_bt.messages import (
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.view import View
 
-# Which part of a surface no view has shown: hidden by the robot's arm, by furniture, by things, or out of view.
-
-
 BELOW = 0.03
 """Metres below a surface from where on a column counts as seen: the map is off by as much."""
 ABOVE = 0.06
@@ -55,9 +52,6 @@ def hidden_share(grid: VoxelGrid, frame_from_surface: Pose, size: tuple[float, f
     margin = across // 2
     inner = share[margin : counts[0] - margin, margin : counts[1] - margin]
     return float((inner > HIDDEN).mean()) if inner.size else float((share > HIDDEN).mean())
-
-
-# Space that is known to be free for another reason than having been seen through.
 
 
 def freed(grid: VoxelGrid, shapes: Iterable[PlacedShape], slack: float = 0.015) -> VoxelGrid:

@@ -19,9 +19,6 @@ from bestman_bt.perception.pose_estimation.point_to_plane import turned_model
 from bestman_bt.perception.view import View
 from bestman_bt.world_model.world_model import ObjectBelief, ObjectChange
 
-# Does a view contradict that an object still stands where it was seen?
-
-
 SPACING = 0.008
 """Metres between the samples of an object's surface."""
 

@@ -17,9 +17,6 @@ from bestman_bt.perception.pose_estimation.base import PoseHypothesis
 from bestman_bt.perception.pose_estimation.point_to_plane import TurnedSurface, evenly, turned_model
 from bestman_bt.perception.pose_estimation.yaw_profile import YawSearch
 
-# What a camera could see of sampled surfaces: not what the surface itself or another body hides.
-
-
 FACING = 0.15
 """Least cosine between normal and line of sight: surface seen flatter than that gives no depth."""
 

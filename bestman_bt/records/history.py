@@ -105,8 +105,6 @@ class RunHistory:
         self.tick = 0  # the newest that any event tells of: while leaves run, no state changes
         self._picture_number = 0
 
-    # ---- what is asked
-
     @property
     def last(self) -> float:
         """The newest time, in seconds since the run's start."""
@@ -148,8 +146,6 @@ class RunHistory:
         """Return the newest ``most`` log lines after ``version``."""
         fresh = takewhile(lambda pair: pair[0] > version, reversed(self.log))
         return [asdict(line) for _, line in islice(fresh, most)][::-1]
-
-    # ---- what is told
 
     def take(self, event: Event) -> None:
         """Add an event. Raises EventError if it contradicts earlier events; the history then stays unchanged."""

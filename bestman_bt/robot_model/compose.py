@@ -36,9 +36,6 @@ from bestman_bt.robot_model.robot_config import RobotConfig, name_fault
 from bestman_bt.robot_model.sensor_parts import BumperPart, ImuPart
 from bestman_bt.robot_model.urdf_elements import fixed_joint
 
-# The joint limits of a composed URDF: those of the descriptions of its parts, whatever the source says.
-
-
 FOLLOWER_SLACK = 0.1
 _OF_A_RUN = ("connections.", "safety.", "bringup")
 """Settings of a run that make no other robot."""

@@ -13,9 +13,6 @@ from scipy.spatial import ConvexHull, QhullError
 from bestman_bt.messages import Pose
 from bestman_bt.messages.shapes import box_corners
 
-# Shapes of a URDF as points: their corners, or points on their rims.
-
-
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
 
 

@@ -22,9 +22,6 @@ from bestman_bt.robot_model.generated_hands import (
 from bestman_bt.robot_model.urdf_elements import box_inertial, fixed_joint, inertial, link, shape, turning_joint
 from bestman_bt.robot_model.urdf_source import Subtree
 
-# Bases that are drawn from dimensions.
-
-
 _RUBBER, _STEEL, _DARK = (0.08, 0.08, 0.09), (0.62, 0.64, 0.67), (0.13, 0.14, 0.16)
 _ACROSS = (math.pi / 2, 0.0, 0.0)  # turns a cylinder's axis from z to y
 

@@ -16,9 +16,6 @@ from bestman_bt.robot_model.placed_part import PlacedPart
 from bestman_bt.robot_model.robot_config import MountedPart
 from bestman_bt.robot_model.urdf_elements import child_of, joints_to, parent_of
 
-# URDF without links that are mere frames: a simulator pays for each of them in every step.
-
-
 Places = dict[str, tuple[str, Pose]]
 """Frame → (link that it is fixed to, link_from_frame)."""
 

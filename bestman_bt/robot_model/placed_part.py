@@ -44,9 +44,6 @@ from bestman_bt.robot_model.urdf_elements import (
 )
 from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, locate_urdf, read_subtree
 
-# Masses and inertias that the source of a part leaves out, from the shapes of its links.
-
-
 DENSITY = 1000.0
 """kg/m³, of the convex hull of a link of unknown mass: castings with motors in them weigh about as much."""
 

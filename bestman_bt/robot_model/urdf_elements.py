@@ -154,9 +154,6 @@ def _end(joint: ET.Element, tag: str) -> str:
     return "" if end is None else end.get("link", "")
 
 
-# Faults of the links and joints of a URDF, all at once, in words.
-
-
 _JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed")
 _THREE = {"origin": ("xyz", "rpy"), "axis": ("xyz",), "box": ("size",), "mesh": ("scale",)}
 _ONE = {

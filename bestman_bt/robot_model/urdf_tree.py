@@ -13,8 +13,6 @@ from bestman_bt.robot_model.sensor_parts import CameraPart, ImuPart, LidarPart, 
 from bestman_bt.robot_model.urdf_elements import child_of, joints_to, parent_of, structure_faults, value_faults
 from bestman_bt.robot_model.urdf_source import Srdf, SrdfGroup, Subtree, UrdfError, distinguish_joints, read_subtree
 
-# Which joints, and which arm, carry a frame.
-
 
 def joints_above(model: RobotModel, frame: str) -> frozenset[str]:
     """Return the names of all joints between the robot's root and ``frame``; empty for the root or an unknown frame."""

@@ -12,15 +12,13 @@ from bestman_bt.engine.status import state_code
 from bestman_bt.engine.unwritten import problem_at
 from bestman_bt.records.described_tree import category_of
 
-# Failure codes that were merged with others: uses of an old one get the new one as a suggestion.
-
-
 RENAMED_CODES = {
     "hand_full": "hand_not_empty",
     "not_seen": "not_found",
     "object_not_found": "not_found",
     "time_limit": "timeout",
 }
+"""Former failure code → the code that replaced it, which messages suggest."""
 
 _QUOTED = re.compile(r"'([^']*)'")
 

@@ -196,9 +196,6 @@ def _text(data: Mapping[str, Any], notes: Sequence[str]) -> str:
     return head + yaml.safe_dump(dict(data), sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
 
 
-# Properties of a part that its description needs beyond the URDF, inferred from the URDF where possible.
-
-
 Facts = tuple[dict[str, Any], list[str]]
 Array = NDArray[np.float64]
 

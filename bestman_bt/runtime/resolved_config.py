@@ -384,9 +384,6 @@ def _is_there(package: str) -> bool:
         return False
 
 
-# Faults of a task that depend on its scene and robot: unknown names.
-
-
 def task_problems(task: DrawnTask) -> Iterator[Problem]:
     """Yield all unknown names of the task's goals, disturbances and contacts, and other faults in its world.
 

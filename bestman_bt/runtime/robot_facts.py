@@ -30,9 +30,6 @@ from bestman_bt.robot_model.model import (
 )
 from bestman_bt.robot_model.payload import payload
 
-# The robot models that PyBullet's wheel holds, without PyBullet: some shipped robots are described by them.
-
-
 REQUIREMENT = "pybullet==3.2.7"
 SHA256 = "5d858abf7c12a21ef3ed351cf81dac1b5e486ec25c9ab59bfc84beb89034edff"
 """Hash of the wheel for CPython 3.11 on Linux x86-64; its models work on any machine."""

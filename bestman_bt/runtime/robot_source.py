@@ -132,9 +132,6 @@ def _points(points: NDArray[np.float64]) -> Points:
     return [(x, y) for x, y in np.round(points, 2).tolist()]
 
 
-# Images of the skills as events: all of them for subscribers, and in run folders the last one before a failure.
-
-
 FOLDER = "pictures"
 SCENE = "scene"
 """Name of the picture of a failed motion, in place of a camera's name."""

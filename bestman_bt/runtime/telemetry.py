@@ -283,8 +283,6 @@ class Telemetry:
         outcome = "success" if execution.succeeded else OUTCOMES.get(execution.ending, "failure")
         self.end(outcome, execution.tree_status, execution.why)
 
-    # ---- subscribers, from threads of the control channel
-
     def subscribe(self, outbox: SubscriberQueue, topics: frozenset[Topic]) -> None:
         """Subscribe ``outbox``: send the current state, then new events of ``topics``; see ``EventStream.add``."""
         self._subscribers.add(outbox)
@@ -295,8 +293,6 @@ class Telemetry:
         """End a subscription."""
         self._subscribers.discard(outbox)
         self._stream.forget(outbox)
-
-    # ---- in the executor's thread
 
     def after_tick(self) -> None:
         """Implement ``ExecutionWatcher``."""

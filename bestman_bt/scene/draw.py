@@ -41,9 +41,6 @@ from bestman_bt.scene.scene_config import (
     WallsConfig,
 )
 
-# Scenes whose walls and furniture a generator makes: the seed's apartment in the place of what a file would list.
-
-
 _MOVED = 0.6  # metres each way
 
 
@@ -300,9 +297,6 @@ def _moving_doors(scene: SceneConfig, furniture: Iterable[PlacedFurniture]) -> t
         for name, asked in scene.file.moving_doors.items()
         if name in there
     )
-
-
-# Drawing of people and their routes: loops over points of the free floor, on shortest paths.
 
 
 _STEP = 4  # cells of the floor's grid

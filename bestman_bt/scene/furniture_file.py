@@ -33,9 +33,6 @@ from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionErr
 from bestman_bt.scene.scene import Articulation, FurnitureModel, Surface
 from bestman_bt.scene.shape_file import ShapeConfig, placed_shapes
 
-# Doors and drawers as hand-written furniture files describe them.
-
-
 PART_COLOR = (0.7, 0.7, 0.7)  # of parts of furniture that give none
 
 _OUTWARD = np.array([-1.0, 0.0, 0.0])  # the front of furniture faces -x

@@ -32,9 +32,6 @@ from bestman_bt.scene.plane_geometry import Points, overlap_depth
 from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture, Surface
 from bestman_bt.scene.scene_config import FurniturePlacement, GoalPlacement, ObjectPlacement, SceneConfig, SceneFile
 
-# What types cannot tell of a scene's file: names that clash, what a generator makes.
-
-
 _NUMBERED = re.compile(r"(wall|walker)_\d+")
 _RESERVED = ("robot", "fingers", "floor")
 
@@ -189,12 +186,6 @@ def _resolved(scene: SceneConfig, problems: list[Problem]) -> SceneConfig:
     scene = replace(scene, furniture=furniture, models=models, goal_models=goal_models, unmapped=unmapped)
     problems += list(placement_faults(scene, document, problems))
     return scene
-
-
-# Faults of placements in a scene: missing surfaces, places off their surface, overlaps.
-
-
-# Furniture that stands in other furniture: its solids compared as upright prisms, part by part.
 
 
 TOLERANCE = 0.005

@@ -12,9 +12,6 @@ from bestman_bt.scene.plane_geometry import cut_away, wall_rectangle
 from bestman_bt.scene.scene import Articulation, FurnitureModel, Surface, World
 from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap
 
-# What the map tells of a piece's structure: its boards, and its doors and drawers without their handles.
-
-
 _ON_THE_FACE = 0.002
 """Metres behind the face of a front within which its own pieces begin."""
 

@@ -21,9 +21,6 @@ from bestman_bt.messages import Mesh, ObjectGrasp, ObjectModel, PlacedShape, Pos
 from bestman_bt.scene.mesh_file import locate_mesh
 from bestman_bt.scene.shape_file import ShapeConfig, convex_shapes, placed_shapes
 
-# The thousand random shapes of pybullet_data as objects: things that no robot has a model of.
-
-
 SCALE = 0.015
 """Metres per unit of the meshes, as pybullet_data has it: longest sides of 90 to 150 mm."""
 
@@ -143,9 +140,6 @@ def _centred(model: ObjectModel) -> ObjectModel:
         collision=tuple(PlacedShape(placed.shape, shift @ placed.pose) for placed in model.collision),
         visual=tuple(PlacedShape(placed.shape, shift @ placed.pose) for placed in model.visual),
     )
-
-
-# Precomputed grasps, in a JSON file beside the object's.
 
 
 @dataclass(frozen=True)

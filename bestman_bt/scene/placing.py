@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from bestman_bt.scene.scene_config import SceneConfig
 
 
-# What stands on the floor, seen from above: what a start, a goal or a pedestrian keeps away from.
-
-
 _OVERHEAD = 1.8
 """Metres above the floor from which on a board obstructs no pedestrian, such as the lintel of a door."""
 
@@ -58,9 +55,6 @@ def _outlines(parts: Iterable[PlacedShape], map_from_parts: Pose) -> Iterator[Po
             corners = (map_from_parts @ part.pose).apply(box)
             if corners[:, 2].min() < _OVERHEAD:
                 yield corners[ConvexHull(corners[:, :2]).vertices, :2]
-
-
-# Where the furniture of a scene stands: each piece on the floor or on a surface of one named above it.
 
 
 def standing_furniture(

@@ -34,9 +34,6 @@ class TaskPlanner(ABC):
         """
 
 
-# Planners by name; errors of third-party ones name the class.
-
-
 def planner_class(name: str) -> type[TaskPlanner]:
     """Return the class of a name. Raises UnknownNameError, or PlanningError if it is not a planner or cannot be
     imported.

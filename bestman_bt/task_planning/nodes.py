@@ -43,9 +43,6 @@ from bestman_bt.task_planning.symbolic.problem import (
 )
 from bestman_bt.task_planning.verification import verify
 
-# Facts as condition leaves: the same functions that the symbolic state is read with.
-
-
 TUCKED = 0.1
 """Radians by which the joints of a tucked arm may be off its posture."""
 
@@ -97,9 +94,6 @@ def beliefs_of(skills: SkillContext) -> Beliefs:
     posture = skills.robot.posture(DRIVEN, skills.arm_model.joint_names)
     off = float(np.abs(skills.arm_positions() - posture).max())
     return Beliefs(skills.world, tucked=off <= TUCKED)
-
-
-# Watches a plan while it is carried out: what it still needs, compared with what is believed.
 
 
 @dataclass(frozen=True)

@@ -38,9 +38,6 @@ if TYPE_CHECKING:
     from bestman_bt.world_model.world_model import WorldModel
 
 
-# A coarse bound on what an arm can reach: a hint before anything is computed, never a promise.
-
-
 def highest_reach(robot: RobotModel) -> float:
     """Metres above the floor that no tool of the robot gets above: its joints' offsets and slides, outstretched."""
     from bestman_bt.robot_model.model import ArmModel

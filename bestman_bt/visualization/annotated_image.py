@@ -29,9 +29,6 @@ from bestman_bt.visualization.marks import (
     object_color,
 )
 
-# Where labels go in a picture: beside what they name, clear of each other and of what should stay in sight.
-
-
 Rectangle = tuple[float, float, float, float]
 """Left, top, right, bottom, pixels."""
 
@@ -102,9 +99,6 @@ def overlap(one: Rectangle, other: Rectangle) -> float:
     width = min(one[2], other[2]) - max(one[0], other[0])
     height = min(one[3], other[3]) - max(one[1], other[1])
     return max(0.0, width) * max(0.0, height)
-
-
-# A camera's picture that is drawn on in metres of the frame in which the camera's pose is known.
 
 
 FONT = cv2.FONT_HERSHEY_SIMPLEX

@@ -17,8 +17,6 @@ from bestman_bt.records.palette import LOOKS, WAS, Look, look_of
 from bestman_bt.records.states import NO, NodeStates
 from bestman_bt.visualization.node_labels import node_label
 
-# Which nodes of a large tree to show when the terminal has too few lines.
-
 
 def folded_nodes(tree: NodeList, states: NodeStates, lines: int) -> set[int]:
     """Return the uids of nodes to fold so that at most ``lines`` nodes remain, if possible.
@@ -82,9 +80,6 @@ def _hidden_in(tree: NodeList, top: DescribedNode, folded: set[int], hidden_belo
         else:
             pending.extend(tree.children(node.uid))
     return hidden
-
-
-# What happened, told once: leaves that start, succeed and fail; a condition checked at every tick is no news.
 
 
 @dataclass(frozen=True)

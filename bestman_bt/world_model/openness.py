@@ -11,8 +11,6 @@ from bestman_bt.messages import Box, Handle, JointKind, PlacedShape, Pose
 from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface
 from bestman_bt.world_model.world_model import Obstacle, WorldModel
 
-# Doors and drawers that stand open: where they and their handles are believed to be.
-
 
 def leaf_shapes(world_model: WorldModel, furniture: MapFurniture, leaf: MapLeaf) -> tuple[PlacedShape, ...]:
     """Return the boards of a door or drawer at its believed opening, in the furniture frame."""

@@ -16,9 +16,6 @@ if TYPE_CHECKING:
     from bestman_bt.robot_model.model import ArmModel, JointedModel
 
 
-# Groups of joints: legs, hands, torsos, pan-tilts; arms are joint groups too.
-
-
 class JointGroup(Part):
     """Joints that are commanded together; arrays are (n,), in the order of ``joint_names``."""
 

@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     from bestman_bt.robot_model.model import RobotModel
 
 
-# Time, as the robot sees it.
-
-
 class Timer:
     """A periodic call that runs until it is cancelled; for implementations of clocks.
 

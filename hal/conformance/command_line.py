@@ -85,9 +85,6 @@ def _world(scene: str | None, seed: int) -> World:
         raise pytest.UsageError(f"--scene {scene}: {error}") from error
 
 
-# Where simulated robots are put to the test.
-
-
 def empty_room() -> World:
     """Return a world with four walls, 3 m away from the robot."""
     corners = ((-3.0, -3.0), (3.0, -3.0), (3.0, 3.0), (-3.0, 3.0))

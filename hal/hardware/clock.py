@@ -9,9 +9,6 @@ from collections.abc import Callable
 
 from hal.api import Clock, Timer
 
-# The clock of another machine, by when its messages arrive here, and whether they come late.
-
-
 LONGEST_DRIFT = 1e-4
 """Seconds per second by which the other clock may run slower than ours."""
 

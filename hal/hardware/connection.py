@@ -25,9 +25,6 @@ from hal.parts.channels import ControlledPart
 from hal.parts.part_connection import ConnectionFailedError
 from hal.parts.stop_latch import StopLatch
 
-# One client to a controller: a second one of the same user on the same machine is refused before it connects.
-
-
 PATIENCE = 3.0
 """Seconds that a new client waits: the robot process of a program that was killed brings the robot to rest first."""
 
@@ -154,8 +151,6 @@ class Connection(ABC):
         """The control loops, for their lateness."""
         return tuple(self._loops)
 
-    # What a vendor's class provides
-
     @abstractmethod
     def factories(self) -> Mapping[str, PartFactory]:
         """Return kind of part → factory; called once, from the constructor. No work, no imports of SDKs."""
@@ -207,8 +202,6 @@ class Connection(ABC):
 
     def abandon(self) -> None:  # noqa: B027 - for wires that need it
         """Drop a lost wire at once, so that pending commands of it or of the SDK do not act after a reconnection."""
-
-    # The same for all
 
     def connect(self) -> None:
         """Open the wire and start the loops; idempotent. Raises ConnectionFailedError, with everything closed."""

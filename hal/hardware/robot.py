@@ -81,8 +81,6 @@ class HardwareRobot(Robot):
         self.parts = MappingProxyType({name: parts[name] for name in _in_order_of(model, parts)})
         self._recorder = StopRecorder(traces(self.parts, self.clock.now), self.clock.now, background=True)
 
-    # Description
-
     @property
     def unsupported(self) -> dict[str, str]:
         """Return the missing functions of its controllers and the parts without a controller → the reason."""
@@ -92,8 +90,6 @@ class HardwareRobot(Robot):
                 reason = f"{name}: {why}"
                 missing[what] = f"{missing[what]}; {reason}" if what in missing else reason
         return missing
-
-    # Life
 
     def connect(self) -> None:
         """Connect all controllers, or none; idempotent. Raises ConnectionFailedError naming the failed one and the
@@ -200,8 +196,6 @@ class HardwareRobot(Robot):
     def arm_facts(self, arm: str) -> ArmFacts | None:
         """Return the state of an arm in its connected controller, or None if it is not reported."""
         return next(c for c in self.connections.values() if arm in c.parts).arm_facts()
-
-    # Private
 
     def _make(self, name: str) -> Connection:
         settings = self.model.connections[name]

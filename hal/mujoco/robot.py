@@ -43,9 +43,6 @@ class MujocoRobot(SimulatedRobot):
         return MujocoEngine(model, world, self._parameters)
 
 
-# MuJoCo as an engine of ``hal.simulation``.
-
-
 Array = NDArray[np.float64]
 NOT_DRAWN = 0.01
 """Near clipping distance of the renderer, metres."""
@@ -145,8 +142,6 @@ class MujocoEngine(Engine):
                 if name in self._own:
                     self._own[name] += values
 
-    # Motors
-
     def track(
         self, joints: Sequence[int], positions: Array, velocities: Array, efforts: Sequence[float], gain: float
     ) -> None:
@@ -193,8 +188,6 @@ class MujocoEngine(Engine):
     def _bound(self, slots: Sequence[int], efforts: Sequence[float] | Array) -> None:
         self.model.actuator_forcerange[slots, 1] = efforts
         self.model.actuator_forcerange[slots, 0] = np.negative(efforts)
-
-    # What is true
 
     def joint_states(self, body: int, joints: Sequence[int]) -> JointStates:
         """Return joint states; efforts are those of the motors, in the scene with the dry friction of the joints."""
@@ -354,8 +347,6 @@ class MujocoEngine(Engine):
         geoms = self._renderer.geoms(colors)
         there = geoms >= 0
         return np.where(there, self._geom_body[geoms], -1), np.where(there, self._geom_link[geoms], -1)
-
-    # What no honest run does
 
     def put(self, body: int, position: Sequence[float], quaternion: Sequence[float]) -> None:
         """Place a free body."""

@@ -248,8 +248,6 @@ class WorldBuilder(Shapes):
         )
         return Built(model, data, built, loads)
 
-    # The scene
-
     def _floor(self) -> None:
         self.spec.worldbody.add_geom(
             name="floor",
@@ -336,8 +334,6 @@ class WorldBuilder(Shapes):
             forcerange=(-1e-9, 1e-9),
             ctrllimited=0,
         )
-
-    # The robot
 
     def _robot(self) -> _Links:
         urdf, frames = without_bare_frames(self.robot.urdf)

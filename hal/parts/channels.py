@@ -21,8 +21,6 @@ from hal.parts.black_box import Trace
 from hal.parts.part_connection import PartConnection
 from hal.parts.stop_latch import StopLatch
 
-# Parts behind a connection: the interface that the connection needs, and how the parts come to rest.
-
 
 class ControlledPart(Part):
     """A part behind a controller. ``trace``: recent commands and measurements, if recorded."""
@@ -84,9 +82,6 @@ class StoppablePart(ControlledPart):
         with self._connection.lock:
             self.brake()
             self._connection.close()
-
-
-# The members of a kind of part in ``hal.api``, for wrappers between a program and a part.
 
 
 OPTIONAL = frozenset({"trajectory_time"})

@@ -71,8 +71,6 @@ class DrivenBase(ControlledPart, MobileBase):
         self._silent_after = 0
         self._told: BaseReading | None = None
 
-    # Measurements
-
     def odometry(self) -> Pose2D:
         """Return the pose in the odom frame, as reported by the base."""
         self._connection.check_reading()
@@ -82,8 +80,6 @@ class DrivenBase(ControlledPart, MobileBase):
         """Return the velocity in the base frame, as reported by the base."""
         self._connection.check_reading()
         return self._read().velocity
-
-    # Commands
 
     def set_velocity(self, vx: float, vy: float, wz: float) -> None:
         """Drive at a velocity, approached within the acceleration limits; lapses after ``command_timeout``."""
@@ -121,8 +117,6 @@ class DrivenBase(ControlledPart, MobileBase):
         """Brake to rest within the acceleration limits."""
         with self._connection.lock:
             self._halt(hard=False)
-
-    # The connection's side
 
     def attach(self) -> None:
         """Send zero velocity: the base may still execute the last command of an earlier connection."""
@@ -182,8 +176,6 @@ class DrivenBase(ControlledPart, MobileBase):
     def _read(self) -> BaseReading:
         self._told = self._channel.read()
         return self._told
-
-    # Private
 
     def _go(self, command: str, distance: float, direction: float) -> Motion[None]:
         with self._connection.lock:

@@ -18,9 +18,6 @@ from hal.parts.setpoints import Brake, BrakeThenMove, Drift, Hold, Reach, Setpoi
 from hal.parts.stop_latch import StopLatch
 from hal.parts.time_scale import TimeScale
 
-# What joints refuse: commands that are malformed, not finite or beyond a limit.
-
-
 Array = NDArray[np.float64]
 OUTSIDE = 0.01
 """Radians or metres by which a joint may be outside of its range when connecting."""
@@ -203,8 +200,6 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         self._gave_way = False  # with a motion under way, which has not been informed
         self.comes_into_limits = False
 
-    # Measurements
-
     def positions(self) -> Array:
         """Return the measured positions, (n,) rad or m."""
         self._connection.check_reading()
@@ -219,8 +214,6 @@ class StreamedJointGroup(StoppablePart, JointGroup):
     def efforts(self) -> Array:
         self._connection.check_reading()
         return self._channel.published().efforts
-
-    # Commands
 
     def command(
         self,
@@ -283,8 +276,6 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             if not self._settled and not isinstance(self._setpoints, Brake):
                 self._setpoints = self._braking()
 
-    # The connection's side
-
     def attach(self) -> None:
         """Hold the current joint positions. Raises ConnectionFailedError if a joint is outside of its range."""
         with self._connection.lock:
@@ -340,8 +331,6 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         row[:n], row[n : 2 * n], row[2 * n : 3 * n] = self._wanted, self._position, self._velocity
         row[3 * n : 4 * n], row[4 * n : 5 * n], row[5 * n :] = reading.positions, reading.velocities, reading.efforts
         self.trace.note(self._gate.reason)
-
-    # Private
 
     def _next_setpoint(self, elapsed: float) -> tuple[Array, Array] | None:
         """Return the position and velocity to send, or None."""

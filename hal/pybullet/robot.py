@@ -36,9 +36,6 @@ class PyBulletRobot(SimulatedRobot):
         return PyBulletEngine(self.client, model, world, self._parameters, gui)
 
 
-# PyBullet as an engine of ``hal.simulation``.
-
-
 Array = NDArray[np.float64]
 DEFAULT_FILTER, EVERYTHING = 1, -1
 NUDGE = 1e-4

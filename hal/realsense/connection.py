@@ -23,9 +23,6 @@ from hal.hardware.connection import Connection, PartFactory
 from hal.hardware.sensors import HardwareCamera, is_another_camera, lens_differences
 from hal.parts.part_connection import ConnectionFailedError
 
-# What a robot's YAML may say about a RealSense camera.
-
-
 FrameRate = Annotated[int, Field(ge=1, le=90)]
 
 

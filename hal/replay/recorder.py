@@ -108,8 +108,6 @@ class RecordedRobot(Robot):
             with self._lock, suppress(OSError):  # of what could not be written before
                 self._file.close()
 
-    # Private
-
     def _description(self) -> dict[str, Any]:
         parts = {}
         for name, part in self._robot.parts.items():

@@ -66,8 +66,6 @@ class ReplayRobot(Robot):
 
         self._seen: dict[str, float] = {}  # camera → when its last image was taken
 
-    # Description
-
     @cached_property
     def clock(self) -> SimulatedClock:  # type: ignore[override] # a property: read from the recording on first use
         """Simulated time, in the steps of the recording."""
@@ -92,8 +90,6 @@ class ReplayRobot(Robot):
     def stopped(self) -> bool:
         """Return whether the stop is latched."""
         return bool(self._latch)
-
-    # Life
 
     def connect(self) -> None:
         """Start the replay; idempotent. Raises ConnectionFailedError if there is no recording, or one of another
@@ -138,8 +134,6 @@ class ReplayRobot(Robot):
     def moment(self) -> float:
         """Return the position in the recording, seconds of the recorded robot's clock."""
         return self.clock.now() + self._offset
-
-    # Private
 
     def _part(self, name: str) -> Part:
         kind_name, description = self.tape.parts[name]

@@ -23,9 +23,6 @@ import hal.api
 from hal.api import Failure, MotionStatus, Part, PartError, RobotError
 from hal.parts.part_connection import ConnectionFailedError
 
-# Values of the Robotics API as JSON, and back to the same bits.
-
-
 _MODULES = (bestman_bt.messages, hal.api)
 _TYPES: dict[str, type] = {
     name: found for module in _MODULES for name, found in vars(module).items() if isinstance(found, type)

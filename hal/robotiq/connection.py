@@ -21,9 +21,6 @@ from hal.parts.gripper import CommandedGripper
 from hal.parts.part_connection import ConnectionFailedError
 from hal.robotiq.wire import MODBUS_PORT, URCAP_PORT, ModbusWire, RobotiqStatus, RobotiqWire, URCapWire
 
-# What a robot's YAML may say about a Robotiq gripper.
-
-
 Byte = Annotated[int, Field(ge=0, le=255)]
 Register = Annotated[int, Field(ge=0, le=65535)]
 
@@ -52,9 +49,6 @@ class RobotiqOptions:
     timeout: PositiveTime = 0.5
     longest_delay: PositiveTime = 0.1
     activate_holding: bool = False
-
-
-# A Robotiq 2F gripper as a channel: metres and newtons on one side, its own numbers on the other.
 
 
 WORDS = {

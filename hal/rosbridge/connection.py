@@ -36,8 +36,6 @@ from hal.rosbridge.decoding import Message
 from hal.rosbridge.link import RosLink, TopicStream
 from hal.rosbridge.options import TOPICS, RosbridgeOptions
 
-# An RGB-D camera behind ROS: compressed colour and depth, subscribed to only while a caller waits for an image.
-
 
 class RosCamera:
     """A camera; depth must be registered to colour, and both must have the size of the robot model.
@@ -246,8 +244,6 @@ class RosbridgeConnection(Connection):
         """Drop the connection, which may still contain velocities."""
         self._link.abandon()
 
-    # Private
-
     def _make_base(self, name: str, model: BaseModel) -> DrivenBase:
         options: RosbridgeOptions = self.options
         if options.odometry == "tf":
@@ -338,9 +334,6 @@ class RosbridgeConnection(Connection):
         if self.clock.now() - self.heard() < self.limits.watchdog:
             for part in self._driven:
                 part.cycle(elapsed)
-
-
-# A mobile base and joints behind ROS, for example a pan-tilt head: velocities and set-points out, readings in.
 
 
 Array = NDArray[np.float64]

@@ -16,9 +16,6 @@ from hal.hardware.control_loop import take_real_time_priority
 from hal.parts.part_connection import ConnectionFailedError
 from hal.rosbridge.decoding import Message, stamp
 
-# The newest message of a topic, and how old it is.
-
-
 Value = TypeVar("Value")
 
 

@@ -21,8 +21,6 @@ from hal.simulation.robot import SimulatedRobot
 from hal.simulation.sensor_pipeline import SensorFault, SimulatedSensor
 from hal.simulation.simulation import Simulation
 
-# Third-person pictures of a scene, for people.
-
 
 class ScenePhotographer:
     """Takes pictures with shadows. Like GroundTruth, construct it before time runs, or it counts as untrusted."""

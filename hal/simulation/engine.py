@@ -41,8 +41,6 @@ class Engine(ABC):
     def close(self) -> None:
         """Free the engine's resources; idempotent."""
 
-    # Motors. Each command replaces the one before at its joints and holds until the next.
-
     @abstractmethod
     def track(
         self, joints: Sequence[int], positions: Array, velocities: Array, efforts: Sequence[float], gain: float
@@ -68,8 +66,6 @@ class Engine(ABC):
     @abstractmethod
     def push(self, body: int, link: int, force: Vector, point: Vector) -> None:
         """Apply a force to a link in the next step, newtons, at ``point`` in the map frame."""
-
-    # What is true
 
     @abstractmethod
     def joint_states(self, body: int, joints: Sequence[int]) -> JointStates:
@@ -126,8 +122,6 @@ class Engine(ABC):
     @abstractmethod
     def segments(self, viewpoint: Viewpoint, width: int, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return the body and the link shown by each pixel, (H, W) each; body -1 for the background."""
-
-    # What no honest run does, but for people who disturb
 
     @abstractmethod
     def put(self, body: int, position: Sequence[float], quaternion: Sequence[float]) -> None:

@@ -20,8 +20,6 @@ from hal.simulation.parameters import SimulationParameters
 from hal.simulation.sensor_pipeline import EncoderReading, Encoders
 from hal.simulation.simulation import SimulatedChannel, Simulation
 
-# Where the mass of doors and drawers lies.
-
 
 def mass_distribution(parts: Sequence[PlacedShape], mass: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the centre of mass (3,) in the frame of the parts and the inertia (3, 3) about it, kg m², at uniform

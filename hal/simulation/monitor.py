@@ -20,9 +20,6 @@ from hal.simulation.motion_watcher import MotionWatcher
 from hal.simulation.observation import Observer, SimulationState
 from hal.simulation.simulation import Simulation
 
-# Watches for objects that move with a hand that does not press on them: glue, whatever it is made of.
-
-
 Leaf = tuple[int, int]
 """Body and link of a door or drawer."""
 
@@ -123,9 +120,6 @@ class AttachmentCheck:
 
 def _difference(a: Vector, b: Vector) -> Vector:
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
-
-
-# Watches what an honest run never changes: constraints, masses, frictions, gravity, the place of fixed bodies.
 
 
 FIXED_BODY_MOVED = 1e-4

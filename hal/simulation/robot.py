@@ -101,8 +101,6 @@ class SimulatedRobot(Robot):
         self.parts = MappingProxyType({**self._actuators, **self._sensors})
         self._recorder = StopRecorder(traces(self._actuators, self.clock.now), self.clock.now)
 
-    # Description
-
     @property
     def world(self) -> World:
         """Return the requested world with the true start poses; reading it once time runs is counted."""
@@ -157,8 +155,6 @@ class SimulatedRobot(Robot):
         The first step of time closes it, too; a judged run closes it before its tree is loaded.
         """
         self.simulation.ledger.close_truth()
-
-    # Life
 
     @abstractmethod
     def build(self, model: RobotModel, world: World, gui: bool) -> Engine:
@@ -232,8 +228,6 @@ class SimulatedRobot(Robot):
             counts = self._simulation.ledger.counts
             texts["honesty"] = ", ".join(f"{kind} {count}" for kind, count in sorted(counts.items())) or "clean"
         return texts
-
-    # Private
 
     def _attach(self, simulation: Simulation) -> None:
         """The simulation's loop drives the parts, as a connection's loop does on hardware."""

@@ -22,9 +22,6 @@ from hal.simulation.engine import Engine
 from hal.simulation.guards import GuardedEngine, Reader, ReadPurpose
 from hal.simulation.parameters import SimulationParameters
 
-# People who walk through the scene: a scripted disturbance, moved by motors of bounded force and by nothing else.
-
-
 FORCE = 120.0
 """Newtons that a walker pushes with, at most, along each axis: it walks into a robot, and does not shove it away."""
 AHEAD = 0.25

@@ -13,9 +13,6 @@ from hal.api import Gripper, Motion, MotionStatus
 from hal.twins.tcp_server import TcpTwin, lines, modbus_frames
 from hal.twins.world import TwinWorld
 
-# A Robotiq 2F gripper as a state machine over a gripper of the twins' world.
-
-
 OPEN, CLOSED = 3, 230
 """Its own numbers where the fingers are fully open and closed."""
 LEAST_SPEED, LEAST_FORCE = 0.02, 20.0

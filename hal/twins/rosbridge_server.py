@@ -26,9 +26,6 @@ from hal.twins.ros_messages import Message, RosVersion
 from hal.twins.rosbridge_protocol import RosbridgeServer, Taker
 from hal.twins.world import TwinWorld
 
-# What a ROS robot's drivers do with velocities and set-points, over parts of the twins' world.
-
-
 Array = NDArray[np.float64]
 TRACKING_GAIN = 20.0
 """Per second: how hard a trajectory controller pulls joints to where they should be."""
@@ -237,8 +234,6 @@ class RosbridgeTwin:
         self._closing.set()
         self._server.close()
 
-    # Parts
-
     def _add_base(self, name: str) -> None:
         options = self._options
         base = TwinBase(self._world, self._world.robot.part(name, MobileBase))
@@ -330,8 +325,6 @@ class RosbridgeTwin:
         """``at``: simulated time."""
         return self._version.header(frame, at + self._offset - self._set_back)
 
-    # Time
-
     def _tick(self, dt: float) -> None:
         """One physics step of the world is about to come."""
         now = self._world.now()
@@ -372,8 +365,6 @@ class RosbridgeTwin:
         return any(
             self._server.has_subscriber(self._options.topic("camera", camera, stream)) for stream in ("color", "depth")
         )
-
-    # Faults
 
     def _set_odometry(self, stale: bool, silent: Set[str]) -> None:
         self._stale_odometry = stale

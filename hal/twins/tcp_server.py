@@ -38,9 +38,6 @@ class _BackgroundServer(socketserver.ThreadingTCPServer):
         self.server_close()
 
 
-# Questions and answers as lines of JSON over a Unix socket that only its owner may open.
-
-
 Answer = Callable[[dict[str, Any]], Mapping[str, Any]]
 
 

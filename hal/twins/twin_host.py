@@ -26,8 +26,6 @@ from hal.twins.faults import Faults
 from hal.twins.tcp_server import JsonLineServer
 from hal.twins.world import TwinWorld
 
-# What is true in the twins' world, for evaluation alone: it asks over a socket of its own.
-
 
 class JudgeServer(JsonLineServer):
     """Answers ``{"ask": QUESTION, "name": NAME}`` by ``{"answer": …}``.

@@ -82,8 +82,6 @@ class URController:
         self._measured: dict[str, Any] = {}
         world.ticks.append(self.tick)
 
-    # From any thread
-
     @property
     def playing(self) -> bool:
         """Return whether a program runs."""
@@ -191,8 +189,6 @@ class URController:
         """Open the brakes."""
         if self.robot_mode == RobotMode.IDLE:
             self.robot_mode = RobotMode.RUNNING
-
-    # The world's thread
 
     def tick(self, dt: float) -> None:
         """Prepare the next physics step of the world.

@@ -13,9 +13,6 @@ from typing import Any
 
 from hal.twins.faults import Faults
 
-# The fields of Universal Robots' RTDE interface: their types, and how these are packed (big endian).
-
-
 FORMATS = {
     "BOOL": "?",
     "UINT8": "B",

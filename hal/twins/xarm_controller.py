@@ -73,8 +73,6 @@ class XArmController:
         self.reading = XArmReading(zero, zero, zero, 0)
         world.ticks.append(self.tick)
 
-    # Commands, from any thread
-
     def enable(self, on: bool) -> None:
         """Switch the motors on or off."""
         self.enabled = on
@@ -163,8 +161,6 @@ class XArmController:
         motion = self._motion
         return int(motion is not None and not motion.done)
 
-    # The gripper
-
     def move_gripper(self, pulses: int) -> None:
         """Move to a position of 0 (closed) to 850 (open)."""
         gripper = self._gripper
@@ -196,8 +192,6 @@ class XArmController:
     def unjam(self) -> None:
         """Release the fingers; an error stays until it is cleared."""
         self._jammed = False
-
-    # The world's thread
 
     def tick(self, dt: float) -> None:
         """Prepare the next physics step of the world."""

@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from hal.twins.xarm_controller import XArmController
 
-# The bus on an xArm's tool flange: the gripper's Modbus RTU registers, passed through the control box.
-
-
 GRIPPER = 8
 READ, WRITE = 0x03, 0x10
 STATUS, ERROR_CODE, ENABLE, MODE, RESET_ERROR = 0x0000, 0x000F, 0x0100, 0x0101, 0x0109
@@ -60,9 +57,6 @@ class GripperBus:
             controller.gripper_enabled = bool(number)
         elif register == RESET_ERROR:
             controller.gripper_error = 0
-
-
-# The pose of an arm's flange in its own base, as arms report it.
 
 
 class FlangePose:

@@ -73,8 +73,6 @@ class XArmTwin(TcpTwin):
         """Return the serial number of the arm."""
         return self.settings.serial_number
 
-    # The wire
-
     def _attend(self, client: socket.socket) -> None:
         """Requests of one client until it goes; a robot whose last client goes comes to rest."""
         self._clients.add(client)
@@ -115,8 +113,6 @@ class XArmTwin(TcpTwin):
             frame += bytes([controller.axes, self._device_type, 0, 0, 0, 0]) + FIRMWARE.encode().ljust(30, b"\0")
             frame += _floats(1000.0, 1.0, 50000.0, 0.1, 1000.0, 20.0, 0.01, 20.0, 0.01, 3.14, 2.3, 2.7)
         return frame.ljust(length, b"\0")
-
-    # The registers
 
     def _make_registers(self) -> dict[int, Callable[[bytes], bytes]]:
         controller, bus, board = self.controller, self._bus, self._board

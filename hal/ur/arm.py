@@ -73,8 +73,6 @@ class URArm(StreamedArm):
         self._link = link
         self._own: _OwnMotion | None = None
 
-    # Motions of the controller
-
     def move_path(self, positions: ArrayLike, speed_scale: float = 1.0, blend: float = 0.0) -> Motion[None]:
         """Move through joint positions (N, 6), radians, with a ``blend`` radius in metres at all but the last."""
         with self._connection.lock:
@@ -135,8 +133,6 @@ class URArm(StreamedArm):
             turned = wanted * np.array([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0])
             return self._begin_speed("speed_tool", turned.tolist(), TOOL_ACCELERATION, float(duration))
 
-    # As for every arm
-
     @property
     def resting(self) -> bool:
         """Return whether no motion is commanded."""
@@ -172,8 +168,6 @@ class URArm(StreamedArm):
                 return
         self._attend(own)
         self.record()
-
-    # Private
 
     def _begin_speed(self, call: str, speeds: list[float], acceleration: float, duration: float) -> Motion[None]:
         if not (np.isfinite(duration) and duration > 0.0):

@@ -29,9 +29,6 @@ from hal.ur.link import URLink
 from hal.ur.release import URRelease
 from hal.ur.sdk_process import PLAYING, READY_TIME, RUNNING, Report
 
-# Digital inputs and outputs of the control box and of the tool flange.
-
-
 Kind = Literal["standard", "configurable", "tool"]
 FIRST = {"standard": 0, "configurable": 8, "tool": 16}
 COUNT = {"standard": 8, "configurable": 8, "tool": 2}
@@ -72,9 +69,6 @@ class URDigitalIO:
     def _check(kind: str, number: int) -> None:
         if kind not in COUNT or not 0 <= number < COUNT[kind]:
             raise CommandRefusedError(f"there is no {kind} input or output {number}")
-
-
-# What a robot's YAML may say about a UR controller.
 
 
 Rate = Annotated[Frequency, Field(le=500.0)]
@@ -373,9 +367,6 @@ class URForceTorque(HardwareForceTorque):
             raise NoDataError(f"{self.name} has not reported a wrench yet", self.name)
         values = np.array(report.wrench)
         return Wrench(values[:3], values[3:], self._link.heard)
-
-
-# Which arm a UR's controller moves, compared with the robot file: by name, and by where each has the flange.
 
 
 FLANGE_TOLERANCE = 0.01

@@ -152,8 +152,6 @@ class SDKProcess:
         except (EOFError, OSError):
             self._go()
 
-    # What the parent asks for
-
     def open(self, address: str, settings: dict[str, float]) -> None:
         """Connect, start the SDK's program on the controller.
 
@@ -273,8 +271,6 @@ class SDKProcess:
         self._renewed_until = None
         self._control.stopJ(self._settings["deceleration"], True)
         self._come_to_rest(self._control.kickWatchdog)
-
-    # Private
 
     def _upload(self, path: str = "") -> None:
         """Replace the program on the controller; its watchdog is set in its first line."""

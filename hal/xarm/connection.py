@@ -25,9 +25,6 @@ from hal.xarm.lite6_gripper import Lite6Gripper, Lite6GripperWire
 from hal.xarm.options import XArmOptions
 from hal.xarm.wire import XArmWire, read_report
 
-# The joints and the gripper of an xArm behind the vendor's SDK; millimetres and pulses end here.
-
-
 Array = NDArray[np.float64]
 LONGEST_STEP = 0.01
 """Metres of the tool between two set-points of the servo mode, by UFACTORY's guide."""

@@ -25,9 +25,6 @@ from hal.hardware.controller_facts import ArmFacts, Identity
 from hal.parts.part_connection import ConnectionFailedError
 from hal.xarm.options import ArmKind, XArmOptions
 
-# Which arm a controller moves, and whether that is the one of the robot file.
-
-
 LITE6 = 9
 """The Lite 6's type in the controller's version."""
 NARROWER_SINCE, UNTIL = 1305, 8500

@@ -26,8 +26,6 @@ from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.messages import Failure, JointKind, JointTrajectory, MotionErrorCode
 from hal.api import Arm, Clock, CommandRefusedError, Motion, MotionStatus, RobotStoppedError, Timer
 
-# Contact where none is expected: a hand that feels a force, or joints that lag behind their set-points.
-
 
 @dataclass(frozen=True)
 class ContactLimits:

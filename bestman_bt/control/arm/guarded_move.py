@@ -13,8 +13,6 @@ from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.messages import MotionErrorCode, Pose
 from hal.api import Arm, Motion
 
-# Tool poses streamed to an arm: each a small step of inverse kinematics from the one before.
-
 
 @dataclass(frozen=True)
 class Streaming:

@@ -30,9 +30,6 @@ from bestman_bt.navigation.localization.base import Localizer, OdometryScan
 from bestman_bt.world_model.world_model import BasePose
 from hal.api import CommandRefusedError, MobileBase, Motion, MotionStatus, RobotStoppedError, Timer
 
-# What becomes of a wanted velocity before the wheels turn: limits, giving way to people, the collision monitor.
-
-
 STANDING = 0.02
 """m/s and rad/s below which the wheels count as standing."""
 REST = 0.05

@@ -64,9 +64,6 @@ def odd_status(status: object, child: Node) -> NodeError:
     return child.error(describe_bad_status(status))
 
 
-# Arguments of a node made in Python: a name and children, in the forms of py_trees and of trees.
-
-
 def line_that_makes(node: Behaviour) -> tuple[str, int]:
     """Return file and line of the call that creates a node, outside of its own ``__init__`` and of py_trees' idioms."""
     frame = sys._getframe(1)
@@ -233,8 +230,6 @@ class Node(PyTreesFace):
         for child in children:
             child.parent = self
 
-    # ---- interface for the code of the node itself
-
     def on_load(self) -> None:
         """Prepare the node once before the first tick; ports, blackboard, context and clock are available."""
 
@@ -359,8 +354,6 @@ class Node(PyTreesFace):
         prefix = "" if self.place is None else self.place.prefix
         return prefix + self.name + suffix
 
-    # ---- the engine's status
-
     @property
     def state(self) -> int:
         """The engine's status: IDLE, RUNNING, SUCCESS or FAILURE."""
@@ -388,8 +381,6 @@ class Node(PyTreesFace):
             self._s = 0 if code == RUNNING else -code
             if self.log is not None:
                 self.log.append(self.ev[0])
-
-    # ---- what parents do with children
 
     def execute_tick(self) -> int:
         """Tick this node and store the returned status: the general form of what parents do.
@@ -450,8 +441,6 @@ class Node(PyTreesFace):
         """Return the children as engine nodes."""
         return self.children  # type: ignore[return-value]
 
-    # ---- which method a parent calls
-
     def bind(self, log: list[Any] | None, visited: list[Node] | None) -> None:
         """Choose ``run``; children are bound before their parent.
 
@@ -495,8 +484,6 @@ class Node(PyTreesFace):
     def bound(self, core: Tick) -> Tick:
         """Return ``core`` with the wrapper that the node's kind needs, if any."""
         return core
-
-    # ---- hooks
 
     def add_pre_tick(self, callback: PreTick, *, rebind: bool = True) -> None:
         """Call ``callback(node)`` before each tick; SUCCESS, FAILURE or SKIPPED returned from it replaces the tick.

@@ -202,9 +202,6 @@ def _entry_writer(node: Node, port: Port, slot: Slot) -> Callable[[Any], None]:
     return write
 
 
-# Ports as typed attributes of a node: ``goal = In(Pose2D, "where to drive")``, then ``self.goal`` is a ``Pose2D``.
-
-
 T = TypeVar("T")
 
 

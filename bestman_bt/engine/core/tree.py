@@ -119,8 +119,6 @@ class Tree:
         self._set_up = True
         self._refusing = False
 
-    # ---- interface for the loader
-
     @property
     def root(self) -> Node:
         """The root node."""
@@ -167,8 +165,6 @@ class Tree:
         for node in self.nodes:
             node.refuse(_refused)
 
-    # ---- looking around
-
     def node(self, path: str) -> Node:
         """Return the node with this path.
 
@@ -201,8 +197,6 @@ class Tree:
         """Replace context and clock of the nodes; not while the tree is running."""
         self.context, self.clock = context, clock
         self.blackboard.store.now = clock.now()
-
-    # ---- native behaviours
 
     def setup(self, timeout: float = SETUP_TIMEOUT, **kwargs: Any) -> None:
         """Call the ``setup`` of native py_trees behaviours that are not set up, children first.
@@ -255,8 +249,6 @@ class Tree:
     def status(self) -> NodeStatus:
         """Status of the root after the last tick; IDLE after a halt. Compares equal to the constants."""
         return _MEMBERS[self._status]
-
-    # ---- ticking
 
     def tick_exactly_once(self) -> NodeStatus:
         """Tick once, regardless of wake-ups, and return the root's status."""
@@ -393,8 +385,6 @@ class Tree:
             self.clock.sleep(period)
             self._begin()
 
-    # ---- py_trees' side
-
     def tick_as_behaviour(self, node: Node) -> Iterator[Behaviour]:
         """Tick ``node`` for py_trees and yield the visited nodes, children before parents."""
         visited = self._visit()
@@ -444,8 +434,6 @@ class Tree:
                 visitor.run(node)
             visitor.finalise()
         return status
-
-    # ---- listening
 
     def subscribe(self, listener: Listener) -> None:
         """Call ``listener`` with the ``StateChanges`` of each tick or halt that changes a state."""

@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from bestman_bt.engine.core.tree import Tree
 
 
-# Inverter, ForceSuccess and ForceFailure: the child's result, changed.
-
-
 def mapping_tick_bare(on_success: int, on_failure: int, *, keeps: bool = False) -> Callable[[Any], int]:
     """Return the tick function of a decorator that maps its child's result, without listeners.
 

@@ -17,8 +17,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
-# Files of folders that others may have made: only regular ones are read, and none without a bound.
-
 
 @contextmanager
 def open_regular(path: Path) -> Iterator[BinaryIO]:

@@ -103,9 +103,6 @@ def seen_ports(uses: Iterable[Element]) -> list[Port]:
     return [untyped_port(name, direction) for name, direction in directions.items()]
 
 
-# Nodes without code: placeholders for types that are known from a file, or only from their use.
-
-
 def _refused(node: Node) -> int:
     raise node.error(f"it is a placeholder: there is no code for '{node.type_id}' here")
 

@@ -9,9 +9,6 @@ from typing import Final
 
 from bestman_bt.engine.errors import ScriptError
 
-# Splits a script into tokens, by the lexical rules of BehaviorTree.CPP 4.10 plus double-quoted strings.
-
-
 MAX_SCRIPT_LENGTH = 20_000
 
 _TOKEN = re.compile(

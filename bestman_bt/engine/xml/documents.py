@@ -312,9 +312,6 @@ def _read_models(model: Element, file: str, documents: Documents) -> None:
             ports[name] = ModelPort(name, port.tag.removesuffix("_port"), default, port.line, kind)
 
 
-# Detection of tree files of BehaviorTree.CPP 3, and of names that changed in version 4.
-
-
 RENAMED: Final = {
     "SequenceStar": "SequenceWithMemory",
     "RetryUntilSuccesful": "RetryUntilSuccessful",

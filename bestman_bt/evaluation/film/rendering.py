@@ -31,9 +31,6 @@ from bestman_bt.visualization.blender.painting import (
 from bestman_bt.visualization.snapshot import RobotSnapshot
 from hal.simulation.bodies import Viewpoint
 
-# A run's frames for Blender: what each body is made of, and which walls are left out so that one sees in.
-
-
 BEHIND = 0.35
 """Metres behind what is looked at in which a wall still hides it."""
 
@@ -91,9 +88,6 @@ def _hides(wall: Wall, view: Viewpoint) -> bool:
         if -BEHIND < ahead < reach and abs(across) < 0.5 * max(ahead, 0.0) + BEHIND:
             return True
     return False
-
-
-# Films and stills from pictures: a line that tells what is going on, an mp4, a JPEG.
 
 
 SMALL_FILM = 1_500_000
@@ -246,9 +240,6 @@ def _painted(
 
         paint(job, python, on_frame)
         return [np.asarray(Image.open(file).convert("RGB")) for file in files]
-
-
-# The camera of a film: it follows the robot from the side with the best view.
 
 
 RATE = 12

@@ -26,9 +26,6 @@ from bestman_bt.records.palette import HALTED, LOOKS, css_variables
 from bestman_bt.records.states import NO
 from bestman_bt.records.timeline import Activities, WorkOfNode, work_of_nodes
 
-# What many runs say together: success per task, why runs failed, which nodes took the time.
-
-
 MAX_SLOW_NODES = 20
 MAX_DIFFERENCES = 6
 """Settings that a group's name tells."""
@@ -162,9 +159,6 @@ def slow_nodes(stories: Sequence[RunReport]) -> list[SlowNode]:
             share = sum(values) / total if total > 0 else 0.0
             found.append(SlowNode(task, *which, len(values), counts[which], failures[which], median, p95, share))
     return sorted(found, key=lambda node: -node.share)[:MAX_SLOW_NODES]
-
-
-# The timeline of a run as a Gantt chart: a row per subtree and leaf, a bar for each time that it was at work.
 
 
 _LOOKS = {**LOOKS, IDLE: HALTED}

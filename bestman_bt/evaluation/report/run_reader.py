@@ -261,9 +261,6 @@ def _short(error: Exception) -> str:
     return (words[0] if words else type(error).__name__)[:300]
 
 
-# The data of a finished run for its report, combined from the files of its folder.
-
-
 INTERRUPTED = "interrupted"
 STILL_RUNNING = "running"
 LONGEST_SETTING = 200

@@ -64,9 +64,6 @@ def clear_of(voxels: VoxelObstacle, bodies: Sequence[Placed], margin: float) -> 
     return replace(voxels, indices=np.ascontiguousarray(indices))
 
 
-# A hash of plain values: equal values give equal hashes, in every process.
-
-
 def fingerprint(value: object) -> str:
     """Return 32 hexadecimal digits for a value of dataclasses, mappings, sets, sequences, arrays, texts and numbers.
 

@@ -16,9 +16,6 @@ from bestman_bt.world_model.openness import handle_shape, leaf_shapes
 from bestman_bt.world_model.semantic_map import MapFurniture
 from bestman_bt.world_model.world_model import WorldModel
 
-# Furniture that an arm reaches into: its boards, and its doors and drawers where they are believed to be.
-
-
 SAME_HEIGHT = 0.006
 """Metres between a surface and the upper side of the board that it belongs to, at most."""
 
@@ -97,9 +94,6 @@ def _grown_box(placed: PlacedShape, piece: MapFurniture, errors: tuple[float, fl
     shift = moved + math.sin(turn) * sideways + (1.0 - math.cos(turn)) * inwards
     x, y, z = (float(size + 2 * grow) for size, grow in zip(placed.shape.size, shift, strict=True))
     return PlacedShape(Box((x, y, z)), placed.pose)
-
-
-# What has been seen to fill space, and that nothing believed explains: as voxels for the collision world.
 
 
 OCCUPIED, UNKNOWN = "occupied", "unknown"

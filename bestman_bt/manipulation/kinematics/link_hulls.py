@@ -20,8 +20,6 @@ from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.urdf_tree import joints_above
 from bestman_bt.world_model.world_model import HeldObject
 
-# Forward kinematics: the pose of any link of the robot from joint positions by name.
-
 
 class ForwardKinematics:
     """Forward kinematics of the whole robot; the model is built on first use."""
@@ -109,9 +107,6 @@ def _corners(shape: coal.CollisionGeometry) -> NDArray[np.float64]:
     turn = np.arange(_TURNS) * 2 * np.pi / _TURNS
     ring = shape.radius * np.column_stack([np.cos(turn), np.sin(turn)])
     return np.vstack([np.column_stack([ring, np.full(_TURNS, z)]) for z in (-shape.halfLength, shape.halfLength)])
-
-
-# Where an arm with its hand, and what it holds, is in space: for controllers that drive it past obstacles.
 
 
 class LinkBodies:

@@ -201,9 +201,6 @@ def _vectors(values: ArrayLike, what: str) -> NDArray[np.float64]:
     return array
 
 
-# Reachability maps on disk, one file per arm: what the map depends on is in the file's name.
-
-
 _VERSION = 1
 _LOG = logging.getLogger(__name__)
 _FIELDS = ("origin", "voxel", "directions", "counts", "manipulability", "plenty")

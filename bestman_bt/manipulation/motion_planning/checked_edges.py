@@ -15,9 +15,6 @@ from numpy.typing import NDArray
 from bestman_bt.manipulation.collision.base import CollisionWorld
 from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PathConstraint, PlanningErrorCode
 
-# What a planner asks of a configuration: collisions, the constraint, and a count of the questions.
-
-
 _CHECKS_BETWEEN_LOOKS_AT_THE_CLOCK = 256
 
 
@@ -45,9 +42,6 @@ class CountedValidity:
         if self._constraint is not None and not self._constraint.satisfied(positions):
             return False
         return bool(self._is_free(positions))
-
-
-# Points on straight joint motions, at a given resolution.
 
 
 def dense_points(path: NDArray[np.float64], step: float) -> Iterator[NDArray[np.float64]]:

@@ -25,8 +25,6 @@ from bestman_bt.manipulation.trajectory.base import SpeedScale
 from bestman_bt.messages import JointTrajectory, Pose
 from bestman_bt.messages.shapes import Positive
 
-# From a chunk to joint positions, whatever space its actions are in.
-
 
 def chunk_path(
     chunk: ActionChunk, start: NDArray[np.float64], kinematics: InverseKinematics, limits: JointLimits

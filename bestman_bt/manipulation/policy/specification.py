@@ -17,8 +17,6 @@ from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
 from bestman_bt.manipulation.policy.errors import PolicyModelError
 
-# The box in which a tool has to stay.
-
 
 @dataclass(frozen=True, eq=False)
 class Workspace:

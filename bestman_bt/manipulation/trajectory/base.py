@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from bestman_bt.manipulation.collision.base import CollisionWorld
 
 
-# Checking a timed motion against a collision world, as densely as it is executed.
-
-
 @dataclass(frozen=True)
 class Touch:
     """The first contact of a motion: ``time`` in seconds from its start, ``pairs`` of names nearer than their

@@ -318,9 +318,6 @@ class Costmap:
         return float(self.footprint_clearance(np.array([[pose.x, pose.y, pose.theta]]))[0])
 
 
-# The costmap of a robot's beliefs: which layers it has is a matter of the configuration, as in nav2.
-
-
 class CostmapBuilder(ABC):
     """Creates costmaps; ``obstacle``: whether those for planning include what the lidar sees and the map lacks."""
 

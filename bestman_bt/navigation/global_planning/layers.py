@@ -18,8 +18,6 @@ from bestman_bt.messages.shapes import bounding_corners
 from bestman_bt.navigation.global_planning.footprint import LOOKS_AROUND, UpperBody
 from bestman_bt.world_model.semantic_map import MapFurniture
 
-# Exact distances in the plane, for many points at once.
-
 
 def squared_distance_to_segment(
     points: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
@@ -58,9 +56,6 @@ class CostmapLayer(ABC):
     def reaching(self, height: float) -> CostmapLayer:
         """Return the part that reaches ``height`` metres or higher; the layer itself if heights are unknown."""
         return self
-
-
-# Bodies in space, as far as a robot on the floor can meet them: what was seen, doors where they are believed to be.
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,9 +112,6 @@ def _hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return hull
 
 
-# The furniture of the map, wherever within its errors it may stand.
-
-
 @dataclass(frozen=True, eq=False)
 class FurnitureLayer(CostmapLayer):
     """Outlines of ``pieces`` with their handles, enlarged by possible position and heading errors.
@@ -159,9 +151,6 @@ def _turned(piece: MapFurniture, corners: NDArray[np.float64], heading_error: fl
     corners = corners - centre
     for turn in (-heading_error, 0.0, heading_error) if heading_error else (0.0,):
         yield Pose2D(centre[0], centre[1], turn).apply(corners)
-
-
-# What of all this no lidar sees: boards above its plane, such as the top of a table, and what is lower.
 
 
 _ROUND = np.array([[math.cos(turn), math.sin(turn)] for turn in np.arange(16) * math.pi / 8])
@@ -220,9 +209,6 @@ def _possible_area(
     return _hull((turned[:, None] + position_error * _ROUND).reshape(-1, 2))
 
 
-# Cells of an occupancy grid, such as SLAM makes: the occupied ones, and those that no scan has covered.
-
-
 @dataclass(frozen=True, eq=False)
 class CellLayer(CostmapLayer):
     """The ``blocked`` cells (rows, columns) of a grid; each fills its square, so distances are from its border."""
@@ -267,9 +253,6 @@ def _to_squares(cells: NDArray[np.bool_]) -> NDArray[np.float64]:
             nodes[row : row + 2 * rows : 2, column : column + 2 * columns : 2] |= cells
     distance: NDArray[np.float64] = ndimage.distance_transform_edt(~nodes)[1::2, 1::2] / 2
     return distance
-
-
-# The walls of the map, which are exact.
 
 
 @dataclass(frozen=True, eq=False)

@@ -209,9 +209,6 @@ def _joined(
     return points[np.append(True, moves)], reverse[moves]
 
 
-# Free space: collisions on straight pieces, places to turn, and costs of driving.
-
-
 _MANY = 1500  # samples from which on it is worth while to look at a few of them first:
 _SPARSE = 8  # one of so many
 

@@ -216,9 +216,6 @@ class _Search:
         return self._search.beam_model.agreement(self._segments, pose @ self._base_from_lidar, scan)
 
 
-# The distance of each place to the nearest lidar surface, for scan matching, and the places where a base can be.
-
-
 @dataclass(frozen=True, eq=False)
 class DistanceField:
     """A distance field of the map. ``distance``: (rows, columns) float32, metres from a cell's centre to the nearest

@@ -18,8 +18,6 @@ from typing_extensions import override
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.messages.shapes import NonNegative, Positive
 
-# What a localizer predicts with: the odometry of the wheels, or what a filter makes of it.
-
 
 @dataclass(frozen=True, eq=False)
 class OdometryEstimate:

@@ -216,9 +216,6 @@ def _nearest(
     return nearest
 
 
-# Simulation of a planar lidar in a map of segments.
-
-
 def cast_rays(
     segments: NDArray[np.float64], pose: Pose2D, angles: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:

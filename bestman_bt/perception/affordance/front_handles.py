@@ -110,9 +110,6 @@ def _first(border: float | None, otherwise: float) -> float:
     return float(otherwise) if border is None else border
 
 
-# Affordances: where doors and drawers can be taken, and how they are likely to move.
-
-
 @dataclass(frozen=True, eq=False)
 class HandleScene:
     """The result of a handle search: ``handles``, most confident first, on ``fronts``: vertical planes, largest first.
@@ -134,9 +131,6 @@ class HandleDetector(ABC):
 
         Raises PerceptionError for an unusable image: no depth at all, or wrong shapes.
         """
-
-
-# Borders between handles: two handles are on two panels, even where the seam between these is too narrow to see.
 
 
 def parted(

@@ -238,9 +238,6 @@ def _refined(groove: Groove, relief: HeightMap, reach: float = 0.018) -> Groove:
     return replace(groove, centre=(border, y) if groove.upright else (x, border))
 
 
-# A rectified front, turned so that the grooves that are sought run along its rows; what is seen around openings.
-
-
 @dataclass(frozen=True)
 class Rectangle:
     """Cells from row ``top`` to before ``bottom``, from column ``start`` to before ``stop``."""

@@ -140,9 +140,6 @@ class Surround:
         return bool(strip.sum() >= 5 and self.on_front[strip].mean() >= 0.6)
 
 
-# A handle in the frame of its front, before its panel is known.
-
-
 NEAR_BORDER = 0.06
 """Metres from its panel's border to the end of an edge that is taken to go up to it."""
 

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from bestman_bt.perception.affordance.fronts import FrontPlane, FrontSearch
 from bestman_bt.perception.view import View
 
-# What stands out of a front, and what lies behind it, pixel by pixel.
-
 
 @dataclass(frozen=True, eq=False)
 class HeightMap:
@@ -180,9 +178,6 @@ def rectify(
     noise = sigma / np.sqrt(np.maximum(9.0 * weights, 1.0))
     rgb = warped(view.image.rgb[relief.rows, relief.columns].astype(np.float32), 0.0)
     return RectifiedFront(low, cell, mean, noise.astype(np.float64), rgb, weights < 0)
-
-
-# The borders of the panel that a handle is on: seams, changes of colour, ends of the front.
 
 
 Side = Literal["left", "right", "bottom", "top"]

@@ -17,8 +17,6 @@ from typing_extensions import override
 from bestman_bt.messages import CameraIntrinsics, Pose
 from bestman_bt.perception.errors import PerceptionError
 
-# What is wrong with calibration data.
-
 
 class CalibrationError(PerceptionError):
     """Raised if a calibration cannot be computed; the message says what to record instead."""

@@ -14,8 +14,6 @@ from bestman_bt.perception.pose_estimation.base import PoseHypothesis
 from bestman_bt.perception.segmentation.base import Cluster, Region, SegmentedScene, SupportPlane
 from bestman_bt.perception.view import View
 
-# What detectors load before they are asked.
-
 
 class Prepared:
     """Base of algorithms that load models or connect to a server before use; the default does nothing."""
@@ -116,9 +114,6 @@ class Detector(Prepared, ABC):
 
         Raises NoSurfaceError, with the reason, if no surface is seen.
         """
-
-
-# From pose hypotheses for each cluster to a scene with names.
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,6 @@ from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
 from bestman_bt.perception.segmentation.region_growing import RegionGrowing
 from bestman_bt.perception.view import View
 
-# Detection by registration: every cluster on the surface is compared with every known model.
-
 
 @dataclass(frozen=True)
 class ModelRegistration(Naming, Detector):
@@ -38,9 +36,6 @@ class ModelRegistration(Naming, Detector):
         scene = self.segmentation.segment(view, region, rng)
         found = [(cluster, self.pose_estimator.estimate(cluster, models, view)) for cluster in scene.clusters]
         return self.named_scene(scene, found)
-
-
-# Things found in images: names with boxes and masks, in pixels.
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,9 +23,6 @@ from bestman_bt.perception.detection.from_image import FromImage, ImageDetection
 from bestman_bt.perception.errors import DetectorReplyError, DetectorUnreachableError
 from bestman_bt.perception.view import known_depth
 
-# What a remote detector is asked and answers: JSON with PNG images, described in docs/detectors.md.
-
-
 _PNG = b"\x89PNG\r\n\x1a\n"
 
 

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from bestman_bt.perception.grasp_pose.hand_poses import HandPoses
 from bestman_bt.robot_model.model import GripperModel
 
-# What the pads meet when the hand closes: how wide, how flat, how well opposed, found from points with normals.
-
 
 @dataclass(frozen=True, eq=False)
 class PadContacts:

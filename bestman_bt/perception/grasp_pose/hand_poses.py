@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Handle, Pose
 
-# How a handle moves when its door or drawer opens: along a line, or on an arc about the hinge.
-
 
 def handle_motion(handle: Handle, distance: float) -> Pose:
     """Return the rigid motion that moves the handle by ``distance`` metres along its path, in the frame of ``handle``.

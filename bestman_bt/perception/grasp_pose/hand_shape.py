@@ -13,8 +13,6 @@ from bestman_bt.perception.grasp_pose.base import GraspCandidate
 from bestman_bt.perception.grasp_pose.hand_poses import HandPoses
 from bestman_bt.robot_model.model import GripperModel
 
-# Where the hand goes for a given pair of contacts: how deep the fingers may reach, and the poses before and after.
-
 
 @dataclass(frozen=True)
 class HandPlacement:

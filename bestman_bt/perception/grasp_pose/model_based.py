@@ -343,9 +343,6 @@ class ModelBased(GraspPlanner):
             yield hand.candidate(position, approach, way, contacts.width, quality, "side", gripper)
 
 
-# The outer surface of a model made of several solid parts: samples, rays through it, centre of mass.
-
-
 # Gaps between parts that touch, metres: closer than this they are one solid.
 _GAP = 5e-4
 

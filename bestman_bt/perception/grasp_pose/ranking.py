@@ -15,9 +15,6 @@ from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspTarget
 from bestman_bt.perception.grasp_pose.hand_poses import HandPoses, different_hands
 from bestman_bt.perception.grasp_pose.hand_shape import HandShape
 
-# How far the open hand stays from the support and from other things, for candidates that are to be kept or dropped.
-
-
 # Metres: edge of the cells to which surroundings are thinned, and between points put below what was seen of them.
 _CELL, _COLUMN_STEP = 0.005, 0.010
 

@@ -19,9 +19,6 @@ from bestman_bt.extras import install_command, open3d
 from bestman_bt.messages import Mesh
 from bestman_bt.perception.errors import PerceptionError
 
-# Meshes of scanners have far more triangles than a camera could tell apart.
-
-
 MOST_TRIANGLES = 12_000
 """Edges of about 3 mm on an object as large as a mug."""
 
@@ -47,9 +44,6 @@ def simplified(mesh: Mesh, most: int = MOST_TRIANGLES, library: Literal["trimesh
         message = f"a mesh of more than {most} triangles needs {error.name}: {install_command('objects')}"
         raise MissingExtraError(message) from error
     return Mesh(np.asarray(smaller.vertices), np.asarray(smaller.faces))
-
-
-# Surfaces with holes, closed: what a scanner could not see, mostly the bottom.
 
 
 _DISAGREE = "the mesh cannot be closed: some of its triangles overlap, or do not agree on which side is outside"

@@ -12,11 +12,8 @@ from scipy.ndimage import distance_transform_edt
 from bestman_bt.messages import Box, Cylinder, Mesh, ObjectModel, Pose, Shape, Sphere
 from bestman_bt.perception.errors import PerceptionError
 
-# Chromaticities: rgb divided by its sum, which shading does not change.
-
-
 _DARK = 0.02
-"""Added to each channel: the chromaticity of black is noise."""
+"""Added to each channel before division by the sum of rgb (chromaticity); black would give noise."""
 
 
 def model_palette(model: ObjectModel) -> NDArray[np.float64]:

@@ -35,8 +35,6 @@ from bestman_bt.perception.pose_estimation.yaw_profile import YawSearch
 from bestman_bt.perception.segmentation.base import Cluster, voxel_means
 from bestman_bt.perception.view import View
 
-# Thin parts of an object that its segmentation left out: the handle of a mug, of which a camera sees shreds.
-
 
 @dataclass(frozen=True)
 class StrayPoints:

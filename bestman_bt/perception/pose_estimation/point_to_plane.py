@@ -87,9 +87,6 @@ def gauss_newton(
     return np.clip(step, -limit, limit), information + damping
 
 
-# How a model's surface changes when the object turns: what a view must show to tell its yaw.
-
-
 SELF_POINTS, SELF_ITERATIONS, SELF_SCALE = 300, 8, 0.004
 WALL = 0.003
 """Metres towards the camera at which the nearest sample is sought: of thin walls the side that was seen."""

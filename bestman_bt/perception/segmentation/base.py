@@ -15,8 +15,6 @@ from bestman_bt.messages import Box, PlacedShape, PointCloud, Pose
 from bestman_bt.messages.frozen_array import frozen_array
 from bestman_bt.perception.view import View
 
-# Thinning of clouds: one point per occupied voxel.
-
 
 def voxel_means(cloud: PointCloud, edge: float) -> PointCloud:
     """Return the mean of position and colour in each cube of ``edge`` metres; ``cloud`` has colours."""

@@ -18,8 +18,6 @@ from bestman_bt.messages import Pose
 from bestman_bt.perception.errors import NoSurfaceError
 from bestman_bt.perception.segmentation.base import Region, SupportPlane
 
-# Footprints: what clusters cover seen from above, and how far two of them overlap.
-
 
 def footprint(xy: NDArray[np.float64], grow: float = 0.0) -> NDArray[np.float32]:
     """Return the convex hull of points (N, 2), enlarged by ``grow``, all in metres, as (K, 1, 2) millimetres.

@@ -146,9 +146,6 @@ def _at_border(points: NDArray[np.float64], view: View, margin: float = 3.0) -> 
     return bool((np.nanmin(pixels) < margin) or (np.nanmax(pixels - size) > -1.0 - margin))
 
 
-# Segmentation as PlaneDbscan does it, each operation by Open3D.
-
-
 _UP = np.array([0.0, 0.0, 1e3])
 
 

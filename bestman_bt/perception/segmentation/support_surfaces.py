@@ -32,9 +32,6 @@ from bestman_bt.perception.segmentation.horizontal_plane import (
 )
 from bestman_bt.perception.view import View, known_depth
 
-# How a surface ends on each side of its rectangle: at a rim, at a wall, behind something, or with the picture.
-
-
 _STEP, _REACH, _LEVEL = 0.03, 0.07, 0.012
 _PIXELS = 2
 

@@ -42,9 +42,6 @@ from hal.api import Arm, Camera, JointGroup, Motion, MotionStatus
 from hal.pybullet.body_urdf import Color, body_urdf
 from hal.simulation.robot import SimulatedRobot
 
-# A ChArUco board as solid shapes, for a simulation to render: a white plate with thin black tiles on it.
-
-
 PLATE, TILE = 0.006, 0.0006
 """Thickness of plate and tiles, metres."""
 WHITE: Color = (0.97, 0.97, 0.97, 1.0)

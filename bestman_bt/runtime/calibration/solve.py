@@ -323,9 +323,6 @@ def result_of(
     )  # fmt: skip
 
 
-# The result of a calibration: a document for a robot file, with its uncertainty.
-
-
 @dataclass(frozen=True, eq=False)
 class CalibrationResult:
     """``parts``: settings that override a robot's parts. ``figures``: standard deviations, covariance, offsets, for

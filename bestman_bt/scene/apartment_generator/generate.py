@@ -21,9 +21,6 @@ from bestman_bt.scene.placing import body_outlines, leaf_outlines, standing_outl
 from bestman_bt.scene.plane_geometry import Points, polygons_overlap, rectangle, wall_rectangle
 from bestman_bt.scene.scene import PlacedFurniture, Wall
 
-# Doors in the doorways of an apartment, hung so that their leaves open freely.
-
-
 POST = 0.04
 """Metres of the doorway that each post of a door takes."""
 _OPEN, _HALF_OPEN = (math.radians(90.0), math.radians(100.0)), (math.radians(66.0), math.radians(80.0))

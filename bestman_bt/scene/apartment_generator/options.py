@@ -18,8 +18,6 @@ from bestman_bt.messages import Pose2D
 from bestman_bt.scene.plane_geometry import Points, rectangle
 from bestman_bt.scene.scene import FurnitureModel
 
-# A piece of furniture where it shall stand.
-
 
 @dataclass(frozen=True)
 class ApartmentPiece:

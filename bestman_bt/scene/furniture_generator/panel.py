@@ -24,8 +24,6 @@ from bestman_bt.scene.furniture_generator.handle_design import (
 from bestman_bt.scene.furniture_generator.solid import Color, Point, Solid, ball, block, rod
 from bestman_bt.scene.scene import Articulation, FurnitureModel, Surface
 
-# The body of generated furniture: an open box of boards, and how a model is put together from all parts.
-
 
 def carcass(
     front: float, back: float, width: float, bottom: float, top: float, board: float, color: Color
@@ -62,9 +60,6 @@ def model(
         surfaces=tuple(surfaces),
         articulations=tuple(articulations),
     )
-
-
-# Colours of generated furniture: what its body, its fronts and its handles look like.
 
 
 Style = Literal["white", "steel", "dark", "wood", "coloured"]

@@ -104,9 +104,6 @@ def _indented(element: XmlElement, depth: int = 0) -> XmlElement:
     return XmlElement(element.tag, element.attributes, content)
 
 
-# Trees that execute a plan and replan when it fails.
-
-
 PLAN_AND_EXECUTE_FILE = "plan_and_execute.xml"
 RUN_ID = "PlannedRun"
 
@@ -135,9 +132,6 @@ def with_replanning(
     document.root.content.insert(0, XmlElement("include", {"path": PLAN_AND_EXECUTE_FILE}))
     document.root.content.append(XmlElement("BehaviorTree", {"ID": RUN_ID}, [either]))
     return tree_to_xml(load_tree(document.to_xml(), registry, search_path=shipped_trees()))
-
-
-# Plans as steps: independent actions that use different parts of the robot run in parallel.
 
 
 @dataclass(frozen=True)

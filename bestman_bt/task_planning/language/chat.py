@@ -87,9 +87,6 @@ class ChatEndpoint(ABC):
         """Send one request. Raises EndpointUnreachableError or EndpointReplyError if there is no valid answer."""
 
 
-# Conversations as JSON lines, one question and answer each, recorded and replayed without an endpoint.
-
-
 _ENDED_BY = {error.__name__: error for error in (EndpointUnreachableError, EndpointReplyError)}
 
 

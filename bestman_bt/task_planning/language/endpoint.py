@@ -31,8 +31,6 @@ from bestman_bt.task_planning.language.errors import (
     quoted,
 )
 
-# The body of an answer to ``POST /chat/completions``, as far as it is used.
-
 
 class _Function(BaseModel):
     name: str = "?"
@@ -113,9 +111,6 @@ def _first_of(error: ValidationError) -> str:
     fault = error.errors(include_input=False, include_url=False)[0]
     place = ".".join(str(part) for part in fault["loc"])
     return f"{place}: {fault['msg']}" if place else str(fault["msg"])
-
-
-# A key that is sent with each question and shown nowhere.
 
 
 class ApiKey:

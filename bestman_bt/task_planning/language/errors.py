@@ -6,9 +6,6 @@ from collections.abc import Sequence
 
 from bestman_bt.task_planning.symbolic.problem import PlanningError
 
-# Words of a model or a server, fit for a message: one line, printable, no longer than is read.
-
-
 LONGEST_QUOTE = 300
 
 

@@ -43,9 +43,6 @@ from bestman_bt.task_planning.symbolic.problem import (
 )
 from bestman_bt.task_planning.symbolic.search import without_needless
 
-# A language model as task planner: it proposes, what it proposes is checked, and nothing unchecked comes out.
-
-
 PlanCheck = Callable[[PlanningProblem, TaskPlan], Sequence[str]]
 """What else is wrong with a plan for a problem, in words; nothing where it may be carried out."""
 
@@ -107,12 +104,11 @@ class LanguagePlanner(TaskPlanner):
         return Proposal(meant, plan, usage)
 
 
-# Only the goal comes from a language model; a planner finds the way (LLM+P: Liu et al., 2023).
-
-
 @dataclass(frozen=True)
 class GoalReader:
-    """Converts an instruction to the facts of a goal.
+    """Converts an instruction to the facts of a goal, for a symbolic planner to solve.
+
+    B. Liu et al., "LLM+P: empowering large language models with optimal planning proficiency", 2023.
 
     ``tries``: largest number of questions. ``limits``: set by the user. ``endpoint``: None: that of the environment.
     """
@@ -175,9 +171,6 @@ def plan_from_text(
     if faults:
         raise PlanningError("; ".join(faults))
     return Proposal(meant, plan, usage)
-
-
-# Checks of answers before they become a tree: the goal is valid, the steps are feasible and reach it within the limits.
 
 
 def checked_goal(problem: PlanningProblem, answer: GoalAnswer) -> PlanningProblem:
@@ -268,9 +261,6 @@ def _needed(problem: PlanningProblem, actions: Sequence[Action]) -> tuple[Action
     numbers = {action: number for number, action in enumerate(grounded.actions)}
     kept = without_needless(grounded, [numbers[action] for action in actions])
     return tuple(grounded.actions[number] for number in kept)
-
-
-# The dialogue loop: ask, check, report the faults, ask again, a bounded number of times.
 
 
 Answer = TypeVar("Answer", bound=GoalAnswer)

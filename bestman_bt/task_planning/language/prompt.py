@@ -18,9 +18,6 @@ from bestman_bt.task_planning.limits import ALLOWED, PlanLimits
 from bestman_bt.task_planning.state import known_predicates
 from bestman_bt.task_planning.symbolic.problem import Operator, PlanningProblem
 
-# Names of things as they are told to a language model: words without room for sentences.
-
-
 LONGEST_NAME = 48
 
 _PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_/.]*(-[A-Za-z0-9_/.]+)*")

@@ -24,8 +24,6 @@ from bestman_bt.task_planning.symbolic.problem import (
     with_article,
 )
 
-# From operators to actions: parameters bound to things of the world, ``forall`` written out.
-
 
 def instantiate(problem: PlanningProblem, operator: Operator, arguments: Sequence[str]) -> Action:
     """Return the action of an operator for given things. Raises PlanningError for a wrong number or type."""

@@ -14,8 +14,6 @@ from bestman_bt.task_planning.symbolic.fast_downward import FastDownwardPlanner
 from bestman_bt.task_planning.symbolic.grounding import GroundProblem, ground
 from bestman_bt.task_planning.symbolic.problem import PlanningError, PlanningProblem, TaskPlan, Unsolvable
 
-# How far the goal is if nothing were ever undone: h_add (Bonet and Geffner, 2001), h_ff on it (Hoffmann, 2001).
-
 
 @dataclass(frozen=True)
 class Estimate:
@@ -34,7 +32,10 @@ NOTHING = 1e-6
 
 
 class RelaxedPlan:
-    """Estimates by relaxed plans: each fact is achieved by the cheapest action according to h_add."""
+    """Estimates the cost to the goal by relaxed plans, which ignore negative effects: the heuristic h_ff on h_add.
+
+    Bonet and Geffner, "Planning as heuristic search", 2001; Hoffmann and Nebel, "The FF planning system", 2001.
+    """
 
     def __init__(self, problem: GroundProblem) -> None:
         self._problem = problem
@@ -168,9 +169,6 @@ def _path(came_by: dict[int, tuple[int, int]], initial: int, state: int) -> tupl
         state, action = came_by[state]
         actions.append(action)
     return tuple(reversed(actions))
-
-
-# The embedded planner: greedy search with helpful actions, then weighted A* for a cheaper plan, as in LAMA.
 
 
 @dataclass(frozen=True)

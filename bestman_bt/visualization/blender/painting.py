@@ -51,9 +51,6 @@ def placed_document(placed: PlacedShape, color: Sequence[float] | None) -> dict[
     }
 
 
-# The robot for Blender: what its links look like, by its URDF, and where they are (pinocchio).
-
-
 IMPORTED = (".obj", ".stl", ".ply")
 """Meshes that Blender reads itself, with their materials; others are read here, without."""
 
@@ -135,9 +132,6 @@ def _mesh(geometry: ElementTree.Element) -> dict[str, Any]:
 def _numbers(element: ElementTree.Element | None, key: str, default: str) -> list[float]:
     text = default if element is None else element.get(key, default)
     return [float(number) for number in text.split()]
-
-
-# What Blender is asked to paint: bodies, a robot, where all is in each frame, and from where it is seen.
 
 
 Finish = Literal["wall", "furniture", "object", "person"]

@@ -70,9 +70,6 @@ class FrameTransforms:
         return count
 
 
-# Things drawn into the scene that are not bodies: poses, goals, paths, where the robot believes to be.
-
-
 GOAL_COLOR = (235, 60, 200)
 BELIEF_COLOR = (70, 170, 255)
 DRIVEN_COLOR = (90, 150, 255)

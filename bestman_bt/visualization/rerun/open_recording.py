@@ -29,9 +29,6 @@ if TYPE_CHECKING:
     from rerun.urdf import UrdfJoint, UrdfTree
 
 
-# Numbers over time: all curves of a plot on one entity, one call per sample.
-
-
 CURVE_COLORS = (
     (78, 161, 255),
     (255, 160, 60),
@@ -79,9 +76,6 @@ def short_names(names: Sequence[str]) -> list[str]:
             shared += 1
     start = names[0][:shared].rfind("_") + 1 if names else 0
     return [name[start:] for name in names]
-
-
-# The robot in a recording: its meshes once, its joints at every snapshot.
 
 
 MOVABLE_JOINTS = frozenset({"revolute", "continuous", "prismatic"})

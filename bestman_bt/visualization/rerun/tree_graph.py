@@ -186,9 +186,6 @@ class TreeGraph:
             self._colors = colors
 
 
-# A lane per node that shows over time when it ran and how it ended.
-
-
 NO_STATE = ""
 
 

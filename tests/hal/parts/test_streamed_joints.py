@@ -423,8 +423,6 @@ def test_a_velocity_lapses_unless_it_is_commanded_again(group: StreamedJointGrou
     assert group.resting
 
 
-# Arms
-
 HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 
 

@@ -22,8 +22,6 @@ from bestman_bt.extras import install_command
 from bestman_bt.manipulation.policy.base import Observation
 from bestman_bt.manipulation.policy.errors import PolicyError, PolicyObservationError
 
-# What an expert showed in one episode.
-
 
 @dataclass(frozen=True, eq=False)
 class Demonstration:
@@ -34,9 +32,6 @@ class Demonstration:
 
     observations: tuple[Observation, ...]
     chunks: NDArray[np.float64]
-
-
-# Minimum, maximum, mean, deviation and count of what a dataset holds, as LeRobot keeps them.
 
 
 class FeatureStatistics:
