@@ -78,7 +78,7 @@ def test_every_skill_of_the_library_is_registered() -> None:
         and value.__module__.startswith(("behaviours.", "bestman_bt.task_planning."))
     }
     bases = {name for name in leaves if name.startswith("_")} | {"ErrorReporting", "Nav2Errors", "ArmNode", "RobotNode"}
-    bases |= {"Skill", "InstantSkill", "SkillCondition", "FindBasePlacement", "WatchesGoals"}
+    bases |= {"Skill", "InstantSkill", "SkillCondition", "FindBasePlacement", "FindStandAtFurniture", "WatchesGoals"}
     assert leaves - bases == set(BEHAVIOURS)
 
 

@@ -73,23 +73,22 @@ class FindBasePlacement(ArmNode, Skill, ABC):
         return all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)
 
 
-class FindStandPose(FindBasePlacement):
-    """Choose a base placement to reach an object (where it was seen), a goal on a surface, or the surface itself.
-
-    The middle of a surface is preferred; if it is out of reach, another part is used. Each further call for the same
-    target gives another placement, until none is left.
-    """
+class FindStandAtFurniture(FindBasePlacement):
+    """Base of the skills that stand at the furniture of a surface; subclasses say what the hand has to reach there."""
 
     USES = ("wrist_camera",)
     surface = In[str](SurfaceName, "the surface to stand at, such as table")
     object = In[str | None](ObjectName, "the object to reach, if it has been seen", required=False)
     goal = In(Pose, "the place to reach, in the map frame", required=False)
-    approach = In[str](GraspApproach, APPROACH, default="")
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         "no_stand": "the obstacle may have gone: ForgetBlocked, then retry",
     }
     DECLARATION = Declaration(effects=("stand_known({surface})",))
+
+    @abstractmethod
+    def _targets(self) -> list[StandTarget]:
+        """What would do, the best first."""
 
     def on_load(self) -> None:
         """Reset the tried placements and their target."""
@@ -119,45 +118,6 @@ class FindStandPose(FindBasePlacement):
             if stands:
                 return stands
         return ()
-
-    def _targets(self) -> list[StandTarget]:
-        """What would do, the best first."""
-        skills = self.skills
-        goal: Pose | None = self.goal
-        name: str = self.object or ""
-        belief = skills.world.objects.get(name)
-        if goal is not None and skills.held is not None:
-            on_surface = Pose(np.array([*goal.position[:2], self._object_height()]), goal.quaternion)
-            place = skills.parameters.place
-            poses = place_tool_poses(skills.held, on_surface, place.descent, place.drop_height)
-            return [StandTarget(poses, goal.position[:2])]
-        if belief is not None:
-            candidates = grasp_candidates(self.skills, belief, self.approach)[:8]
-            map_from_base = skills.map_from_base
-            grasps = [(map_from_base @ c.pre_grasp, map_from_base @ c.grasp) for c in candidates]
-            return [StandTarget(grasps, belief.pose.position[:2])]
-        furniture, surface = find_surface(skills, self.surface)
-        height = self._middle()[2] + HAND_ABOVE
-        points = goal.position[None, :2] if goal is not None else self._parts(furniture, surface)
-        within = furniture.is_inside(surface) and surface.leaf is None
-        hands = partial(_from_front, heading=furniture.pose.theta) if within else _top_down
-        return [StandTarget(hands(np.array([*point, height])), point) for point in points]
-
-    def _parts(self, furniture: MapFurniture, surface: MapSurface) -> NDArray[np.float64]:
-        """Points (N, 2) of a surface in the map frame, the middle first, then others nearer to its front."""
-        shares = np.array([(0.0, 0.0), *((-PART, share * PART) for share in (0.0, 1.0, -1.0))])
-        points = np.column_stack([shares * np.array(surface.size), np.zeros(len(shares))])
-        in_map: NDArray[np.float64] = (furniture.pose.to_pose() @ surface.pose).apply(points)[:, :2]
-        return in_map
-
-    def _middle(self) -> NDArray[np.float64]:
-        furniture, surface = find_surface(self.skills, self.surface)
-        return (furniture.pose.to_pose() @ surface.pose).position
-
-    def _object_height(self) -> float:
-        held = self.skills.held
-        assert held is not None
-        return float(self._middle()[2] - held.model.bounds()[0, 2])
 
     def _rank(self, furniture: MapFurniture, target: StandTarget) -> tuple[BasePlacement, ...]:
         skills = self.skills
@@ -211,6 +171,54 @@ class FindStandPose(FindBasePlacement):
             there, skills.robot, skills.joints.positions(), skills.arm.name, ignore=ignore
         )
         return skills.arm_world(scene)
+
+
+class FindStandPose(FindStandAtFurniture):
+    """Choose a base placement to reach an object (where it was seen), a goal on a surface, or the surface itself.
+
+    The middle of a surface is preferred; if it is out of reach, another part is used. Each further call for the same
+    target gives another placement, until none is left.
+    """
+
+    approach = In[str](GraspApproach, APPROACH, default="")
+
+    def _targets(self) -> list[StandTarget]:
+        skills = self.skills
+        goal: Pose | None = self.goal
+        name: str = self.object or ""
+        belief = skills.world.objects.get(name)
+        if goal is not None and skills.held is not None:
+            on_surface = Pose(np.array([*goal.position[:2], self._object_height()]), goal.quaternion)
+            place = skills.parameters.place
+            poses = place_tool_poses(skills.held, on_surface, place.descent, place.drop_height)
+            return [StandTarget(poses, goal.position[:2])]
+        if belief is not None:
+            candidates = grasp_candidates(self.skills, belief, self.approach)[:8]
+            map_from_base = skills.map_from_base
+            grasps = [(map_from_base @ c.pre_grasp, map_from_base @ c.grasp) for c in candidates]
+            return [StandTarget(grasps, belief.pose.position[:2])]
+        furniture, surface = find_surface(skills, self.surface)
+        height = self._middle()[2] + HAND_ABOVE
+        points = goal.position[None, :2] if goal is not None else self._parts(furniture, surface)
+        within = furniture.is_inside(surface) and surface.leaf is None
+        hands = partial(_from_front, heading=furniture.pose.theta) if within else _top_down
+        return [StandTarget(hands(np.array([*point, height])), point) for point in points]
+
+    def _parts(self, furniture: MapFurniture, surface: MapSurface) -> NDArray[np.float64]:
+        """Points (N, 2) of a surface in the map frame, the middle first, then others nearer to its front."""
+        shares = np.array([(0.0, 0.0), *((-PART, share * PART) for share in (0.0, 1.0, -1.0))])
+        points = np.column_stack([shares * np.array(surface.size), np.zeros(len(shares))])
+        in_map: NDArray[np.float64] = (furniture.pose.to_pose() @ surface.pose).apply(points)[:, :2]
+        return in_map
+
+    def _middle(self) -> NDArray[np.float64]:
+        furniture, surface = find_surface(self.skills, self.surface)
+        return (furniture.pose.to_pose() @ surface.pose).position
+
+    def _object_height(self) -> float:
+        held = self.skills.held
+        assert held is not None
+        return float(self._middle()[2] - held.model.bounds()[0, 2])
 
 
 def _top_down(position: NDArray[np.float64]) -> list[tuple[Pose, ...]]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free, unreached
 from behaviours.contacts import push, stopping_at, support, surface_below
-from behaviours.manipulation.base_placement import FindStandPose, StandTarget
+from behaviours.manipulation.base_placement import FindStandAtFurniture, StandTarget
 from behaviours.parameters import PushParameters
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
 from behaviours.skill import ArmNode, Declaration, ObjectName, Skill, SkillCoroutine, SkillFailure
@@ -270,7 +270,7 @@ def _way(base_from_object: Pose, base_from_goal: Pose) -> tuple[NDArray[np.float
     return way / distance, distance
 
 
-class FindPushStand(FindStandPose):
+class FindPushStand(FindStandAtFurniture):
     """Choose a base placement to push a seen object to a goal: the arm reaches behind it and along the whole push.
 
     Each further call for the same object and goal gives another placement, until none is left.
