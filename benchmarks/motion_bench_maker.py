@@ -53,7 +53,7 @@ from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
 from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner, TimedPlan
 from bestman_bt.manipulation.trajectory.base import dense_samples
 from bestman_bt.messages import Box, Cylinder, JointTrajectory, PlacedShape, Pose, Sphere
-from bestman_bt.registry import ALGORITHMS
+from bestman_bt.registry import ALGORITHMS, class_and_preset
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.urdf_source import read_srdf
@@ -455,7 +455,8 @@ def main() -> None:
     except (Error, ValueError, KeyError, OSError) as error:
         parser.error(str(error))
     timing = ALGORITHMS.resolve("trajectory/toppra")()
-    solvers = {"ours": ours(ALGORITHMS.resolve(f"motion_planning/{arguments.planner}")(), timing)}
+    planner, preset = class_and_preset(ALGORITHMS.resolve(f"motion_planning/{arguments.planner}"))
+    solvers = {"ours": ours(planner(**preset), timing)}
     missing = {}
     for name, kind in {} if arguments.ours_only else PEERS.items():
         if hasattr(geometric, kind):

@@ -33,7 +33,7 @@ from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
 from bestman_bt.manipulation.motion_planning.checked_edges import dense_points
 from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPlanner
-from bestman_bt.registry import ALGORITHMS
+from bestman_bt.registry import ALGORITHMS, class_and_preset
 from bestman_bt.robot_model.model import ArmModel
 from tests.manipulation.pybullet_referee import Referee
 from tests.manipulation.table_and_shelf import Body, boxes, fixed_panda, table_and_shelf
@@ -178,7 +178,8 @@ def main() -> None:
         parser.error(str(error))
     bodies = scene_of(arguments.problems)
     model = CoalCollisionModel(fixed_panda())
-    planner = ALGORITHMS.resolve(f"motion_planning/{arguments.planner}")()
+    kind, preset = class_and_preset(ALGORITHMS.resolve(f"motion_planning/{arguments.planner}"))
+    planner = kind(**preset)
     ready = np.array([0.0, -0.5, 0.0, -2.2, 0.0, 1.8, 0.785])
     planner.plan(
         ready,

@@ -75,8 +75,8 @@ class Registry:
 
     def of_kind(self, kind: str, base: type) -> dict[str, type]:
         """Return the registered subclasses of ``base`` whose names begin with ``kind/``, by the rest of the name."""
-        classes = {name.removeprefix(f"{kind}/"): self.resolve(name) for name in self if name.startswith(f"{kind}/")}
-        return {name: cls for name, cls in classes.items() if issubclass(cls, base)}
+        found = {name.removeprefix(f"{kind}/"): self.resolve(name) for name in self if name.startswith(f"{kind}/")}
+        return {name: one for name, one in found.items() if issubclass(class_and_preset(one)[0], base)}
 
     def _discover(self) -> None:
         if not self._discovered:
@@ -210,11 +210,11 @@ ALGORITHMS = Registry(
         "localization/scan_to_map": "bestman_bt.navigation.localization.scan_to_map:ScanToMap",
         "localization/wheel_odometry": "bestman_bt.navigation.localization.ekf:WheelOdometry",
         "motion_planning/aorrtc": "bestman_bt.manipulation.motion_planning.ompl_planners:AORRTC",
-        "motion_planning/bit_star": "bestman_bt.manipulation.motion_planning.ompl_planners:BITStar",
+        "motion_planning/bit_star": "bestman_bt.manipulation.motion_planning.ompl_planners:BIT_STAR",
         "motion_planning/kpiece": "bestman_bt.manipulation.motion_planning.ompl_planners:KPIECE",
         "motion_planning/portfolio": "bestman_bt.manipulation.motion_planning.portfolio:Portfolio",
         "motion_planning/rrt_connect": "bestman_bt.manipulation.motion_planning.rrt_connect:RRTConnect",
-        "motion_planning/rrt_star": "bestman_bt.manipulation.motion_planning.ompl_planners:RRTStar",
+        "motion_planning/rrt_star": "bestman_bt.manipulation.motion_planning.ompl_planners:RRT_STAR",
         "occupancy/log_odds": "bestman_bt.perception.occupancy:LogOdds",
         "policy/onnx": "bestman_bt.manipulation.policy.onnx_policy:OnnxPolicy",
         "policy/openpi": "bestman_bt.manipulation.policy.openpi_client:OpenpiPolicy",
@@ -231,7 +231,13 @@ ALGORITHMS = Registry(
         "view_planning/expected_yaw": "bestman_bt.perception.view_planning:ExpectedYaw",
     },
 )
-"""``slot/name`` → dataclass whose fields are the parameters."""
+"""``slot/name`` → dataclass whose fields are the parameters, or an instance of one, a preset of them."""
+
+
+def class_and_preset(algorithm: Any) -> tuple[type, dict[str, Any]]:
+    """Return the class of a registered algorithm and the fields that it sets: those of an instance, none of a class."""
+    return (algorithm, {}) if isinstance(algorithm, type) else (type(algorithm), vars(algorithm))
+
 
 PLUGIN_EXAMPLES = {
     "global_planning/prm": "examples/plugins/sampled_roads.py:PRM",

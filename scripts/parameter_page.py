@@ -61,14 +61,15 @@ def _skills() -> str:
     return text
 
 
-def _slot(slot: str, algorithms: dict[str, type[Any]]) -> str:
+def _slot(slot: str, algorithms: dict[str, tuple[type[Any], dict[str, Any]]]) -> str:
     default = read_document(find_data("algorithms", "default")).data[slot]["algorithm"]
     text = f"\n## {slot}\n"
     for name in sorted(algorithms, key=lambda name: (name != default, name)):
-        algorithm = algorithms[name]
+        algorithm, preset = algorithms[name]
         kind = parameters_of(algorithm, slot)
-        text += f"\n### {name}{' (default)' if name == default else ''}\n\n{_first_paragraph(algorithm)}\n"
-        rows = [] if kind is None else list(_rows(kind(), algorithm, f"algorithms.{slot}"))
+        about = f"{_descriptions(algorithm)[name]}." if preset else _first_paragraph(algorithm)
+        text += f"\n### {name}{' (default)' if name == default else ''}\n\n{about}\n"
+        rows = [] if kind is None else list(_rows(kind(**preset), algorithm, f"algorithms.{slot}"))
         if not rows:
             text += "\nNo parameters.\n"
             continue

@@ -48,7 +48,7 @@ from bestman_bt.perception.segmentation.base import Segmentation
 from bestman_bt.perception.segmentation.support_surfaces import SurfaceDetector
 from bestman_bt.perception.tracking import Tracker
 from bestman_bt.perception.view_planning import ViewPlanner
-from bestman_bt.registry import ALGORITHMS, PLUGIN_EXAMPLES, UnknownNameError, suggestion
+from bestman_bt.registry import ALGORITHMS, PLUGIN_EXAMPLES, UnknownNameError, class_and_preset, suggestion
 from bestman_bt.robot_model.model import ArmModel, BaseModel, RobotModel, WheeledBaseModel
 from bestman_bt.robot_model.sensor_parts import ImuPart
 from bestman_bt.runtime.own_results import with_checked_results
@@ -306,7 +306,7 @@ def _choose(
     algorithms = _in_slot(slot)
     name = name.removeprefix(f"{SLOTS[slot].kind}/")
     if ":" in name:
-        algorithms = {name: class_at(name, folders, partial(config.problem, ("algorithms", slot, "algorithm")))}
+        algorithms = {name: (class_at(name, folders, partial(config.problem, ("algorithms", slot, "algorithm"))), {})}
     if name not in algorithms:
         message = f"unknown algorithm {name!r}; {suggestion(name, list(algorithms))}"
         if "known: " not in message:
@@ -314,8 +314,10 @@ def _choose(
         if example := PLUGIN_EXAMPLES.get(f"{SLOTS[slot].kind}/{name}"):
             message = f"{name!r} is a plug-in now: name it as {example!r}, a file of bestman-bt's sources"
         wrong = [config.problem(("algorithms", slot, "algorithm"), message)]
-        raise ConfigurationError([*wrong, *_parameters_of_none(config, slot, values, algorithms.values())])
-    algorithm = algorithms[name]
+        raise ConfigurationError(
+            [*wrong, *_parameters_of_none(config, slot, values, [cls for cls, _ in algorithms.values()])]
+        )
+    algorithm, preset = algorithms[name]
     refuse_unfinished(algorithm, SLOTS[slot].base, f"algorithms.{slot}")
     with module_of(algorithm) as module:
         beside = getattr(module, f"{algorithm.__name__}Parameters", None)
@@ -329,6 +331,7 @@ def _choose(
                 message = f"{name} takes no parameters, got {', '.join(values)}"
                 raise ConfigurationError([config.problem(("algorithms", slot), message)])
             return algorithm, {}
+        values = preset | values
         checked, problems = salvage(Document(values, {(): (f"algorithms.{slot}", None)}), parameters_type)
     if problems and faults is None:
         raise ConfigurationError([_placed(config, slot, problem) for problem in problems])
@@ -348,20 +351,20 @@ def _parameters_of_none(
             yield config.problem(("algorithms", slot, name), message)
 
 
-def algorithms_by_slot() -> dict[str, dict[str, type[Any]]]:
-    """Return slot → its registered algorithms, by name."""
+def algorithms_by_slot() -> dict[str, dict[str, tuple[type[Any], dict[str, Any]]]]:
+    """Return slot → its registered algorithms, by name: the class and the fields that the name sets."""
     return {slot: _in_slot(slot) for slot in SLOTS}
 
 
-def _in_slot(slot: str) -> dict[str, type[Any]]:
+def _in_slot(slot: str) -> dict[str, tuple[type[Any], dict[str, Any]]]:
     """Return the registered algorithms that a slot may hold, by name."""
     base, kind = SLOTS[slot].base, SLOTS[slot].kind
-    named = {name: ALGORITHMS.resolve(name) for name in ALGORITHMS if name.startswith(f"{kind}/")}
+    named = {name: class_and_preset(ALGORITHMS.resolve(name)) for name in ALGORITHMS if name.startswith(f"{kind}/")}
     bases = {other.base for other in SLOTS.values() if other.kind == kind}
     # Classes of another slot of this kind are not offered; classes of none are, so that the message says so.
     return {
-        name.removeprefix(f"{kind}/"): cls
-        for name, cls in named.items()
+        name.removeprefix(f"{kind}/"): (cls, preset)
+        for name, (cls, preset) in named.items()
         if issubclass(cls, base) or not issubclass(cls, tuple(bases))
     }
 

@@ -22,7 +22,7 @@ from tests.robot_models import joint_group_model
 
 LOWER, UPPER = np.array([-2.0, -1.0]), np.array([2.0, 1.5])
 CELL, ROOM = 0.05, 0.1
-PLANNERS = [RRTConnect, Portfolio, pytest.param(AORRTC, marks=pytest.mark.slow)]
+PLANNERS = [RRTConnect(), Portfolio(), pytest.param(AORRTC, marks=pytest.mark.slow)]
 places = st.tuples(st.floats(-2.0, 2.0), st.floats(-1.0, 1.5))
 discs = st.lists(st.tuples(places, st.floats(0.1, 0.8)), max_size=6)
 
@@ -56,7 +56,7 @@ def test_a_path_is_free_and_found_where_there_is_room_in_any_order_of_the_joints
     world = JointWorld(lambda q: bool(clearance(q[order][None], obstacles)[0] > 0.0), tuple("ab"))
     plan, code = None, ""
     try:
-        plan = planner().plan(start[order], [goal[order]], world, limits, np.random.default_rng(seed))
+        plan = planner.plan(start[order], [goal[order]], world, limits, np.random.default_rng(seed))
     except MotionPlanningError as error:
         code = error.code
     if plan is None:
@@ -80,4 +80,4 @@ def test_positions_that_are_no_numbers_are_refused_by_name(planner, joint, value
     limits = joint_group_model(tuple("ab"), lower=tuple(LOWER), upper=tuple(UPPER))
     world = JointWorld(lambda q: True, tuple("ab"))
     with pytest.raises(ManipulationError, match=("start" if of_start else "goal 0") + " should be finite"):
-        planner().plan(start, [goal], world, limits, np.random.default_rng(0))
+        planner.plan(start, [goal], world, limits, np.random.default_rng(0))

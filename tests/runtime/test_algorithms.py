@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from dataclasses import replace
 
 import pytest
 
@@ -11,15 +12,17 @@ from bestman_bt.configuration.document import Document
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import load_tree
+from bestman_bt.manipulation.motion_planning.ompl_planners import KPIECE
 from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar
-from bestman_bt.registry import ALGORITHMS, UnknownNameError, undone
+from bestman_bt.registry import ALGORITHMS, UnknownNameError, class_and_preset, undone
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.runtime.algorithms import (
     SLOTS,
     Algorithms,
     algorithm_by_name,
     algorithms_by_slot,
+    make_algorithm,
     nav2_problems,
     parameters_of,
 )
@@ -107,6 +110,11 @@ def test_a_planner_or_follower_that_a_tree_names_is_made_or_refused_with_the_clo
             algorithm_by_name(run, slot, "astar")
 
 
+def test_a_preset_sets_the_parameters_that_are_not_given() -> None:
+    settings = ["algorithms.motion_planning.algorithm=kpiece", "algorithms.motion_planning.attempts=9"]
+    assert make_algorithm(load_run("fetch_cup", settings=settings), "motion_planning") == replace(KPIECE, attempts=9)
+
+
 def test_faults_of_several_slots_are_told_at_once() -> None:
     told = faults("costmap.resolution=0", "slam.min_hits=0", "local_planning.max_speed=0", "localization.slip=-1")
     assert len(told) == 4
@@ -114,11 +122,11 @@ def test_faults_of_several_slots_are_told_at_once() -> None:
 
 @pytest.mark.parametrize("name", [name for name in ALGORITHMS.names() if name not in WITHOUT_PARAMETERS])
 def test_the_defaults_lie_within_their_own_bounds(name: str) -> None:
-    algorithm = ALGORITHMS.resolve(name)
-    slot = next((slot for slot, algorithms in algorithms_by_slot().items() if algorithm in algorithms.values()), "")
+    algorithm, preset = class_and_preset(ALGORITHMS.resolve(name))
+    slot = next((s for s, found in algorithms_by_slot().items() if (algorithm, preset) in found.values()), "")
     parameters = parameters_of(algorithm, slot)
     assert parameters is not None
-    defaults = {k: v for k, v in vars(parameters()).items() if _is_plain(v)}
+    defaults = {k: v for k, v in vars(parameters(**preset)).items() if _is_plain(v)}
     assert defaults
     checked = vars(check(Document(defaults), parameters))
     assert {k: checked[k] for k in defaults} == defaults
@@ -129,7 +137,7 @@ def test_each_slot_has_an_abstract_class_and_what_fills_it_is_one(slot: str) -> 
     base = SLOTS[slot].base
     assert inspect.isabstract(base)
     assert algorithms_by_slot()[slot]
-    assert all(issubclass(algorithm, base) for algorithm in algorithms_by_slot()[slot].values())
+    assert all(issubclass(algorithm, base) for algorithm, _ in algorithms_by_slot()[slot].values())
 
 
 def _is_plain(value: object) -> bool:

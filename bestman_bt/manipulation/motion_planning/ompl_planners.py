@@ -8,12 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from ompl import base, geometric, util
+from typing_extensions import override
 
 from bestman_bt.manipulation.motion_planning.checked_edges import CheckedEdges, CountedValidity
 from bestman_bt.manipulation.motion_planning.query import PlanningQuery
@@ -102,68 +103,45 @@ def _state(information: base.SpaceInformation, positions: NDArray[np.float64]) -
     return state
 
 
+KINDS: dict[str, Callable[[base.SpaceInformation], Any]] = {
+    "aorrtc": geometric.AORRTC,
+    "bit_star": geometric.BITstar,
+    "kpiece": geometric.LBKPIECE1,  # took a fifth of the checks of the one-tree KPIECE and more
+    "rrt_star": geometric.RRTstar,
+}
+
+
 @dataclass(frozen=True)
 class OmplPlanner(SamplingPlanner):
-    """A planner of OMPL, ``kind``, with one search per attempt; ``longest``: as for ``ompl_search``."""
+    """A planner of OMPL, with one search per attempt; all but KPIECE use ``max_checks``, the more the shorter the path.
 
-    kind: ClassVar[Callable[[base.SpaceInformation], Any]]
-    longest: ClassVar[float | None] = None
+    ``planner``: which of OMPL's. ``aorrtc``: Repeated RRT-Connect, each time for a cost below the best path so far.
+    ``bit_star``: Batches of samples, searched in the order of the solution that they could give. ``kpiece``: Two trees
+    over a coarse grid of projections, grown where it is least explored; edges are checked at the end. ``rrt_star``: One
+    tree, rewired as it grows, so that paths get shorter; slow for goals that are hard to reach.
+    """
+
+    planner: Literal["aorrtc", "bit_star", "kpiece", "rrt_star"] = field(kw_only=True)
     max_iterations: Count = 1_000_000
+
+    @property
+    @override
+    def name(self) -> str:
+        return self.planner
 
     def search(self, query: PlanningQuery, edges: CheckedEdges, seed: int) -> NDArray[np.float64] | None:
         """Implement ``SamplingPlanner.search``."""
+        # With OMPL's own range RRT* did not reach the shelf in 40,000 checks.
+        longest = math.inf if self.planner == "rrt_star" else None
         counts = self.check_step, self.max_checks, self.max_iterations
-        return ompl_search(query, edges.is_valid, seed, type(self).kind, self.longest, *counts)
+        return ompl_search(query, edges.is_valid, seed, KINDS[self.planner], longest, *counts)
 
 
-@dataclass(frozen=True)
-class AORRTC(OmplPlanner):
-    """Repeated RRT-Connect, each time for a cost below the best path so far.
-
-    Wilson, Thomason, Kingston, Kavraki and Gammell, "Nearly-optimal bidirectional planning: AORRTC", 2025. An attempt
-    always uses ``max_checks``, the more the shorter the path.
-    """
-
-    kind = geometric.AORRTC
-    max_checks: Count = 6_000
-    attempts: Count = 5
-
-
-@dataclass(frozen=True)
-class BITStar(OmplPlanner):
-    """Batches of samples, searched in the order of the solution that they could give.
-
-    Gammell, Srinivasa and Barfoot, "Batch Informed Trees (BIT*)", ICRA 2015. An attempt always uses ``max_checks``, the
-    more the shorter the path.
-    """
-
-    kind = geometric.BITstar
-    max_checks: Count = 10_000
-    attempts: Count = 4
-
-
-@dataclass(frozen=True)
-class KPIECE(OmplPlanner):
-    """Two trees over a coarse grid of projections, grown where it is least explored; edges are checked at the end.
-
-    Sucan and Kavraki, "Kinodynamic motion planning by interior-exterior cell exploration", WAFR 2008; here its lazy
-    bidirectional variant (LBKPIECE), which took a fifth of the checks of the one-tree KPIECE and more.
-    """
-
-    kind = geometric.LBKPIECE1
-    max_checks: Count = 20_000
-    attempts: Count = 3
-
-
-@dataclass(frozen=True)
-class RRTStar(OmplPlanner):
-    """One tree, rewired as it grows, so that paths get shorter; slow for goals that are hard to reach.
-
-    Karaman and Frazzoli, "Sampling-based algorithms for optimal motion planning", IJRR 2011. An attempt always uses
-    ``max_checks``; more checks give shorter paths.
-    """
-
-    kind = geometric.RRTstar
-    longest = math.inf  # with OMPL's own range it did not reach the shelf in 40,000 checks
-    max_checks: Count = 20_000
-    attempts: Count = 3
+AORRTC = OmplPlanner(planner="aorrtc", max_checks=6_000, attempts=5)
+"""Wilson, Thomason, Kingston, Kavraki and Gammell, "Nearly-optimal bidirectional planning: AORRTC", 2025."""
+BIT_STAR = OmplPlanner(planner="bit_star", max_checks=10_000, attempts=4)
+"""Gammell, Srinivasa and Barfoot, "Batch Informed Trees (BIT*)", ICRA 2015."""
+KPIECE = OmplPlanner(planner="kpiece", max_checks=20_000, attempts=3)
+"""Sucan and Kavraki, "Kinodynamic motion planning by interior-exterior cell exploration", WAFR 2008."""
+RRT_STAR = OmplPlanner(planner="rrt_star", max_checks=20_000, attempts=3)
+"""Karaman and Frazzoli, "Sampling-based algorithms for optimal motion planning", IJRR 2011."""

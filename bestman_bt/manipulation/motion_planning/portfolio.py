@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Literal
@@ -20,17 +20,17 @@ from bestman_bt.manipulation.motion_planning.base import (
     PathConstraint,
     PlanningErrorCode,
 )
-from bestman_bt.manipulation.motion_planning.ompl_planners import AORRTC, KPIECE, BITStar, RRTStar
+from bestman_bt.manipulation.motion_planning.ompl_planners import AORRTC, BIT_STAR, KPIECE, RRT_STAR
 from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPlanner
 from bestman_bt.messages.shapes import Count
 
-_MEMBERS: dict[str, Callable[[], SamplingPlanner]] = {
+_MEMBERS: dict[str, SamplingPlanner] = {
     "aorrtc": AORRTC,
-    "bit_star": BITStar,
+    "bit_star": BIT_STAR,
     "kpiece": KPIECE,
-    "rrt_connect": RRTConnect,
-    "rrt_star": RRTStar,
+    "rrt_connect": RRTConnect(),
+    "rrt_star": RRT_STAR,
 }
 Member = Literal["aorrtc", "bit_star", "kpiece", "rrt_connect", "rrt_star"]
 
@@ -55,7 +55,7 @@ class Portfolio(MotionPlanner):
     @cached_property
     def members(self) -> Sequence[MotionPlanner]:
         """The planners, in order."""
-        members = [_MEMBERS[name]() for name in self.planners]
+        members = [_MEMBERS[name] for name in self.planners]
         if self.take == "best":
             return members
         impatient = [replace(one, max_checks=min(self.impatience, one.max_checks), attempts=1) for one in members[:-1]]

@@ -176,6 +176,11 @@ class SamplingPlanner(MotionPlanner):
     limit_tolerance: Annotated[NonNegative, "rad"] = 0.01
     wall_limit: Annotated[Positive, "s"] = 60.0
 
+    @property
+    def name(self) -> str:
+        """The name in error messages."""
+        return type(self).__name__
+
     @abstractmethod
     def search(self, query: PlanningQuery, edges: CheckedEdges, seed: int) -> NDArray[np.float64] | None:
         """Return a path (N, n) from the query's start to one of its goals, or None within the limits of one attempt.
@@ -219,8 +224,7 @@ class SamplingPlanner(MotionPlanner):
             edges = CheckedEdges(validity, step, self.final_check_step)
         raise MotionPlanningError(
             PlanningErrorCode.NO_PATH,
-            f"{type(self).__name__} found no path to any of {len(query.goals)} goals after {validity.checks} "
-            "collision checks",
+            f"{self.name} found no path to any of {len(query.goals)} goals after {validity.checks} collision checks",
         )
 
     def shorten(

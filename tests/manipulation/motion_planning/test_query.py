@@ -68,7 +68,7 @@ WALL = JointWorld(lambda q: abs(q[0]) > 0.1 or q[1] > 0.8)
 """Between a = -0.1 and 0.1 there is a way above b = 0.8 alone."""
 
 
-@pytest.mark.parametrize("planner", [RRTConnect(), KPIECE(), PRM(samples=300)])
+@pytest.mark.parametrize("planner", [RRTConnect(), KPIECE, PRM(samples=300)])
 def test_paths_keep_the_limits_the_world_and_the_constraint(planner):
     goals = [np.array([3.0, 0.0]), np.array([-1.5, 1.4]), np.array([-1.0, -0.5])]
     ceiling = Kept(1.3, 1.3)
