@@ -8,6 +8,6 @@ if not TYPE_CHECKING:
 
     def __getattr__(name):
         """Raise an error that names the module of a skill."""
-        from bestman_bt.engine.own_files import raise_no_such_name
+        from bestman_bt.engine.own_files import raise_missing_name
 
-        raise_no_such_name(__name__, name)
+        raise_missing_name(__name__, name)

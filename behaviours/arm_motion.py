@@ -71,7 +71,7 @@ def move_free(
             return
 
 
-def with_room(scene: PlanningScene, held: HeldObject, parameters: ArmMotionParameters) -> PlanningScene:
+def with_held_margin(scene: PlanningScene, held: HeldObject, parameters: ArmMotionParameters) -> PlanningScene:
     """Return the scene with an enlarged held object: it may sag and sway on the way."""
     assert scene.attached is not None
     reach = float(np.linalg.norm(held.tool_from_object.position)) + max(held.model.size) / 2
@@ -92,7 +92,7 @@ def _free_motion(
         scene = skills.planning_scene()
         if skills.held is not None:
             with suppress(MotionPlanningError):  # then with the clearance of the arm
-                roomy = with_room(scene, skills.held, skills.parameters.arm_motion)
+                roomy = with_held_margin(scene, skills.held, skills.parameters.arm_motion)
                 timed = yield _planned(skill, goals, skills.arm_world(roomy))
                 return timed
         world = skills.arm_world(scene)

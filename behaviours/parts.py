@@ -70,7 +70,7 @@ def parts_by_kind(robot: RobotModel, there: Collection[str]) -> dict[str, tuple[
     return {kind: names for kind, names in found.items() if names}
 
 
-def parts_in_words(node: type[Any]) -> str:
+def describe_required_parts(node: type[Any]) -> str:
     """Return the declared parts of a node class: ``requires arm, gripper; uses wrist_camera``; may be empty."""
     declared = {"requires": getattr(node, "REQUIRES", ()), "uses": getattr(node, "USES", ())}
     return "; ".join(f"{word} {', '.join(kinds)}" for word, kinds in declared.items() if kinds)

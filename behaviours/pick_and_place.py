@@ -9,8 +9,8 @@ from behaviours.clear_stop import ClearStop
 from behaviours.manipulation.base_placement import FindStandPose
 from behaviours.manipulation.grasp import Grasp, Holding, PlanGrasp, Reachable
 from behaviours.manipulation.move_arm import MoveArm, Retreat
+from behaviours.manipulation.next_best_view import SecondLook
 from behaviours.manipulation.place import FindPlacePose, PlaceOn, Release
-from behaviours.manipulation.second_look import SecondLook
 from behaviours.navigation.navigate import NavigateTo
 from behaviours.perception.look import LookAt
 from behaviours.perception.perceive import BelievedSurface, DetectObject, EstimatePose, ObjectAt

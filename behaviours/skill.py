@@ -19,7 +19,7 @@ from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, In, Node, NodeError, Out, StatefulAction, SyncAction
 from bestman_bt.engine.bounds import Named
 from bestman_bt.engine.core.ports import declared_ports
-from bestman_bt.engine.own_files import defined_at, raise_no_such_name
+from bestman_bt.engine.own_files import defined_at, raise_missing_name
 from bestman_bt.errors import Error, MissingExtraError, WrongResultError
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Failure, Goals, Pose, Pose2D
@@ -312,7 +312,7 @@ class Skill(ErrorReporting, StatefulAction):
             return
         for port in self.DECLARATION.parameters:
             effects = effects.replace(f"{{{port}}}", str(self.get_input(port)))
-        self.robot_skills.world.bring_about(effects)
+        self.robot_skills.world.record_effects(effects)
 
     def _advance(self, value: Any, error: Error | None) -> int:
         steps = self._steps
@@ -420,4 +420,4 @@ if not TYPE_CHECKING:
 
     def __getattr__(name):
         """Raise an error with the new name of a class that was renamed."""
-        raise_no_such_name(__name__, name, _RENAMED)
+        raise_missing_name(__name__, name, _RENAMED)

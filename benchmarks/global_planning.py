@@ -33,13 +33,13 @@ from bestman_bt.messages import Path2D, Pose2D
 from bestman_bt.navigation.global_planning.base import GlobalPlanner
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.footprint import Footprint
-from bestman_bt.navigation.global_planning.grid_search import areas_of_disc, cheapest_way, shortest_length
+from bestman_bt.navigation.global_planning.grid_search import areas_of_disc, cheapest_path, shortest_length
 from bestman_bt.registry import ALGORITHMS
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.map_of_world import semantic_map
-from bestman_bt.world_model.openness import open_leaves
+from bestman_bt.world_model.openness import articulation_obstacles
 from bestman_bt.world_model.semantic_map import SemanticMap
 from bestman_bt.world_model.world_model import WorldModel
 from examples.plugins.sampled_roads import PRM, RRTStar
@@ -55,7 +55,7 @@ Question = tuple[Costmap, Pose2D, Pose2D]
 
 def apartment(seed: int, footprint: Footprint) -> Costmap:
     known = WorldModel(map=semantic_map(draw_world(load_scene("apartment_doors"), seed)))
-    return Costmap.from_map(known.map, footprint, open_leaves(known))
+    return Costmap.from_map(known.map, footprint, articulation_obstacles(known))
 
 
 def four_rooms(footprint: Footprint) -> Costmap:
@@ -122,7 +122,7 @@ def search_figures(asked: list[Question]) -> dict:
     for costmap, start, goal in asked:
         lethal = costmap.footprint.circumscribed_radius
         begin = time.process_time()
-        way = cheapest_way(start.xy, goal.xy, costmap, lethal)
+        way = cheapest_path(start.xy, goal.xy, costmap, lethal)
         ours.append(1e3 * (time.process_time() - begin))
         if peer is None or way is None:
             continue

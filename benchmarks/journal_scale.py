@@ -16,7 +16,7 @@ from pathlib import Path
 
 from bestman_bt.evaluation.journal import EpisodeKey, Journal, read_episodes
 from bestman_bt.evaluation.result import Outcome, RunResult
-from bestman_bt.evaluation.shards import gathered
+from bestman_bt.evaluation.shards import merged_episodes
 from bestman_bt.evaluation.summary import summarize
 from bestman_bt.evaluation.versions import versions
 
@@ -46,7 +46,7 @@ def main() -> None:
         size = sum(path.stat().st_size for path in files)
         print(f"disk: {size / 1e6:.0f} MB, {size / asked.episodes:.0f} bytes each")
         began = time.process_time()
-        results, contradictions = gathered({path: read_episodes(path) for path in files})
+        results, contradictions = merged_episodes({path: read_episodes(path) for path in files})
         assert len(results) == asked.episodes
         assert not contradictions
         tell("merged", began, asked.episodes)

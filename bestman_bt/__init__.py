@@ -46,8 +46,8 @@ def __getattr__(name: str) -> Any:
         refuse_hidden_packages()
         return getattr(import_module(_HOMES[name]), name)
     if name[:1].isupper():
-        from bestman_bt.engine.own_files import raise_no_such_name
+        from bestman_bt.engine.own_files import raise_missing_name
 
-        raise_no_such_name(__name__, name)
+        raise_missing_name(__name__, name)
     renamed = "; use bestman_bt.Session, whose runs are judged" if name == "session" else ""
     raise AttributeError(f"module 'bestman_bt' has no attribute {name!r}{renamed}")

@@ -66,7 +66,7 @@ def evaluate(  # noqa: PLR0913 - the options of bestman-bt eval, each by its nam
     resumes from it.
     Raises ConfigurationError listing every fault before anything starts.
     """
-    from bestman_bt.configuration.errors import Problem, ProblemCollector, told_to_programs
+    from bestman_bt.configuration.errors import Problem, ProblemCollector, naming_python_parameters
     from bestman_bt.configuration.run import RunRequest
     from bestman_bt.evaluation.evaluation import Evaluation
     from bestman_bt.evaluation.launchers.launcher import LaunchOptions
@@ -84,7 +84,7 @@ def evaluate(  # noqa: PLR0913 - the options of bestman-bt eval, each by its nam
     if wrong.problems:
         episodes = seed = None
     named = [str(tasks)] if isinstance(tasks, (str, Path)) else [str(task) for task in tasks]
-    with wrong.step(), told_to_programs():
+    with wrong.step(), naming_python_parameters():
         asked = RunRequest(scene=scene, robot=robot, settings=list(settings), plugins=list(plugins))
         suite = make_suite(named, episodes, seed, asked)
     wrong.raise_if_any()

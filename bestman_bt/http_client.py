@@ -49,7 +49,7 @@ class Answer:
     content: bytes
 
 
-class TryAgainError(Error):
+class RetryableError(Error):
     """A temporary failure; ``wait``: seconds until the next attempt, if the server asks for a delay."""
 
     def __init__(self, reason: str, wait: float = 0.0) -> None:
@@ -65,10 +65,10 @@ class AnswerRefusedError(Error):
     """The answer exceeds the size limit, or uses an encoding that was not requested."""
 
 
-def ask_again(
+def with_retries(
     ask: Callable[[], Answered], limits: PostLimits, tell: Callable[[str], None] = lambda reason: None
 ) -> Answered:
-    """Call ``ask`` until it succeeds and return its result; TryAgainError leads to another attempt.
+    """Call ``ask`` until it succeeds and return its result; RetryableError leads to another attempt.
 
     ``tell``: called with the reason of each failure and the delay before the next attempt.
     Raises NoAnswerError after the last attempt.
@@ -77,7 +77,7 @@ def ask_again(
     for left in range(limits.retries, -1, -1):
         try:
             return ask()
-        except TryAgainError as error:
+        except RetryableError as error:
             reason = str(error)
             wait = min(error.wait or limits.backoff * 2 ** (limits.retries - left), limits.longest_wait)
         tell(f"{reason}; again in {wait:.1f} s" if left else reason)
@@ -98,7 +98,7 @@ def post_json(
     """Send one POST request. ``through_proxy``: use the proxy of the environment, if any.
 
     Raises:
-        TryAgainError: the server is unreachable, late, busy (408, 409, 425, 429), fails (5xx) or breaks off.
+        RetryableError: the server is unreachable, late, busy (408, 409, 425, 429), fails (5xx) or breaks off.
         AnswerRefusedError: the answer is too long or has an unexpected encoding.
         httpx.InvalidURL, httpx.UnsupportedProtocol: ``url`` is not a valid address.
     """
@@ -120,10 +120,10 @@ def post_json(
         raise
     except httpx.HTTPError as error:
         if isinstance(error, httpx.TimeoutException) or watch.passed:
-            raise TryAgainError(f"no whole answer after {watch.elapsed:.1f} s") from error
-        raise TryAgainError(str(error) or type(error).__name__) from error
+            raise RetryableError(f"no whole answer after {watch.elapsed:.1f} s") from error
+        raise RetryableError(str(error) or type(error).__name__) from error
     if answer.status_code in _BUSY or answer.status_code >= 500:
-        raise TryAgainError(f"status {answer.status_code}", _seconds(answer.headers.get("Retry-After", "")))
+        raise RetryableError(f"status {answer.status_code}", _seconds(answer.headers.get("Retry-After", "")))
     return Answer(answer.status_code, content)
 
 

@@ -269,7 +269,7 @@ BEHAVIOURS = Registry(
             "behaviours.manipulation.place_in": "FindRoomIn GoalOnSurface PlaceIn",
             "behaviours.manipulation.policy": "RunPolicy",
             "behaviours.manipulation.push": "FindPushStand Push",
-            "behaviours.manipulation.second_look": "SecondLook",
+            "behaviours.manipulation.next_best_view": "SecondLook",
             "behaviours.nav2.cancel": (
                 "CancelAssistedTeleop CancelBackUp CancelComputeAndTrackRoute CancelControl CancelDriveOnHeading "
                 "CancelFollowObject CancelSpin CancelWait"

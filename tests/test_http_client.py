@@ -14,9 +14,9 @@ from bestman_bt.http_client import (
     AnswerRefusedError,
     NoAnswerError,
     PostLimits,
-    TryAgainError,
-    ask_again,
+    RetryableError,
     post_json,
+    with_retries,
 )
 from tests.answering_server import Way, drips, drips_headers, drips_without_length, raw, serving_at
 
@@ -54,22 +54,22 @@ def test_each_try_waits_twice_as_long_as_the_one_before_up_to_the_longest_and_no
     told: list[str] = []
     limits = PostLimits(1.0, 1.0, retries=4, backoff=0.5, max_reply=1, longest_wait=3.0)
     with pytest.raises(NoAnswerError, match="gave no answer in 5 tries; last failure: busy 4"):
-        ask_again(asking(*(TryAgainError(f"busy {n}") for n in range(5))), limits, told.append)
+        with_retries(asking(*(RetryableError(f"busy {n}") for n in range(5))), limits, told.append)
     assert waits == [0.5, 1.0, 2.0, 3.0]
     assert told == [f"busy {n}; again in {wait:.1f} s" for n, wait in enumerate(waits)] + ["busy 4"]
 
 
 def test_a_server_that_names_its_wait_gets_it_up_to_the_longest(waits: list[float]) -> None:
-    assert ask_again(asking(TryAgainError("a", 1.5), TryAgainError("b", 60.0), "yes"), LIMITS) == "yes"
+    assert with_retries(asking(RetryableError("a", 1.5), RetryableError("b", 60.0), "yes"), LIMITS) == "yes"
     assert waits == [1.5, 3.0]
 
 
 def test_without_retries_it_is_asked_once_and_another_failure_is_not_asked_again(waits: list[float]) -> None:
     once = PostLimits(1.0, 1.0, retries=0, backoff=1.0, max_reply=1)
     with pytest.raises(NoAnswerError, match="in one try; last failure: late"):
-        ask_again(asking(TryAgainError("late"), "never"), once)
+        with_retries(asking(RetryableError("late"), "never"), once)
     with pytest.raises(ValueError, match="wrong"):
-        ask_again(asking(ValueError("wrong"), "never"), LIMITS)
+        with_retries(asking(ValueError("wrong"), "never"), LIMITS)
     assert waits == []
 
 
@@ -84,14 +84,14 @@ def test_the_headers_go_with_the_question_and_nothing_packed_is_asked_for() -> N
 
 @pytest.mark.parametrize("status", [408, 409, 425, 429, 500, 503, 599])
 def test_a_busy_or_failing_server_is_to_be_asked_again_when_it_says(status: int) -> None:
-    with pytest.raises(TryAgainError, match=f"status {status}") as caught:
+    with pytest.raises(RetryableError, match=f"status {status}") as caught:
         post(raw(b"", status, Retry_After="7"))
     assert caught.value.wait == 7.0
 
 
 @pytest.mark.parametrize("told", ["-1", "soon", "1e9", "٣", "Wed, 21 Oct 2026 07:28:00 GMT"])
 def test_a_wait_that_is_no_number_of_seconds_is_none(told: str) -> None:
-    with pytest.raises(TryAgainError) as caught:
+    with pytest.raises(RetryableError) as caught:
         post(lambda handler: _with_raw_header(handler, told))
     assert caught.value.wait == 0.0
 
@@ -126,14 +126,14 @@ def test_a_packed_answer_is_refused_however_short() -> None:
 @pytest.mark.parametrize("way", [drips, drips_without_length, drips_headers])
 def test_a_server_that_sends_a_byte_now_and_then_is_cut_off_in_time(way: Way) -> None:
     short = PostLimits(connect_timeout=2.0, timeout=0.2, retries=0, backoff=1.0, max_reply=10_000)
-    with pytest.raises(TryAgainError, match="no whole answer after 0"):
+    with pytest.raises(RetryableError, match="no whole answer after 0"):
         post(way, short)
 
 
 def test_nobody_there_is_to_be_asked_again_and_what_is_no_address_is_not() -> None:
     with serving_at("/gone", raw(b"")) as server:
         gone = server.url
-    with pytest.raises(TryAgainError):
+    with pytest.raises(RetryableError):
         post_json(gone, {}, LIMITS, {}, through_proxy=False)
     with pytest.raises(httpx.UnsupportedProtocol):
         post_json("ftp://127.0.0.1/", {}, LIMITS, {}, through_proxy=False)

@@ -7,8 +7,15 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from behaviours.context import DRIVEN
+from behaviours.furniture.articulation import (
+    UNKNOWN_ARTICULATION,
+    ArticulationPath,
+    FurnitureArticulation,
+    find_articulation,
+    find_stands,
+    room_beside,
+)
 from behaviours.furniture.close import FrontPush, pushes
-from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, FurnitureLeaf, LeafPath, find_leaf, find_stands, room_beside
 from behaviours.furniture.opening import Opening, before, plan_opening, pull_grasps, stations
 from behaviours.manipulation.base_placement import FindBasePlacement
 from behaviours.skill import ArticulationName, Declaration, Skill, SkillCoroutine, SkillFailure
@@ -42,17 +49,17 @@ class FindCloseStand(FindBasePlacement):
 
     def _best(self) -> SkillCoroutine[Pose2D]:
         """Search the ways to push in turn for a base placement."""
-        leaf = find_leaf(self.skills, self.articulation)
+        leaf = find_articulation(self.skills, self.articulation)
         stands = yield self.compute("stand_planning", self._rank, leaf)
         if not stands:
             raise SkillFailure("no_stand", f"no free base placement lets the arm push {leaf.articulation} shut")
         best: Pose2D = stands[0].pose
         return best
 
-    def _rank(self, leaf: FurnitureLeaf) -> Sequence[PathPlacement]:
+    def _rank(self, leaf: FurnitureArticulation) -> Sequence[PathPlacement]:
         return find_stands(self.skills, leaf, self._ways(leaf))
 
-    def _ways(self, leaf: FurnitureLeaf) -> Iterator[LeafPath]:
+    def _ways(self, leaf: FurnitureArticulation) -> Iterator[ArticulationPath]:
         skills = self.skills
         is_base_free = None
         around: dict[tuple[float, ...], list[Pose2D]] = {}
@@ -62,7 +69,7 @@ class FindCloseStand(FindBasePlacement):
             if point not in around:  # however the hand is held there
                 around[point] = [stand for stand in _around(push) if self._is_new(stand) and is_base_free(stand)]
             before = push.stations(push.parameters.standoff)[0]
-            yield LeafPath(around[point], [before, *push.stations()], positions, "fingers", skip=1)
+            yield ArticulationPath(around[point], [before, *push.stations()], positions, "fingers", skip=1)
 
 
 def _around(push: FrontPush) -> tuple[Pose2D, ...]:
@@ -110,7 +117,7 @@ class FindLookStand(Skill):
         from bestman_bt.manipulation.base_placement import placements_around
 
         articulation: str = self.articulation
-        leaf = find_leaf(self.skills, articulation)
+        leaf = find_articulation(self.skills, articulation)
         position = self.skills.world.articulations.get(articulation, 0.0)
         if not abs(position - self._position) <= MOVED:
             self._asked, self._position = 0, position
@@ -163,7 +170,7 @@ class FindOpenStand(FindBasePlacement):
         """For all grasps."""
         return find_stands(self.skills, opening.leaf, self._ways(opening, belief))
 
-    def _ways(self, opening: Opening, belief: HandleBelief) -> Iterator[LeafPath]:
+    def _ways(self, opening: Opening, belief: HandleBelief) -> Iterator[ArticulationPath]:
         from bestman_bt.manipulation.base_placement import placements_around
 
         skills = self.skills
@@ -179,4 +186,4 @@ class FindOpenStand(FindBasePlacement):
             grasp, pre_grasp = skills.map_from_base @ candidate.grasp, skills.map_from_base @ candidate.pre_grasp
             tilts = opening.tilts(grasp)
             way = [before(opening, grasp, pre_grasp, tilts), *stations(opening, grasp, tilts)]
-            yield LeafPath(stands, way, opening.positions(), opening.touching, skip=1)
+            yield ArticulationPath(stands, way, opening.positions(), opening.touching, skip=1)

@@ -15,8 +15,15 @@ from numpy.typing import NDArray
 from behaviours.arm_motion import move_free, unreached
 from behaviours.contacts import handle, stopping_at
 from behaviours.context import SkillContext
-from behaviours.furniture.leaf import FurnitureLeaf, find_leaf, free_along, world_at_leaf
-from behaviours.furniture.leaf_motion import LEAF_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
+from behaviours.furniture.articulation import FurnitureArticulation, find_articulation, free_along, world_at_leaf
+from behaviours.furniture.articulation_motion import (
+    LEAF_FAILS,
+    error_code,
+    followed,
+    retreat,
+    retreat_after_failure,
+    tare_wrist,
+)
 from behaviours.parameters import CloseParameters
 from behaviours.skill import (
     ALGORITHM_ERRORS,
@@ -67,7 +74,7 @@ class FrontPush:
     palm in the tool frame. ``handles``: protruding parts of the front, in the front board's frame.
     """
 
-    leaf: FurnitureLeaf
+    leaf: FurnitureArticulation
     start: float
     point: NDArray[np.float64]
     roll: float
@@ -179,7 +186,7 @@ def _about(axis: object, angle: float) -> Pose:
     return Pose(np.zeros(3), np.append(math.sin(angle / 2) * direction, math.cos(angle / 2)))
 
 
-def pushes(skills: SkillContext, leaf: FurnitureLeaf) -> Iterator[FrontPush]:
+def pushes(skills: SkillContext, leaf: FurnitureArticulation) -> Iterator[FrontPush]:
     """Yield ways to push a leaf shut, best points first: far from its hinge, or in the middle of a drawer; away from
     handles.
     """
@@ -220,7 +227,7 @@ def _distance(placed: PlacedShape, points: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def _points(
-    leaf: FurnitureLeaf, handles: Sequence[PlacedShape], parameters: CloseParameters
+    leaf: FurnitureArticulation, handles: Sequence[PlacedShape], parameters: CloseParameters
 ) -> list[NDArray[np.float64]]:
     front = leaf.leaf.shapes[0]
     assert isinstance(front.shape, Box)
@@ -275,7 +282,7 @@ class Close(ArmNode, Skill):
         skills = self.skills
         if skills.held is not None:
             raise SkillFailure("hand_not_empty", f"the hand holds the {skills.held.name}")
-        leaf, posture = find_leaf(skills, self.articulation), self.posture
+        leaf, posture = find_articulation(skills, self.articulation), self.posture
         leaf.check_opening("opening", self.opening)
         plan: _Plan | None = yield self.compute("grasp_planning", self._plan, leaf)
         if plan is None:
@@ -293,13 +300,13 @@ class Close(ArmNode, Skill):
                 start = yield from self._touch(plan.push)
                 left = yield from self._push(plan, start)
             except (SkillFailure, *ALGORITHM_ERRORS) as failure:
-                yield from withdraw_after(self, leaf, posture, failure)
+                yield from retreat_after_failure(self, leaf, posture, failure)
                 raise
-            yield from withdraw(self, leaf, posture)
+            yield from retreat(self, leaf, posture)
         self.left = left
         self.feedback_message = f"{leaf.articulation} closed, to {left:.3f} by the map"
 
-    def _plan(self, leaf: FurnitureLeaf) -> _Plan | None:
+    def _plan(self, leaf: FurnitureArticulation) -> _Plan | None:
         from bestman_bt.manipulation.kinematics.arc_path import ArcSearch
         from bestman_bt.manipulation.motion_planning.approach import ApproachPoses, approaches
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, find_leaf
+from behaviours.furniture.articulation import UNKNOWN_ARTICULATION, find_articulation
 from behaviours.skill import ArticulationName, InstantSkill, SkillCondition
 from bestman_bt.engine import In, Out
 from bestman_bt.messages.shapes import NonNegative
@@ -25,7 +25,7 @@ class TakeContainer(_OfContainer):
 
     def act(self) -> None:
         """Read the map."""
-        leaf = find_leaf(self.skills, self.container)
+        leaf = find_articulation(self.skills, self.container)
         openness = openness_of(leaf.leaf)
         self.furniture = leaf.furniture.name
         self.opening = openness.asked
@@ -37,7 +37,7 @@ class BelieveLocked(_OfContainer):
 
     def act(self) -> None:
         """Set the belief; nothing moves."""
-        self.skills.world.locked.add(find_leaf(self.skills, self.container).articulation)
+        self.skills.world.locked.add(find_articulation(self.skills, self.container).articulation)
 
 
 class BelieveStuck(_OfContainer):
@@ -48,7 +48,7 @@ class BelieveStuck(_OfContainer):
 
     def act(self) -> None:
         """Set the belief; nothing moves."""
-        self.skills.world.blocked.add(find_leaf(self.skills, self.container).articulation)
+        self.skills.world.blocked.add(find_articulation(self.skills, self.container).articulation)
 
 
 class IsOpen(SkillCondition):
@@ -67,7 +67,7 @@ class IsOpen(SkillCondition):
         """Check the belief, without an image."""
         name: str = self.articulation
         at_least, at_most = self.at_least, self.at_most
-        leaf = find_leaf(self.skills, name).leaf
+        leaf = find_articulation(self.skills, name).leaf
         position = self.skills.world.articulations.get(name, 0.0)
         unit = "rad" if leaf.kind == "revolute" else "m"
         if not position >= at_least:  # nor if the belief is not a number

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
-from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, FurnitureLeaf, find_leaf
-from behaviours.furniture.leaf_measurement import (
+from behaviours.furniture.articulation import UNKNOWN_ARTICULATION, FurnitureArticulation, find_articulation
+from behaviours.furniture.articulation_measurement import (
     SHUT,
     believe_place,
     believe_shut_fronts,
@@ -70,8 +70,8 @@ class DetectHandle(Skill):
         if articulation:
             # Neighbouring fronts show better than an unmeasured map whether a leaf is shut.
             closed = skills.world.articulations.get(articulation) == 0.0
-            believe_shut_fronts(skills.world, find_leaf(skills, articulation).furniture.name, seen, closed)
-            leaf = find_leaf(skills, articulation)
+            believe_shut_fronts(skills.world, find_articulation(skills, articulation).furniture.name, seen, closed)
+            leaf = find_articulation(skills, articulation)
             seen = self._on_leaf(leaf, seen)
             if not seen:
                 self._believe_board(leaf, [front.seen_from(view.map_from_base) for front in scene.fronts])
@@ -91,7 +91,7 @@ class DetectHandle(Skill):
         self.pose = skills.world.handles[best].handle.pose
         self.feedback_message = f"{best}: {skills.world.handles[best].handle.kind}, {len(chosen)} in all"
 
-    def _on_leaf(self, leaf: FurnitureLeaf, seen: list[Handle]) -> list[Handle]:
+    def _on_leaf(self, leaf: FurnitureArticulation, seen: list[Handle]) -> list[Handle]:
         """Those on a door or drawer; it is believed to be as far open as the surest of them says."""
         skills = self.skills
         openings = [(handle, opening_seen(leaf, handle)) for handle in seen]
@@ -107,7 +107,7 @@ class DetectHandle(Skill):
             self.opening = opening
         return [handle for handle, _ in found]
 
-    def _believe_board(self, leaf: FurnitureLeaf, fronts: list[SupportPlane]) -> None:
+    def _believe_board(self, leaf: FurnitureArticulation, fronts: list[SupportPlane]) -> None:
         """By its board a leaf is known to stand open where that is more than the map's error explains."""
         openings = [opening for front in fronts if (opening := opening_by_board(leaf, front)) is not None]
         if not openings:
@@ -167,7 +167,7 @@ def _belongs(handle: Handle, furniture: MapFurniture) -> bool:
     low_enough = float(handle.pose.position[2]) < furniture.height + MAP_MARGIN
     if low_enough and furniture.covers(handle.pose.position[:2], MAP_MARGIN):
         return True
-    leaves = (FurnitureLeaf(f"{furniture.name}/{leaf.name}", furniture, leaf) for leaf in furniture.leaves)
+    leaves = (FurnitureArticulation(f"{furniture.name}/{leaf.name}", furniture, leaf) for leaf in furniture.leaves)
     return any(opening_seen(leaf, handle) is not None for leaf in leaves)
 
 

@@ -10,9 +10,16 @@ from numpy.typing import NDArray
 
 from behaviours.arm_motion import follow_path, move_free, unreached
 from behaviours.contacts import handle, stopping_at
-from behaviours.furniture.leaf import world_at_leaf
-from behaviours.furniture.leaf_measurement import felt_leaf
-from behaviours.furniture.leaf_motion import LEAF_FAILS, error_code, followed, tare_wrist, withdraw, withdraw_after
+from behaviours.furniture.articulation import world_at_leaf
+from behaviours.furniture.articulation_measurement import articulation_from_motion
+from behaviours.furniture.articulation_motion import (
+    LEAF_FAILS,
+    error_code,
+    followed,
+    retreat,
+    retreat_after_failure,
+    tare_wrist,
+)
 from behaviours.furniture.opening import HandlePull, Opening, plan_opening, plan_pull, pull_grasps
 from behaviours.skill import (
     ALGORITHM_ERRORS,
@@ -100,10 +107,10 @@ class Open(ArmNode, Skill):
             raise
         except (SkillFailure, *ALGORITHM_ERRORS) as failure:
             yield skills.gripper.open()
-            yield from withdraw_after(self, leaf, posture, failure, self._felt)
+            yield from retreat_after_failure(self, leaf, posture, failure, self._felt)
             raise
         yield skills.gripper.open()
-        yield from withdraw(self, leaf, posture, self._felt)
+        yield from retreat(self, leaf, posture, self._felt)
         return opened
 
     def _check_held(self) -> None:
@@ -141,7 +148,7 @@ class Open(ArmNode, Skill):
         )
         motion, failure = yield from followed(following)
         held_after = self._held(plan, motion.tool)
-        self._felt = felt_leaf(opening, held_before, held_after, motion.angle, skills.clock.now())
+        self._felt = articulation_from_motion(opening, held_before, held_after, motion.angle, skills.clock.now())
         opened = opening.start + (motion.angle if opening.angle is not None else motion.distance)
         # Where the grip was lost, too: the leaf is left about there, and the base has to keep clear of it.
         skills.world.believe_articulation(leaf.articulation, max(0.0, min(opened, leaf.leaf.upper)))

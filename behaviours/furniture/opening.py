@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
-from behaviours.furniture.leaf import (
+from behaviours.furniture.articulation import (
     MEASURED,
-    FurnitureLeaf,
-    LeafPath,
+    ArticulationPath,
+    FurnitureArticulation,
     LeafWorlds,
     Touching,
-    find_leaf,
+    find_articulation,
     stands_along_leaf,
     world_at_leaf,
 )
@@ -48,7 +48,7 @@ class Opening:
     believed opening. ``most_tilt``: largest rotation of the hand relative to the door, radians.
     """
 
-    leaf: FurnitureLeaf
+    leaf: FurnitureArticulation
     handle: Handle
     asked: float
     start: float
@@ -120,7 +120,7 @@ def plan_opening(skills: SkillContext, articulation: str, belief: HandleBelief, 
 
     Raises SkillFailure (``bad_input``) if the leaf cannot be open as far as requested.
     """
-    leaf = find_leaf(skills, articulation)
+    leaf = find_articulation(skills, articulation)
     leaf.check_opening("opening", asked)
     start = skills.world.articulations.get(articulation, 0.0)
     parameters = skills.parameters.open
@@ -233,14 +233,14 @@ def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> H
     base_from_map, here = skills.map_from_base.inverse(), [skills.world.base.pose]
     free = world_at_leaf(skills, opening.leaf, opening.start, "free")
     contact = world_at_leaf(skills, opening.leaf, opening.start, "fingers")
-    from_here = skills.path_placement.from_one_pose()
+    from_here = skills.path_placement.from_fixed_base()
     plans: list[HandlePull] = []
     worlds: LeafWorlds = {}
     for candidate in pull_grasps(skills, opening, belief):
         grasp, pre_grasp = skills.map_from_base @ candidate.grasp, skills.map_from_base @ candidate.pre_grasp
         tilts = opening.tilts(grasp)
         way = [before(opening, grasp, pre_grasp, tilts), *stations(opening, grasp, tilts)]
-        along_leaf = LeafPath(here, way, opening.positions(), opening.touching, skip=1)
+        along_leaf = ArticulationPath(here, way, opening.positions(), opening.touching, skip=1)
         for stand in stands_along_leaf(skills, opening.leaf, along_leaf, worlds, from_here):
             arc = replace(stand.arc, path=stand.arc.path[1:], options=stand.arc.options[1:])
             if len(arc.path) < 2 or not free.is_free(stand.arc.path[0]):

@@ -80,13 +80,13 @@ class CheckHeld(ArmNode, Skill):
         return f"nothing presses on {', '.join(loose)}" if loose else ""
 
     def _sight_problem(self, width: float) -> str:
-        from bestman_bt.perception.held_object import look_between_fingers
+        from bestman_bt.perception.held_object import observe_finger_gap
 
         skills = self.skills
         assert skills.wrist_camera is not None
         seen = skills.wrist_camera.capture()
         with_own_body = View(seen.image, seen.base_from_camera)
-        gap = look_between_fingers(with_own_body, skills.base_from_tool(), skills.gripper_model, width)
+        gap = observe_finger_gap(with_own_body, skills.base_from_tool(), skills.gripper_model, width)
         is_empty = gap.empty > skills.parameters.grasp.empty_gap
         return f"the camera sees through {gap.empty:.0%} of the gap" if is_empty else ""
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free, with_room
+from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free, with_held_margin
 from behaviours.contacts import grasp
 from behaviours.context import SkillContext
 from behaviours.skill import ArmNode, Declaration, PostureName, Skill, SkillCoroutine, SkillFailure
@@ -90,7 +90,7 @@ def _nearest(postures: list[NDArray[np.float64]], now: NDArray[np.float64]) -> l
     return sorted(postures, key=lambda positions: float(np.abs(positions - now).max()))[:ENOUGH]
 
 
-def out_of_sight(skills: SkillContext, point: NDArray[np.float64]) -> CollisionWorld:
+def with_sight_line_kept_free(skills: SkillContext, point: NDArray[np.float64]) -> CollisionWorld:
     """Return a collision world that also keeps the line of sight from head camera to a point (3,), base frame, free."""
     return _things_that_are_not_there(skills, (_lines(skills, [point]),))
 
@@ -240,9 +240,9 @@ def _postures(skill: Skill, name: str, sight: NDArray[np.float64] | None = None)
     if held is None:
         return [[posture]]
     scene, parameters = skills.planning_scene(), skills.parameters.arm_motion
-    world, roomy = skills.arm_world(scene), skills.arm_world(with_room(scene, held, parameters))
+    world, roomy = skills.arm_world(scene), skills.arm_world(with_held_margin(scene, held, parameters))
     upright = Upright(skills.kinematics, held.tool_from_object, parameters.max_held_tilt)
-    past = None if sight is None else out_of_sight(skills, sight)
+    past = None if sight is None else with_sight_line_kept_free(skills, sight)
     tilted = not upright.satisfied(skills.arm_positions())
 
     def is_fit(positions: NDArray[np.float64]) -> bool:

@@ -13,7 +13,7 @@ from behaviours.skill import Declaration, ErrorReporting, InstantSkill, ObjectNa
 from bestman_bt.engine import In, Out, SyncAction
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose
 from bestman_bt.messages.shapes import NonNegative
-from bestman_bt.world_model.openness import leaf_shapes
+from bestman_bt.world_model.openness import articulation_shapes
 from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface
 from bestman_bt.world_model.world_model import HeldObject
 
@@ -143,7 +143,7 @@ class PlaceIn(PlaceOn):
         pose: Pose = self.pose
         furniture, surface = self._drawer(pose)
         assert surface.leaf is not None
-        shapes = leaf_shapes(self.skills.world, furniture, furniture.leaf(surface.leaf))
+        shapes = articulation_shapes(self.skills.world, furniture, furniture.leaf(surface.leaf))
         rim = max(_top(placed) for placed in shapes)
         return rim + self.skills.parameters.place.rim_clearance - float(pose.position[2] + held.model.bounds()[0, 2])
 

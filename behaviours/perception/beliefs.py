@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from behaviours.context import SkillContext
-from behaviours.perception.surfaces import UNKNOWN_SURFACE, measured_surface, told_surface
+from behaviours.perception.surfaces import UNKNOWN_SURFACE, measured_surface, surface_obstacle
 from behaviours.skill import Declaration, InstantSkill, ObjectName, SkillFailure, SurfaceName
 from bestman_bt.engine import In
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, PointCloud, Pose
@@ -48,7 +48,7 @@ class BelieveObject(InstantSkill):
         pose, surface = self.pose, self.surface
         if surface:
             lowest = float(pose.position[2] + (pose.rotation[2] * model.bounds()).min(axis=0).sum())
-            world.obstacles[f"{surface}/surface"] = told_surface(self.skills, surface, lowest)
+            world.obstacles[f"{surface}/surface"] = surface_obstacle(self.skills, surface, lowest)
         world.objects[name] = ObjectBelief(
             name=name,
             model=model,

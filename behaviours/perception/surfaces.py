@@ -11,7 +11,7 @@ from behaviours.context import SkillContext
 from behaviours.skill import SkillFailure
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
 from bestman_bt.perception.errors import NoSurfaceError
-from bestman_bt.world_model.openness import leaf_shapes
+from bestman_bt.world_model.openness import articulation_shapes
 from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface
 from bestman_bt.world_model.world_model import Obstacle
 
@@ -54,7 +54,7 @@ def with_open_drawers(skills: SkillContext, furniture: MapFurniture) -> MapFurni
     for leaf in furniture.leaves:
         if leaf.kind == "prismatic" and skills.world.articulations.get(f"{furniture.name}/{leaf.name}", 0.0) > 0.0:
             handles = [belief.handle.pose for belief in skills.world.handles_of(furniture, leaf)]
-            boards = [placed.pose for placed in leaf_shapes(skills.world, furniture, leaf)]
+            boards = [placed.pose for placed in articulation_shapes(skills.world, furniture, leaf)]
             reach = min(
                 [reach, *(float((frame @ p).position[0]) for p in handles), *(float(p.position[0]) for p in boards)]
             )
@@ -105,7 +105,7 @@ def measured_surface(skills: SkillContext, name: str, view: RGBDView, plane: Sup
     )
 
 
-def told_surface(skills: SkillContext, name: str, height: float) -> Obstacle:
+def surface_obstacle(skills: SkillContext, name: str, height: float) -> Obstacle:
     """Return the obstacle of a surface at a known height, ``height`` metres above the floor, as
     ``measured_surface``.
     """

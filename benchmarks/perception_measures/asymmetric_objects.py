@@ -25,7 +25,7 @@ from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.pose_estimation.base import AMBIGUOUS_YAW, PoseHypothesis
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
 from bestman_bt.perception.pose_estimation.multi_view import MultiView, ViewObservation
-from bestman_bt.perception.pose_estimation.point_to_plane import TurnedSurface, turned_surface
+from bestman_bt.perception.pose_estimation.point_to_plane import YawObservability, yaw_observability
 from bestman_bt.perception.segmentation.base import Cluster
 from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
 from bestman_bt.perception.view import View
@@ -114,7 +114,7 @@ class _Bench:
     def __init__(self, detector: Detector, models: tuple[ObjectModel, ...]) -> None:
         self.detector, self.models = detector, models
         self.planner, self.fusion, self.segmentation = ExpectedYaw(), MultiView(), PlaneDbscan()
-        self._turned: dict[ObjectModel, TurnedSurface] = {}
+        self._turned: dict[ObjectModel, YawObservability] = {}
 
     def look(self, scene: RenderedTable, rng: np.random.Generator) -> Look:
         """Both looks at the first object of the scene."""
@@ -149,9 +149,9 @@ class _Bench:
 
     def feature_in_view(self, view: View, item: TrueObject) -> float:
         """Measured samples of the telling feature, as a share of those that its best side would show."""
-        turned = self._turned.get(item.model) or turned_surface(model_surface(item.model, Pose(), 0.003))
+        turned = self._turned.get(item.model) or yaw_observability(model_surface(item.model, Pose(), 0.003))
         self._turned[item.model] = turned
-        surface, telling = turned.surface, turned.telling > TELLING
+        surface, telling = turned.surface, turned.largest_distances > TELLING
         frame_from_rest = item.pose @ surface.rest_from_object.inverse()
         points, normals = surface.points[telling], surface.normals[telling]
         most = 0

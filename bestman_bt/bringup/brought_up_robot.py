@@ -96,7 +96,7 @@ class BroughtUpRobot:
             self.robot.clear_stop()
 
     @contextmanager
-    def left_to_others(self) -> Iterator[None]:
+    def disconnected_robot(self) -> Iterator[None]:
         """Disconnect for the duration: controllers accept one client. Raises RobotError if reconnecting fails."""
         self.robot.disconnect()
         try:
@@ -110,7 +110,7 @@ def fault_text(error: RobotError) -> str:
     return str(error) or type(error).__name__
 
 
-def of_each(
+def for_each_part(
     kind: type[Kind], none: str, *looks: Callable[[BroughtUpRobot, str, Kind], CheckFinding]
 ) -> Callable[[BroughtUpRobot], Iterator[CheckFinding]]:
     """Return the step that runs ``looks`` on each part of a ``kind``. ``none``: the reason if there is no such part."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from bestman_bt.bringup.brought_up_robot import BroughtUpRobot, of_each
+from bestman_bt.bringup.brought_up_robot import BroughtUpRobot, for_each_part
 from bestman_bt.bringup.finding import CheckFinding, judged, not_applicable
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.model import ArmModel, RobotModel
@@ -46,7 +46,7 @@ def _of_each_arm(
         told = subject.robot.arm_facts(name)
         return not_applicable(name, "its controller tells nothing of it") if told is None else look(subject, name, told)
 
-    return of_each(Arm, "no arm is", look_at)
+    return for_each_part(Arm, "no arm is", look_at)
 
 
 def _limits(subject: BroughtUpRobot, name: str, group: JointGroup) -> CheckFinding:
@@ -113,7 +113,7 @@ def turn_between(one: Pose, other: Pose) -> float:
     return math.acos(float(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))
 
 
-limits = of_each(JointGroup, "no joints are", _limits)
+limits = for_each_part(JointGroup, "no joints are", _limits)
 tool = _agreed(compare_tool, "the offset of its tool")
 payload_mass = _agreed(compare_payload, "what it carries")
 mounting = _agreed(compare_mounting, "how it is mounted")

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.bringup.brought_up_robot import SPEED, BroughtUpRobot, of_each
+from bestman_bt.bringup.brought_up_robot import SPEED, BroughtUpRobot, for_each_part
 from bestman_bt.bringup.finding import CheckFinding, judged, not_applicable
 from bestman_bt.bringup.mover import CREEP, SWING_SPEED
 from hal.api import JointGroup, MobileBase, RobotError
@@ -99,7 +99,7 @@ def kill(subject: BroughtUpRobot, part: str, process: str) -> tuple[NDArray[np.f
 
     The robot is connected again afterwards.
     """
-    with subject.left_to_others():
+    with subject.disconnected_robot():
         mover = Mover(subject, part)
         try:
             mover.wait_until_it_moves()
@@ -155,4 +155,4 @@ def _dead_man(subject: BroughtUpRobot, name: str, base: MobileBase) -> CheckFind
     return judged(name, way <= longest, text, way_m=way)
 
 
-dead_man = of_each(MobileBase, "no base is", _dead_man)
+dead_man = for_each_part(MobileBase, "no base is", _dead_man)

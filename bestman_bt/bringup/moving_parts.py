@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from bestman_bt.bringup.brought_up_robot import SPEED, BroughtUpRobot, of_each
+from bestman_bt.bringup.brought_up_robot import SPEED, BroughtUpRobot, for_each_part
 from bestman_bt.bringup.controllers import model_tool_pose, turn_between
 from bestman_bt.bringup.finding import CheckFinding, judged, not_applicable
 from bestman_bt.messages import Pose2D, wrap_angle
@@ -133,9 +133,9 @@ def _there_and_back(
     return judged(name, passed, text, ahead_m=moved.x, aside_m=moved.y, turned_deg=turned)
 
 
-joint_signs = of_each(JointGroup, "no joints are", _signs_of)
-gripper = of_each(Gripper, "no gripper is", _widths, _force)
-drive, turn = of_each(MobileBase, "no base is", _drive), of_each(MobileBase, "no base is", _turn)
+joint_signs = for_each_part(JointGroup, "no joints are", _signs_of)
+gripper = for_each_part(Gripper, "no gripper is", _widths, _force)
+drive, turn = for_each_part(MobileBase, "no base is", _drive), for_each_part(MobileBase, "no base is", _turn)
 
 
 SPEEDS = (0.05, 0.1, 0.2)
@@ -167,21 +167,21 @@ class Stop:
     way: float
 
     @property
-    def longest_way(self) -> float:
+    def longest_distance(self) -> float:
         """Return the largest promised stopping distance, in the unit."""
         return MEAN_SHARE * REST_TIME * self.speed + SPARE
 
     @property
-    def kept(self) -> bool:
+    def met(self) -> bool:
         """Return whether the promise was kept."""
-        return self.rest <= REST_TIME and self.way <= self.longest_way
+        return self.rest <= REST_TIME and self.way <= self.longest_distance
 
     def __str__(self) -> str:
         """For people."""
         return (
             f"at {self.speed:.2f} {self.unit}/s slower after {1e3 * self.latency:.0f} ms, at rest after "
             f"{1e3 * self.rest:.0f} ms and {self.way:.3f} {self.unit} "
-            f"(at most {1e3 * REST_TIME:.0f} ms, {self.longest_way:.3f} {self.unit})"
+            f"(at most {1e3 * REST_TIME:.0f} ms, {self.longest_distance:.3f} {self.unit})"
         )
 
 
@@ -212,7 +212,7 @@ def _stops(name: str, speeds: tuple[float, ...], stop_at: Callable[[float], Stop
         for speed, stop in zip(speeds, stops, strict=True)
         for what, value in (("latency_s", stop.latency), ("rest_s", stop.rest), (f"way_{stop.unit}", stop.way))
     }
-    return judged(name, all(stop.kept for stop in stops), "; ".join(map(str, stops)), **figures)
+    return judged(name, all(stop.met for stop in stops), "; ".join(map(str, stops)), **figures)
 
 
 def _base_stopped(subject: BroughtUpRobot, base: MobileBase, speed: float) -> Stop | str:

@@ -173,7 +173,7 @@ def bring_up(
             firmware = {name: one.firmware for name, one in told.items() if one.firmware}
             file = replace(file, serial_numbers=serials, firmware=firmware)
         done = SignedStep(result.outcome, now(), user(), result.text, result.measured)
-        file = signed_if_whole(replace(file, steps={**file.steps, step.name: done}))
+        file = signed_if_complete(replace(file, steps={**file.steps, step.name: done}))
         file.write(path)
         yield result
         if result.outcome == "failed":
@@ -195,7 +195,7 @@ def left(file: BringUpFile) -> list[Step]:
     return [step for step in STEPS if step.name not in done]
 
 
-def signed_if_whole(file: BringUpFile) -> BringUpFile:
+def signed_if_complete(file: BringUpFile) -> BringUpFile:
     """Return the file, signed if no step is left, else unsigned."""
     return replace(file, signed=None if left(file) else Signature(user(), now()))
 

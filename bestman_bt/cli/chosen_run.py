@@ -74,7 +74,7 @@ def name_of(path: Path, status: dict[str, Any]) -> str:
     return f"{status['task']} (process {status['pid']}{folder})"
 
 
-def waits_at(status: dict[str, Any]) -> str:
+def breakpoint_text(status: dict[str, Any]) -> str:
     """Return ``, before fetch/pick`` if a run waits at a breakpoint, else an empty text."""
     held_at = status["held_at"]
     return f", {held_at['when']} {held_at['node']}" if held_at is not None and held_at["node"] is not None else ""

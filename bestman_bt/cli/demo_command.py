@@ -18,7 +18,7 @@ from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.report.page import report_page
-from bestman_bt.evaluation.report.run_reader import read_story
+from bestman_bt.evaluation.report.run_reader import read_run_report
 
 DEMO_SEED = 7
 
@@ -39,7 +39,7 @@ def command(
             show_in_monitor(monitor_port)
         result, folder = execute(setup, runs, ViewOptions(pictures=True, groot2_port=groot2_port, live=live))
         report = folder / REPORT_NAME
-        report.write_text(report_page([read_story(folder)], datetime.now()), encoding="utf-8")
+        report.write_text(report_page([read_run_report(folder)], datetime.now()), encoding="utf-8")
         _what_next(folder, report)
         tell(result.to_document())
     sys.exit(exit_code(result))

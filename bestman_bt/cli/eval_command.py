@@ -66,7 +66,7 @@ class EvaluationView:
             self._live.update(self._picture(), refresh=True)
             self._live.stop()
 
-    def told(self, entry: SuiteEntry, result: RunResult) -> None:
+    def show_result(self, entry: SuiteEntry, result: RunResult) -> None:
         """Show the result of one episode."""
         if not result.success and not entry.control:
             why = result.failure.why if result.failure else str(result.outcome)
@@ -269,7 +269,7 @@ def evaluate(
         document = _evaluate(evaluation, folder, execution.made(folder), compare, merged)
         tell(document)
     if not as_json:
-        tell_in_words(document)
+        print_result(document)
     sys.exit(130 if document["interrupted"] else 0 if document["met"] else 1)
 
 
@@ -287,7 +287,7 @@ def _evaluate(
             document = evaluation.merge(merged)
         else:
             with EvaluationView(evaluation, CONSOLE) as view:
-                document = evaluation.run(launcher, view.told)
+                document = evaluation.run(launcher, view.show_result)
         for note in evaluation.notes[told:]:
             CONSOLE.print(f"note: {note}", highlight=False, soft_wrap=True)
         compared = within(evaluation.finished_entries()) if compare and not document["interrupted"] else []
@@ -328,7 +328,7 @@ def ranges(numbers: Sequence[int]) -> str:
     return ", ".join(str(part[0]) if len(part) == 1 else f"{part[0]} to {part[-1]}" for part in parts)
 
 
-def tell_in_words(document: dict[str, Any]) -> None:
+def print_result(document: dict[str, Any]) -> None:
     """Print the result of an evaluation as text."""
     episodes = "" if document["interrupted"] else f"{document['episodes']} episodes, "
     print(

@@ -17,7 +17,7 @@ from bestman_bt.configuration.run import RunRequest
 from bestman_bt.extras import is_installed, require_extra
 from bestman_bt.perception.clouds import write_cloud
 from bestman_bt.registry import suggestion
-from bestman_bt.runtime.perception_preview import LookResult, furniture_to_look_at, look_at, standing_before, unseen
+from bestman_bt.runtime.perception_preview import LookResult, furniture_to_look_at, look_at, run_in_front_of, unseen
 from bestman_bt.runtime.resolved_config import ResolvedConfig, prepare
 from bestman_bt.scene.draw import SceneError
 from bestman_bt.visualization.annotated_image import annotated_image
@@ -87,7 +87,7 @@ def _stands(
     stands: dict[str, ResolvedConfig | SceneError] = {}
     for name in at or known:
         try:
-            stands[name] = prepare(standing_before(known[name], asked))
+            stands[name] = prepare(run_in_front_of(known[name], asked))
         except SceneError as error:
             if at:
                 raise

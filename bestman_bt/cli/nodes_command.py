@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from behaviours.failure import own_failures
-from behaviours.parts import parts_in_words
+from behaviours.parts import describe_required_parts
 from bestman_bt.cli.options import Plugins
 from bestman_bt.configuration.data import shipped_trees
 from bestman_bt.engine import NodeInfo, RegistryError, Tree, load_tree, palette_xml
@@ -88,7 +88,7 @@ def _tell_subtree(tree: Tree, file: Path, line: int) -> None:
 
 def _tell(info: NodeInfo) -> None:
     print(f"  {info.name}: {info.description.splitlines()[0] if info.description else ''}")
-    if parts := parts_in_words(info.cls):
+    if parts := describe_required_parts(info.cls):
         print(f"      {parts}")
     for port in info.ports.values():
         facts = [port.direction, port.accepts]

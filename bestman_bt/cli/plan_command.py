@@ -24,7 +24,7 @@ from bestman_bt.configuration.run import RunConfig
 from bestman_bt.configuration.secret import shown_setting
 from bestman_bt.engine import TreeProblem, render_svg
 from bestman_bt.errors import InputError
-from bestman_bt.runtime.planning import PlanRequest, Transcript, Wanted, asked_question, assumed, refusals
+from bestman_bt.runtime.planning import PlanOptions, PlanRequest, Transcript, assumed, read_plan_request, refusals
 from bestman_bt.task_planning.language.errors import quoted
 from bestman_bt.task_planning.simulation import folded
 from bestman_bt.task_planning.symbolic.problem import PlanningError, PlanningProblem, TaskPlan
@@ -186,8 +186,8 @@ def _question(wanted: GoalOptions, where: PlanningOptions) -> tuple[PlanRequest,
 
     Raises ConfigurationError with all faults.
     """
-    asked = Wanted(wanted.goal, wanted.given or (), wanted.planner, wanted.builder, wanted.limits)
-    question, goal = asked_question(asked, where.request, where.world)
+    asked = PlanOptions(wanted.goal, wanted.given or (), wanted.planner, wanted.builder, wanted.limits)
+    question, goal = read_plan_request(asked, where.request, where.world)
     if wanted.text is None and goal is None:
         facts = question.setup.config.task.asked("facts")
         if facts is None:

@@ -12,7 +12,7 @@ from bestman_bt.cli.run_command import execute
 from bestman_bt.configuration.run import RunConfig
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.result import RunResult
-from bestman_bt.runtime.planning import PlanRequest, planner_anew
+from bestman_bt.runtime.planning import PlanRequest, replanning_planner
 from bestman_bt.runtime.task_goals import FactsFields, can_be_judged
 from bestman_bt.task_planning.builders.plan_tree import PlanTree
 from bestman_bt.task_planning.symbolic.problem import PlanningProblem
@@ -28,7 +28,7 @@ def run_plan(question: PlanRequest, problem: PlanningProblem, made: PlanTree, pl
     """
     goal = " and ".join(map(str, problem.goal))
     asked = FactsFields(
-        goal, question.told(problem), planner_anew(planner), question.builder, question.limits.to_string()
+        goal, question.told(problem), replanning_planner(planner), question.builder, question.limits.to_string()
     )
     xml = question.replanning_xml(made, problem, planner)
     runs.mkdir(parents=True, exist_ok=True)

@@ -41,13 +41,13 @@ def command(
 ) -> None:
     """Write one HTML page that tells what happened in a run, or what many runs say together."""
     from bestman_bt.evaluation.report.page import report_page
-    from bestman_bt.evaluation.report.run_reader import ReportError, folders_to_report, read_story
+    from bestman_bt.evaluation.report.run_reader import ReportError, folders_to_report, read_run_report
 
     stories, faults = [], []
     folders = list(dict.fromkeys(folder.resolve() for given in runs for folder in folders_to_report(given)))
     for folder in folders:
         try:
-            stories.append(read_story(folder))
+            stories.append(read_run_report(folder))
         except ReportError as error:
             faults.append(error)
     if not stories:

@@ -31,12 +31,12 @@ Name = Annotated[str, typer.Argument(help="A robot's name or YAML file, or BASE+
 @verbs.command()
 def show(name: Name, png: Png = None, posture: str = "home", plugins: Plugins = None, as_json: Json = False) -> None:
     """Show what a robot is made of and what it can do."""
-    from bestman_bt.runtime.robot_facts import find_robot, robot_facts
+    from bestman_bt.runtime.robot_facts import describe_robot, find_robot
 
     with json_output(as_json) as write:
         _load_plugins(plugins)
         model = find_robot(name)
-        facts = robot_facts(model)
+        facts = describe_robot(model)
         if png is not None:
             facts["picture"] = _picture(model, png, posture)
         write(facts)
@@ -153,7 +153,7 @@ def move_into_limits(
 ) -> None:
     """Bring joints of a real robot that stand outside of their configured range back into it, slowly."""
     from bestman_bt.robot_model.compose import load_robot_model
-    from hal.hardware.into_limits import admit_outside, go_back, ways_back
+    from hal.hardware.into_limits import admit_outside, execute_return, return_motions
     from hal.hardware.robot import HardwareRobot
     from hal.parts.part_connection import ConnectionFailedError
 
@@ -164,14 +164,14 @@ def move_into_limits(
     admit_outside(robot)
     try:
         with robot:
-            ways = list(ways_back(robot))
+            ways = list(return_motions(robot))
             if not ways:
                 print("all joints are within their ranges")
             for way in ways:
                 print(f"{way.part}: {way}, at 5 % of the speed limits")
                 if not yes:
                     typer.confirm("Is the path free, and is a person at the emergency stop?", abort=True)
-                if fault := go_back(robot, way):
+                if fault := execute_return(robot, way):
                     print(f"bestman-bt: {way.part} is not back: {fault}", file=sys.stderr)
                     raise typer.Exit(1)
     except ConnectionFailedError as error:
@@ -196,7 +196,7 @@ def import_urdf(
     from bestman_bt.robot_model.robot_config import name_fault
     from bestman_bt.robot_model.urdf_source import UrdfError, read_srdf
     from bestman_bt.runtime.part_import import PartRequest, import_part
-    from bestman_bt.runtime.robot_facts import robot_facts
+    from bestman_bt.runtime.robot_facts import describe_robot
 
     with json_output(as_json) as write:
         if wanted.group is not None and wanted.srdf is None:
@@ -219,7 +219,7 @@ def import_urdf(
         file.write_text(part.description, encoding="utf-8")
         facts = {"part": part.name, "kind": part.kind, "file": str(file), "notes": list(part.notes)}
         facts |= {
-            key: value for key, value in robot_facts(part.robot).items() if key not in ("name", "sensors") and value
+            key: value for key, value in describe_robot(part.robot).items() if key not in ("name", "sensors") and value
         }
         if png is not None:
             facts["picture"] = _picture(part.robot, png, "home")

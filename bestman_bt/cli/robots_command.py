@@ -20,17 +20,17 @@ def command(
 ) -> None:
     """List robots, the parts that robots are made of, and how they go together."""
     from bestman_bt.robot_model.compose import load_robot_model
-    from bestman_bt.runtime.robot_facts import part_facts, robot_facts
+    from bestman_bt.runtime.robot_facts import describe_parts, describe_robot
 
     with json_output(as_json) as write:
         robots: list[dict[str, Any]] = []
         broken: dict[str, str] = {}
         for name in data_names("robot"):
             try:
-                robots.append(robot_facts(load_robot_model(name)))
+                robots.append(describe_robot(load_robot_model(name)))
             except ConfigurationError as error:
                 broken[name] = str(error)
-        parts = part_facts()
+        parts = describe_parts()
         by_kind: dict[str, list[dict[str, Any]]] = {}
         for part in parts:
             by_kind.setdefault(part["kind"], []).append(part)

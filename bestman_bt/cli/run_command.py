@@ -94,7 +94,7 @@ LAST_WORDS = 1.0
 
 
 @contextmanager
-def shown_live(recording: Path) -> Iterator[None]:
+def live_viewer(recording: Path) -> Iterator[None]:
     """Show ``recording`` while it is written: in a window, which stays open, or on a page until the end.
 
     A viewer that does not start is reported and does not stop the run.
@@ -281,14 +281,14 @@ def execute(
         if view.real_time:
             watchers.append(no_faster_than_real_time)
         if view.confirm:
-            watchers.append(asked_on_the_terminal)
+            watchers.append(confirmed_on_terminal)
         folder = make_run_folder(setup.config, runs)
         recording = None
         if view.live:
             kept = setup.config.record
             place = folder if kept else Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=folder.name)))
             recording = place / RECORDING_NAME
-            stack.enter_context(shown_live(recording))
+            stack.enter_context(live_viewer(recording))
         watch = _all_of(watchers)
         try:
             result = run_episode(setup, folder, view.pictures, watch, view.gui, twin_judge, recording=recording)
@@ -299,7 +299,7 @@ def execute(
     return result, folder
 
 
-def asked_on_the_terminal(session: RobotSession, tree: Tree) -> Callable[[], None]:
+def confirmed_on_terminal(session: RobotSession, tree: Tree) -> Callable[[], None]:
     """Print each motion of a session that needs confirmation, and read the answer from standard input."""
     confirmation = session.confirmation
     if confirmation is None:

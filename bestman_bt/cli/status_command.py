@@ -6,7 +6,7 @@ import json
 import sys
 from typing import Any
 
-from bestman_bt.cli.chosen_run import Run, chosen, name_of, running_statuses, waits_at
+from bestman_bt.cli.chosen_run import Run, breakpoint_text, chosen, name_of, running_statuses
 from bestman_bt.cli.options import Json
 
 
@@ -25,7 +25,7 @@ def command(run: Run = None, as_json: Json = False) -> None:
 
 def _words(status: dict[str, Any]) -> str:
     """Several lines."""
-    state = f"paused{waits_at(status)}" if status["paused"] else "running"
+    state = f"paused{breakpoint_text(status)}" if status["paused"] else "running"
     state += "" if status["speed"] == 1.0 else f" at {status['speed']:.0%} of its speed"
     lines = [f"{state}, tick {status['ticks']}, {status['time']:.2f} s"]
     lines += [f"  active: {path}" for path in status["active"]]

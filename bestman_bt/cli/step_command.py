@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from bestman_bt.cli.chosen_run import Run, ask, chosen, waits_at
+from bestman_bt.cli.chosen_run import Run, ask, breakpoint_text, chosen
 
 
 def command(run: Run = None) -> None:
     """Let a paused execution do one tick, up to its end or to a breakpoint."""
     path, status = chosen(run)
     answer = ask(path, {"do": "step"})
-    told = f"tick {answer['ticks']}, {answer['time']:.2f} s, {answer['root']}{waits_at(answer)}"
+    told = f"tick {answer['ticks']}, {answer['time']:.2f} s, {answer['root']}{breakpoint_text(answer)}"
     print(f"stepped {status['task']} to {told}")

@@ -66,7 +66,7 @@ UNREAD: Any = _Unread()
 """In the place of something that could not be read at all: it raises UnreadError whatever is asked of it."""
 
 
-def as_far_as_read(check: Callable[P, Iterable[T]]) -> Callable[P, Iterator[T]]:
+def up_to_unread_field(check: Callable[P, Iterable[T]]) -> Callable[P, Iterator[T]]:
     """Wrap a check of a salvaged value: it ends at the first access to an unread field."""
 
     @wraps(check)
@@ -84,7 +84,7 @@ _NAMED = re.compile(rf"{_OPTION}(?: ([^\s;,)]*[^\s:;,)]))?")
 
 
 @contextmanager
-def told_to_programs() -> Iterator[None]:
+def naming_python_parameters() -> Iterator[None]:
     """Within the context, faults name parameters of Python functions instead of command-line options."""
     try:
         yield

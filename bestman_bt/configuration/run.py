@@ -15,7 +15,13 @@ import yaml
 from bestman_bt.configuration.checked import check, override
 from bestman_bt.configuration.data import find_data
 from bestman_bt.configuration.document import Document, FieldPath, Origins, parse_value, read_document
-from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector, in_python, told_to_programs
+from bestman_bt.configuration.errors import (
+    ConfigurationError,
+    Problem,
+    ProblemCollector,
+    in_python,
+    naming_python_parameters,
+)
 from bestman_bt.configuration.quantity import WholeNumber
 from bestman_bt.configuration.secret import shown_setting
 from bestman_bt.configuration.task import TaskConfig, check_task, task_document, with_default_algorithms
@@ -102,7 +108,7 @@ def load_run(  # noqa: PLR0913 - the arguments of a run, each by its name
     receives its trees later. Raises ConfigurationError, which names arguments; scene and robot settings are checked
     when those are loaded.
     """
-    with told_to_programs():
+    with naming_python_parameters():
         run = run_of_options(RunRequest(task, tree, scene, robot, seed, settings, plugins, record, driver))
     origins = {path: (in_python(source), line) for path, (source, line) in run.written.origins.items()}
     return _remembering(run, dataclasses.replace(run.written, origins=origins))

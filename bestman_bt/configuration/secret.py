@@ -17,7 +17,7 @@ class SecretMark:
 Secret = Annotated[str, SecretMark()]
 
 
-def may_tell_secret(key: str) -> bool:
+def is_secret_setting(key: str) -> bool:
     """Return whether messages and files hide the value of the ``--set`` option with this key."""
     return _TELLING.search(key) is not None
 

@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 from bestman_bt.configuration.checked import numbered, salvage
 from bestman_bt.configuration.data import beside, data_names, find_data
 from bestman_bt.configuration.document import Document, FieldPath, read_document
-from bestman_bt.configuration.errors import ConfigurationError, Problem, as_far_as_read
+from bestman_bt.configuration.errors import ConfigurationError, Problem, up_to_unread_field
 from bestman_bt.configuration.quantity import Frequency, PositiveAngle, PositiveLength, PositiveTime, SmallerFirst, Time
 from bestman_bt.registry import suggestion
 
@@ -62,7 +62,7 @@ def disturbance_faults(asked: Sequence[DisturbanceConfig], document: Document) -
         yield from _faults_of_one(disturbance, document, ("disturbances", index))
 
 
-@as_far_as_read
+@up_to_unread_field
 def _faults_of_one(disturbance: DisturbanceConfig, document: Document, path: FieldPath) -> Iterator[Problem]:
     kind, written = disturbance.kind, document.data["disturbances"][path[-1]]
     needed = _NEEDED[kind]

@@ -40,7 +40,7 @@ class OperatorSpeed:
             self._holds = True
             self._tell()
 
-    def go_on(self) -> None:
+    def resume(self) -> None:
         """Continue the motions along their paths."""
         with self._lock:
             if self._holds:
@@ -53,7 +53,7 @@ class OperatorSpeed:
     def held(self, hold: object | None) -> None:
         """Pause or resume motions with the execution."""
         if hold is None:
-            self.go_on()
+            self.resume()
         else:
             self.hold()
 

@@ -82,7 +82,7 @@ from bestman_bt.engine.leaves.function import Context, FunctionLeafError, Output
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
 from bestman_bt.engine.leaves.script import Script, ScriptCondition, TestNode, TestNodeConfig
 from bestman_bt.engine.loading import load_python_tree, load_tree
-from bestman_bt.engine.own_files import raise_no_such_name
+from bestman_bt.engine.own_files import raise_missing_name
 from bestman_bt.engine.simulation import SimulatedRun, simulate
 from bestman_bt.engine.snapshot import BlackboardBackup, backup, from_json, restore, to_json
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, NodeStatus, status_name
@@ -230,4 +230,4 @@ if not TYPE_CHECKING:
 
     def __getattr__(name):
         """Raise an error with a skill's module if the skill is looked up among the engine's nodes."""
-        raise_no_such_name(__name__, name)
+        raise_missing_name(__name__, name)

@@ -23,18 +23,18 @@ from bestman_bt.engine.building import (
     Builder,
     LoadOptions,
     check_documents,
+    entries_named_in,
     main_tree_of,
     new_tree,
     raise_if_any,
-    words_of,
 )
 from bestman_bt.engine.core.node import Node, NodePlace
-from bestman_bt.engine.core.py_trees_face import PyTreesFace
+from bestman_bt.engine.core.py_trees_adapter import PyTreesAdapter
 from bestman_bt.engine.core.registry import NodeRegistry
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import TreeLoadError, TreeProblem
-from bestman_bt.engine.leaves.native import PyTreesBehaviour, adapted, is_taken, take_over
+from bestman_bt.engine.leaves.native import PyTreesBehaviour, adapted, belongs_to_tree, take_over
 from bestman_bt.engine.scripting.compiler import ScriptCompiler
 from bestman_bt.engine.xml.checking import check_values
 from bestman_bt.engine.xml.documents import read_documents
@@ -80,7 +80,7 @@ def build_tree(
     return tree
 
 
-PyTreesFace.build_own_tree = staticmethod(build_tree)
+PyTreesAdapter.build_own_tree = staticmethod(build_tree)
 
 
 @cache
@@ -103,7 +103,7 @@ class _Adopter(Builder):
 
     def adopt(self, behaviour: Behaviour, place: NodePlace, depth: int = 1, parent: Node | None = None) -> Node:
         made = behaviour if isinstance(behaviour, Node) else adapted(behaviour)
-        if made.place is not None or (made is not behaviour and is_taken(behaviour)):
+        if made.place is not None or (made is not behaviour and belongs_to_tree(behaviour)):
             self._report(made, f"'{made.name}' is part of a tree already; make a new node")
             return made
         place = self._where_made(made, place)
@@ -135,7 +135,7 @@ class _Adopter(Builder):
 
     def _leave_out(self, node: Node, wrong: list[TreeProblem]) -> None:
         """Take the ports that are wrong from the node, so that the rest can be checked further."""
-        self.tree.left_out |= words_of(node.attributes)
+        self.tree.left_out |= entries_named_in(node.attributes)
         for problem in wrong:
             if problem.line == node.line:
                 node.attributes.pop(problem.field, None)

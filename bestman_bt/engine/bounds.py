@@ -67,10 +67,10 @@ def refusal(value: Any, bounds: Iterable[Any]) -> str:
         if not isinstance(bound, Named):
             wrong = wrong or not _condition(bound)[0](value)
     number = "a whole number" if isinstance(value, int) else "a finite number"
-    return f"{value!r} is not accepted, but {number} {range_in_words(bounds)}".rstrip() if wrong else ""
+    return f"{value!r} is not accepted, but {number} {describe_range(bounds)}".rstrip() if wrong else ""
 
 
-def range_in_words(bounds: Iterable[Any]) -> str:
+def describe_range(bounds: Iterable[Any]) -> str:
     """Return the bounds of a number in words, such as ``above 0``; empty for names, and if there are none."""
     limits = [bound for bound in bounds if not isinstance(bound, (OneOf, Named))]
     match limits:

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 from bestman_bt.engine.blackboard import Blackboard
 from bestman_bt.engine.clock import EngineClock
 from bestman_bt.engine.conversion import number_from_text
-from bestman_bt.engine.core.around_tick import Conditions
 from bestman_bt.engine.core.node import NO_PORTS, Node, NodePlace
 from bestman_bt.engine.core.ports import key_of, outer_key_of
 from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
+from bestman_bt.engine.core.tick_hooks import Conditions
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import BlackboardError, EngineError, TreeLoadError, TreeProblem
@@ -188,7 +188,7 @@ def _leave_out(wrong: list[tuple[Element, str]], registry: NodeRegistry) -> set[
     named: set[str] = set()
     for element, attribute in wrong:
         gone = element.attributes if attribute in ("", "ID", "name") else {attribute: element.attributes.get(attribute)}
-        named |= words_of(gone)
+        named |= entries_named_in(gone)
         if attribute and attribute not in ("ID", "name"):
             element.attributes.pop(attribute, None)
             element.entries = [entry for entry in element.entries or () if entry[0] != attribute] or None
@@ -205,7 +205,7 @@ def _instead(element: Element, registry: NodeRegistry) -> Element:
     return made
 
 
-def words_of(attributes: Mapping[str, Any]) -> set[str]:
+def entries_named_in(attributes: Mapping[str, Any]) -> set[str]:
     """Return the entries that attributes may name, in ports, in scripts or as entry names."""
     keys = {key for port, value in attributes.items() if (key := key_of(value, port)) is not None}
     return keys.union(*(re.findall(r"\w+", str(value)) for value in attributes.values()))

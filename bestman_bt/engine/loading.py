@@ -16,7 +16,7 @@ from bestman_bt.engine.building import LoadOptions, load_documents, without_garb
 from bestman_bt.engine.core.registry import NodeRegistry
 from bestman_bt.engine.core.tree import Tree
 from bestman_bt.engine.errors import TreeLoadError, TreeProblem
-from bestman_bt.engine.leaves.native import lines_noted
+from bestman_bt.engine.leaves.native import creation_lines_recorded
 from bestman_bt.engine.own_files import described, importable, load_file
 from bestman_bt.engine.xml.documents import read_documents
 
@@ -91,7 +91,7 @@ def load_python_tree(path: Path) -> Behaviour:
     name = f"bestman_bt_tree_{path.stem}"
     forget_dropped_trees()
     try:
-        with importable(path.parent), lines_noted():
+        with importable(path.parent), creation_lines_recorded():
             build = getattr(load_file(path, name), "build", None)
             if not callable(build):
                 raise fail("it defines no function build() that returns the root node")

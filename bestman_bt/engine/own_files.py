@@ -143,7 +143,7 @@ def _right_places(error: ImportError) -> list[str]:
     names = [alias.name for one in froms for alias in one.names]
     has: dict[str, list[str]] = {}
     for name in names if wanted != "behaviours" else ():
-        for module in homes_of(name):
+        for module in modules_exporting(name):
             if module != wanted:
                 has.setdefault(module, []).append(name)
     if has:
@@ -154,7 +154,7 @@ def _right_places(error: ImportError) -> list[str]:
 
 
 @lru_cache
-def homes_of(name: str) -> list[str]:
+def modules_exporting(name: str) -> list[str]:
     """Return the modules of this project that export a class, function or constant, skills first."""
     defined = re.compile(rf"^(?:class |def |){name}\b", re.MULTILINE)
     found = []
@@ -168,13 +168,13 @@ def homes_of(name: str) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def raise_no_such_name(module: str, name: str, renamed: Mapping[str, str] = MappingProxyType({})) -> NoReturn:
+def raise_missing_name(module: str, name: str, renamed: Mapping[str, str] = MappingProxyType({})) -> NoReturn:
     """Raise AttributeError naming the module that has ``name``; ImportError for a ``from`` import of a class.
 
     A ``from`` import would discard the message of an AttributeError. ``renamed``: old → new names in ``module``.
     """
     asking = sys._getframe(2)
-    homes = [home for home in (homes_of(name) if name[:1].isupper() else ()) if home != module]
+    homes = [home for home in (modules_exporting(name) if name[:1].isupper() else ()) if home != module]
     place = f": from {module} import {renamed[name]}" if name in renamed else ""
     place = place or (f": from {homes[0]} import {name}" if homes else "")
     if place and dis.opname[asking.f_code.co_code[asking.f_lasti]] == "IMPORT_FROM":
@@ -194,7 +194,7 @@ def _frames(error: BaseException) -> list[traceback.FrameSummary]:
     return [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith("<")]
 
 
-def own_line(error: BaseException) -> str:
+def user_line(error: BaseException) -> str:
     """Return ``file:line``, the innermost line of a user's file in an error's traceback, or an empty text."""
     for frame in reversed(_frames(error)):
         if Path(frame.filename).resolve().parent in _names:
@@ -236,9 +236,9 @@ def _arguments(function: Callable[..., object]) -> str:
     return f"({', '.join(str(one.replace(annotation=one.empty)) for one in parameters)})"
 
 
-def in_words(error: BaseException) -> str:
+def describe_error(error: BaseException) -> str:
     """Return type and message of an error, and its line in a user's file, if any."""
-    place = own_line(error)
+    place = user_line(error)
     text = str(error)
     kind = type(error).__name__
     return (f"{kind}: {text}" if text else kind) + (f" (at {place})" if place else "")

@@ -19,7 +19,7 @@ from bestman_bt.engine.leaves.blackboard import WasEntryUpdated
 from bestman_bt.engine.loading import load_tree
 from bestman_bt.engine.models.foreign import open_tree
 from bestman_bt.engine.models.package import Package
-from bestman_bt.engine.models.scenario import Scenario, SimulatedLeaves, stand_in
+from bestman_bt.engine.models.scenario import Scenario, SimulatedLeaves, plausible_value
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.substitution import SubstitutionRules
 from bestman_bt.engine.unwritten import unwritten_reads
@@ -171,7 +171,7 @@ def simulate(  # noqa: PLR0913 - each by its name
     except EngineError as failure:
         if scenario is None:
             raise
-        error = in_words(failure)
+        error = describe_failure(failure)
     tree.unsubscribe(listen)
     seconds = clock.now() - began
     return SimulatedRun(status, seconds, changes, tree, ticks, error, leaves.simulated, transitions, invented)
@@ -190,7 +190,7 @@ def _ticked(tree: Tree, period: float, limit: float) -> tuple[int, int]:
     return status, ticks
 
 
-def in_words(failure: EngineError) -> str:
+def describe_failure(failure: EngineError) -> str:
     """Return the message of an error that ended a run, with the path of the last tick."""
     if not isinstance(failure, NodeError) or not failure.backtrace:
         return str(failure)
@@ -205,7 +205,7 @@ def _invent_entries(tree: Tree) -> list[str]:
         if slot.value is None and not isinstance(read.node, WasEntryUpdated):
             port = tree.info_of(read.node).ports.get(read.port)
             in_script = key_of(read.node.attributes.get(read.port), read.port) is None
-            slot.assign(0 if port is None or in_script else stand_in(port))
+            slot.assign(0 if port is None or in_script else plausible_value(port))
             found.append(slot.key)
     return found
 

@@ -71,8 +71,8 @@ def problem_at(node: Node, port: str, message: str, suggestion: str, severity: s
 def unwritten_reads(tree: Tree, given: Iterable[str] = ()) -> Iterator[UnwrittenRead]:
     """Yield each entry that is read before it has a value; ``given``: root entries set before the run.
 
-    Writes of code that does not declare them in ports (``may_write_unseen``) are not visible here. A port whose default
-    is an empty text accepts an entry without a value and does not count.
+    Writes that code does not declare in ports (``may_write_undeclared``) are not visible here. A port whose default is
+    an empty text accepts an entry without a value and does not count.
     """
     uses, subtrees, hints = entry_uses(tree), SubTrees(tree), 0
     fatal = {id(use.slot) for use in uses if not use.writes and _fails(tree, use)}
@@ -117,7 +117,7 @@ class SubTrees:
         for node in tree.nodes:
             around = list(self._around(node))
             keys = [key for port, value in node.attributes.items() if (key := key_of(value, port)) is not None]
-            if around and may_write_unseen(node):
+            if around and may_write_undeclared(node):
                 self._unseen.update(around)
             for path in around:
                 self._named[path].update(dict.fromkeys(keys))
@@ -199,7 +199,7 @@ def _named_at(subtrees: Mapping[str, decorators.SubTree], use: EntryUse) -> tupl
     return node, port, key
 
 
-def may_write_unseen(node: Node) -> bool:
+def may_write_undeclared(node: Node) -> bool:
     """Return whether a node's code may write undeclared entries: it has, or asks for, its blackboard."""
     if isinstance(node, PyTreesBehaviour):
         below = node.behaviour.iterate()

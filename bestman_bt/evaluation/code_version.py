@@ -22,7 +22,7 @@ from bestman_bt.evaluation.versions import versions
 _DOCUMENTS, _TREES = (".yaml", ".yml"), (".xml", ".urdf", ".xacro")
 
 
-def named_files(values: Any, folder: Path = Path()) -> list[Path]:
+def config_dependencies(values: Any, folder: Path = Path()) -> list[Path]:
     """Return every file that texts in nested ``values`` name, in ``folder`` or among the user's additions, recursively.
 
     ``file.py:Class`` names its file. YAML files, trees and URDF are searched for names, Python files also for imported
@@ -127,7 +127,7 @@ def config_fingerprint(config: RunConfig) -> str:
     )
     config = replace(config, seed=0, entry="")
     digest = hashlib.sha256(dump_run(replace(config, task=plain)).encode())
-    for path in named_files(yaml.safe_load(dump_run(config))):
+    for path in config_dependencies(yaml.safe_load(dump_run(config))):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:12]
 

@@ -17,7 +17,7 @@ from bestman_bt.runtime.robot_session import RobotSession
 from bestman_bt.scene.placing import gap_to_furniture, gap_to_objects, planar_radius, standing_on
 from bestman_bt.scene.plane_geometry import depth_inside, rectangle
 from bestman_bt.scene.scene import PlacedObject
-from bestman_bt.world_model.openness import is_open, leaf_called, openness_of
+from bestman_bt.world_model.openness import articulation_called, is_open, openness_of
 from hal.simulation.audit_record import DisturbanceEvent
 from hal.simulation.disturbance_injector import DisturbanceInjector
 from hal.simulation.ground_truth import GroundTruth
@@ -34,14 +34,14 @@ TRIES = 200
 
 
 @dataclass(frozen=True)
-class NewPlace:
+class Relocation:
     """``surface``: ``furniture/name``. ``pose``: of the object in the map frame."""
 
     surface: str
     pose: Pose
 
 
-class NewPlaces:
+class RelocationSampler:
     """Draws places in a world as it is now, open drawers included."""
 
     def __init__(self, session: RobotSession, truth: GroundTruth) -> None:
@@ -49,7 +49,7 @@ class NewPlaces:
         self._world, self._map = session.setup.world, session.skills.world.map
         self._models = {placed.name: placed.model for placed in self._world.objects}
 
-    def beside(self, name: str, distance: tuple[float, float], rng: np.random.Generator) -> NewPlace | None:
+    def beside(self, name: str, distance: tuple[float, float], rng: np.random.Generator) -> Relocation | None:
         """Return a place on the surface of an object, ``distance`` metres away, or None if none was found."""
         below = (surface for surface in self._surfaces(inside=True) if is_over(self._evidence, name, surface))
         for surface in below:
@@ -62,7 +62,7 @@ class NewPlaces:
                     return place
         return None
 
-    def elsewhere(self, name: str, asked: str | None, rng: np.random.Generator) -> NewPlace | None:
+    def elsewhere(self, name: str, asked: str | None, rng: np.random.Generator) -> Relocation | None:
         """Return a place on the surface ``asked``, else on any open surface of other furniture, or None."""
         surfaces = list(self._surfaces(inside=False))
         if asked is None:
@@ -91,7 +91,7 @@ class NewPlaces:
     def _map_from(self, surface: str) -> Pose:
         return surface_pose(self._evidence, surface)[1]
 
-    def _place(self, name: str, surface: str, x: float, y: float, rng: np.random.Generator) -> NewPlace | None:
+    def _place(self, name: str, surface: str, x: float, y: float, rng: np.random.Generator) -> Relocation | None:
         """At ``x``, ``y`` of a surface (x from its front to its back), with a random yaw, or None if that is no good
         place.
         """
@@ -110,7 +110,7 @@ class NewPlaces:
             *(PlacedObject(goal, model, there) for goal, there in self._world.goals.items()),
         ]
         gap = min(gap_to_objects(pose, model, kept_free), gap_to_furniture(pose, model, piece, self._world.furniture))
-        return NewPlace(surface, pose) if gap >= CLEARANCE else None
+        return Relocation(surface, pose) if gap >= CLEARANCE else None
 
 
 HAND_AWAY = 0.6
@@ -157,7 +157,7 @@ class Disturbances:
 
     def __init__(self, session: RobotSession, truth: GroundTruth, injector: DisturbanceInjector) -> None:
         self._session, self._truth, self._injector = session, truth, injector
-        self._places = NewPlaces(session, truth)
+        self._places = RelocationSampler(session, truth)
         self._was_held: set[str] = set()
         self._scripts = []
         for index, asked in enumerate(session.setup.config.task.disturbances):
@@ -214,7 +214,7 @@ class Disturbances:
         """It was opened, and the hand is out of it again."""
         name, world = str(script.asked.articulation), self._session.skills.world
         opened = self._truth.articulation_position(name)
-        if not is_open(world, name) or opened < openness_of(leaf_called(world, name)).shut:
+        if not is_open(world, name) or opened < openness_of(articulation_called(world, name)).shut:
             return False
         piece = next(p for p in self._session.setup.world.furniture if p.name == name.partition("/")[0])
         leaf = next(a for a in piece.model.articulations if a.name == name.partition("/")[2])
@@ -234,9 +234,9 @@ class Disturbances:
 
     def _shut(self, script: _Script) -> _Event:
         name = str(script.asked.articulation)
-        return self._injector.push_shut(name, PUSH_SPEED[leaf_called(self._session.skills.world, name).kind])
+        return self._injector.push_shut(name, PUSH_SPEED[articulation_called(self._session.skills.world, name).kind])
 
-    def _put(self, asked: DisturbanceConfig, place: NewPlace | None) -> _Event:
+    def _put(self, asked: DisturbanceConfig, place: Relocation | None) -> _Event:
         if place is None:
             return None
         return self._injector.move_object(str(asked.object), place.pose, place.surface)

@@ -13,7 +13,7 @@ from pathlib import Path
 from py_trees.behaviour import Behaviour
 
 from behaviours.failure import NodeFailure
-from bestman_bt.configuration.errors import Problem, told_to_programs
+from bestman_bt.configuration.errors import Problem, naming_python_parameters
 from bestman_bt.configuration.run import RunConfig
 from bestman_bt.engine import FAILURE, RUNNING, Node, StateChanges, Tree
 from bestman_bt.engine.models.foreign import missing_nodes
@@ -29,7 +29,7 @@ from bestman_bt.evaluation.result import NO_GOAL, Outcome, RunResult
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.extras import EXTRA_OF_SIMULATOR, is_installed, missing_extra
 from bestman_bt.facts.evidence import Verdict
-from bestman_bt.records.keeping import Keeping
+from bestman_bt.records.keeping import RecordingErrors
 from bestman_bt.records.reader import RecordError, read_result
 from bestman_bt.records.writer import RESULT_FILE
 from bestman_bt.robot_model.model import GripperModel
@@ -71,7 +71,7 @@ class _Observers:
         folder: Path | None,
         judge: Path | None,
         prepare_robot: Callable[[Robot], None] | None,
-        keeping: Keeping,
+        keeping: RecordingErrors,
     ) -> None:
         self._keeping = keeping
         self._disturbed, self._folder, self._judge, self._prepare_robot = disturbed, folder, judge, prepare_robot
@@ -207,7 +207,7 @@ class JudgedSession:
         watch: Watcher | None = None,
         recording: Path | None = None,
         to_the_end: ExitStack | None = None,
-        keeping: Keeping | None = None,
+        keeping: RecordingErrors | None = None,
     ) -> RunResult:
         """Load a tree, by default that of the task, tick it to its end and judge the outcome.
 
@@ -215,7 +215,7 @@ class JudgedSession:
         ``to_the_end``: protects the following steps from Ctrl-C. Raises as ``Session.load`` does, before anything
         moves.
         """
-        observers, wall_start, keeping = self._observers, time.perf_counter(), keeping or Keeping()
+        observers, wall_start, keeping = self._observers, time.perf_counter(), keeping or RecordingErrors()
         setup = self.session.setup_for(tree)
         session = replace(self.session, setup=setup, entries=self.session.entries_of(setup))
         with ExitStack() as stack:
@@ -278,7 +278,7 @@ class JudgedSession:
         return replace(result, not_kept=dict(keeping.lost))
 
     def _recorders(
-        self, tree: Tree, folder: Path | None, recording: Path | None, keeping: Keeping
+        self, tree: Tree, folder: Path | None, recording: Path | None, keeping: RecordingErrors
     ) -> Iterator[MotionLog | Recording]:
         session, scene = self.session, self._observers.scene
         if scene is None:
@@ -298,7 +298,7 @@ class JudgedSession:
         watch: Callable[[], Callable[[], None]] | None,
         recording: Path | None,
         durations: Durations,
-        keeping: Keeping,
+        keeping: RecordingErrors,
     ) -> Callable[[], None]:
         session, observers = self.session, self._observers
         calls: list[Callable[[], None]] = [durations.after_tick]
@@ -333,13 +333,13 @@ def open_judged(
     gui: bool = False,
     twin_judge: Path | None = None,
     prepare_robot: Callable[[Robot], None] | None = None,
-    keeping: Keeping | None = None,
+    keeping: RecordingErrors | None = None,
 ) -> Iterator[JudgedSession]:
     """Connect the configured robot for judged runs; arguments and errors are those of ``run_episode``."""
-    with told_to_programs():
+    with naming_python_parameters():
         setup = prepare_episode(config) if isinstance(config, RunConfig) else config
     disturbed = bool(setup.config.task.disturbances)
-    keeping = keeping or Keeping()
+    keeping = keeping or RecordingErrors()
     observers = _Observers(disturbed, folder if pictures else None, twin_judge, prepare_robot, keeping)
     with ExitStack() as stack:
         recorder = _recorder(stack, setup, folder, keeping)
@@ -365,7 +365,7 @@ def run_episode(
     the ground truth whose reads do not count. ``recording``: file to record a simulated run to. Raises as
     ``prepare_episode`` does, before anything starts.
     """
-    wall_start, keeping = time.perf_counter(), Keeping()
+    wall_start, keeping = time.perf_counter(), RecordingErrors()
     with ExitStack() as to_the_end:
         with open_judged(config, folder, pictures, gui, twin_judge, prepare_robot, keeping) as judged:
             result = judged.run(None, folder, watch, recording, to_the_end, keeping)
@@ -376,7 +376,7 @@ def run_episode(
 
 
 def _recorder(
-    stack: ExitStack, setup: ResolvedConfig, folder: Path | None, keeping: Keeping
+    stack: ExitStack, setup: ResolvedConfig, folder: Path | None, keeping: RecordingErrors
 ) -> Callable[[Robot], Robot] | None:
     """What writes down, for the driver ``replay``, all that skills read and command, or None if it was not
     requested.
@@ -384,12 +384,12 @@ def _recorder(
     if folder is None or not setup.config.record:
         return None
 
-    def see_through(robot: Robot) -> Robot:
-        recorded = RecordedRobot(robot, folder / TAPE_NAME, partial(keeping.lose, TAPE_NAME))
+    def wrap_robot(robot: Robot) -> Robot:
+        recorded = RecordedRobot(robot, folder / TAPE_NAME, partial(keeping.mark_lost, TAPE_NAME))
         stack.callback(recorded.close)
         return recorded
 
-    return see_through
+    return wrap_robot
 
 
 def _picture_of_the_grasp(session: RobotSession, pictures: Pictures) -> Callable[[], None]:

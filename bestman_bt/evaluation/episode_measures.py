@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bestman_bt.engine import RUNNING, Node, Tree
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.records.keeping import Keeping
+from bestman_bt.records.keeping import RecordingErrors
 from bestman_bt.visualization.motion_file import MOTION_NAME, MotionWriter
 from bestman_bt.visualization.snapshot import RobotSnapshot
 from hal.simulation.ground_truth import GroundTruth
@@ -34,8 +34,10 @@ class DrivenPath:
 class MotionLog:
     """Adds a moment to ``motion.jsonl`` in ``folder`` at every ``every``-th tick, as long as that can be written."""
 
-    def __init__(self, folder: Path, scene: SceneRecorder, every: int = 4, keeping: Keeping | None = None) -> None:
-        self._keeping = keeping or Keeping()
+    def __init__(
+        self, folder: Path, scene: SceneRecorder, every: int = 4, keeping: RecordingErrors | None = None
+    ) -> None:
+        self._keeping = keeping or RecordingErrors()
         self._writer = MotionWriter(folder / MOTION_NAME)
         self._scene, self._every = scene, every
         self._ticks = 0
@@ -80,7 +82,7 @@ FAMILIES = {
         *("manipulation.push", "manipulation.policy", "furniture.open", "furniture.close"),
     ),
     "perception_s": (
-        *("perception.perceive", "perception.scan", "perception.look", "manipulation.second_look"),
+        *("perception.perceive", "perception.scan", "perception.look", "manipulation.next_best_view"),
         "furniture.handles",
     ),
     "planning_s": ("manipulation.base_placement", "furniture.base_placement", "perception.tidying"),

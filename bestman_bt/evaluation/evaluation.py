@@ -17,7 +17,7 @@ from bestman_bt.evaluation.journal import EpisodeKey, Journal, read_episodes
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LauncherLostError
 from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.result import Outcome, RunResult
-from bestman_bt.evaluation.shards import Contradiction, KnownDurations, Shard, gathered, journals
+from bestman_bt.evaluation.shards import ConflictingResults, KnownDurations, Shard, find_journals, merged_episodes
 from bestman_bt.evaluation.suite import Suite, SuiteEntry, check_targets
 from bestman_bt.evaluation.summary import summarize
 from bestman_bt.evaluation.versions import versions
@@ -46,7 +46,7 @@ class Evaluation:
         """Entry → seed → result."""
         self.notes: list[str] = []
         """What a reader of the figures has to know, in words."""
-        self.contradictions: list[Contradiction] = []
+        self.contradictions: list[ConflictingResults] = []
         self._folder, self._keep_old, self._shard = folder, keep_old, shard
         self._code, self._commit = code_fingerprint(), commit()
         self._configs = {entry.name: config_fingerprint(entry.config) for entry in suite.entries}
@@ -140,7 +140,7 @@ class Evaluation:
         assert self._folder is not None
         assert self._journal is not None
         mine = self._folder / "episodes.jsonl"
-        others = {path: read_episodes(path) for path in journals(folders) if path.resolve() != mine.resolve()}
+        others = {path: read_episodes(path) for path in find_journals(folders) if path.resolve() != mine.resolve()}
         wanted = {(self._configs[entry.name], config.seed) for entry, config in self._planned}
         problems = []
         for path, keys in others.items():
@@ -154,7 +154,7 @@ class Evaluation:
                 problems.append(Problem(str(path), None, "", why))
         if problems:
             raise ConfigurationError(problems)
-        found, self.contradictions = gathered({mine: self._journal.results, **others})
+        found, self.contradictions = merged_episodes({mine: self._journal.results, **others})
         for key, result in found.items():
             if key not in self._journal.results:
                 self._journal.add(key, self._commit, result)

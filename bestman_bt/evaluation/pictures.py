@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from bestman_bt.messages import Pose
-from bestman_bt.records.keeping import Keeping
+from bestman_bt.records.keeping import RecordingErrors
 from hal.simulation.bodies import Viewpoint
 from hal.simulation.camera import ScenePhotographer
 from hal.simulation.ground_truth import GroundTruth
@@ -25,7 +25,7 @@ ENOUGH = 0.003
 class Pictures:
     """Takes pictures into a run folder; construct it right after connecting, before time runs."""
 
-    def __init__(self, robot: SimulatedRobot, truth: GroundTruth, folder: Path, keeping: Keeping) -> None:
+    def __init__(self, robot: SimulatedRobot, truth: GroundTruth, folder: Path, keeping: RecordingErrors) -> None:
         self._photographer = ScenePhotographer(robot)
         self._truth = truth
         self._folder, self._keeping = folder, keeping

@@ -19,7 +19,7 @@ from bestman_bt.evaluation.episode_measures import robot_snapshot
 from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import Cylinder, Path2D, PlacedShape, Pose, Pose2D
 from bestman_bt.records.described_tree import describe_changes, describe_tree
-from bestman_bt.records.keeping import Keeping
+from bestman_bt.records.keeping import RecordingErrors
 from bestman_bt.records.shown_value import show_value
 from bestman_bt.robot_model.model import ArmModel, GripperModel
 from bestman_bt.robot_model.sensor_parts import CameraPart, LidarPart
@@ -128,9 +128,9 @@ class Recording:
         tree: Tree,
         scene: SceneRecorder,
         every: int = 2,
-        keeping: Keeping | None = None,
+        keeping: RecordingErrors | None = None,
     ) -> None:
-        self._keeping = keeping or Keeping()
+        self._keeping = keeping or RecordingErrors()
         setup = session.setup
         model = setup.robot_model
         self._session, self._tree, self._scene, self._every = session, tree, scene, every

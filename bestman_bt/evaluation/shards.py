@@ -75,7 +75,7 @@ class KnownDurations:
     def __init__(self, folder: Path) -> None:
         self._episodes: dict[tuple[str, int], float] = {}
         configs: dict[str, list[float]] = {}
-        for path in journals([folder]):
+        for path in find_journals([folder]):
             for key, result in read_episodes(path).items():
                 self._episodes[key.config, key.seed] = result.wall_time_s
                 configs.setdefault(key.config, []).append(result.wall_time_s)
@@ -88,7 +88,7 @@ class KnownDurations:
 
 
 @dataclass(frozen=True)
-class Contradiction:
+class ConflictingResults:
     """Two results of one episode that should be the same: the simulation is not deterministic, or a disk is broken."""
 
     key: EpisodeKey
@@ -99,7 +99,7 @@ class Contradiction:
         return f"{' and '.join(self.journals)} differ in {', '.join(self.fields)}"
 
 
-def journals(folders: Iterable[Path]) -> list[Path]:
+def find_journals(folders: Iterable[Path]) -> list[Path]:
     """Return every journal below the folders. Raises ConfigurationError if one has none."""
     found: dict[Path, None] = {}
     problems = []
@@ -113,9 +113,9 @@ def journals(folders: Iterable[Path]) -> list[Path]:
     return list(found)
 
 
-def gathered(
+def merged_episodes(
     episodes: Mapping[Path, Mapping[EpisodeKey, RunResult]],
-) -> tuple[dict[EpisodeKey, RunResult], list[Contradiction]]:
+) -> tuple[dict[EpisodeKey, RunResult], list[ConflictingResults]]:
     """Return the episodes of all journals, of each the first one, and which contradict one another."""
     results: dict[EpisodeKey, RunResult] = {}
     origins: dict[EpisodeKey, Path] = {}
@@ -125,7 +125,7 @@ def gathered(
             if key not in results:
                 results[key], origins[key] = result, path
             elif differing := tuple(_differing(results[key].to_document(), result.to_document())):
-                contradictions.append(Contradiction(key, (str(origins[key]), str(path)), differing))
+                contradictions.append(ConflictingResults(key, (str(origins[key]), str(path)), differing))
     return results, contradictions
 
 

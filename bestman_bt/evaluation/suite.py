@@ -14,10 +14,16 @@ from behaviours.failure import declared_failures
 from bestman_bt.configuration.checked import numbered, salvage
 from bestman_bt.configuration.data import beside, data_names, find_data
 from bestman_bt.configuration.document import Document, read_document
-from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector, UnreadError, as_far_as_read
+from bestman_bt.configuration.errors import (
+    ConfigurationError,
+    Problem,
+    ProblemCollector,
+    UnreadError,
+    up_to_unread_field,
+)
 from bestman_bt.configuration.quantity import Factor, WholeNumber
 from bestman_bt.configuration.run import RunConfig, RunRequest, run_of_options
-from bestman_bt.configuration.secret import may_tell_secret
+from bestman_bt.configuration.secret import is_secret_setting
 from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.interval import Precision
@@ -101,7 +107,7 @@ class SuiteEntry:
             given["tree"] = asked.tree
         if asked.plugins:
             given["plugins"] = ", ".join(asked.plugins)
-        return {key.strip(): "…" if may_tell_secret(key) else value.strip() for key, value in given.items()}
+        return {key.strip(): "…" if is_secret_setting(key) else value.strip() for key, value in given.items()}
 
     def configs(self) -> list[RunConfig]:
         """Return one configuration per episode."""
@@ -197,7 +203,7 @@ def load_suite(
             if {f"{kind}.{key}.task", f"{kind}.{key}.plugins"} & {field.partition("[")[0] for field in wrong}:
                 continue  # the run is not known
             with faults.step():
-                config = _prepared(path, Entered(document, kind, key, entry), seed, tuple(settings), driver)
+                config = _prepared(path, LocatedEntry(document, kind, key, entry), seed, tuple(settings), driver)
                 number = entry.episodes or episodes or asked.episodes
                 entries.append(SuiteEntry(key, config, number, entry, kind == "controls"))
     faults.raise_if_any()
@@ -214,7 +220,7 @@ def _read_entries(asked: SuiteConfig, kind: str) -> Mapping[str, EntryConfig]:
 
 
 @dataclass(frozen=True)
-class Entered:
+class LocatedEntry:
     """An entry with its place in the file."""
 
     document: Document
@@ -257,7 +263,7 @@ class Entered:
         return value
 
 
-def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...], driver: str) -> RunConfig:
+def _prepared(path: Path, entered: LocatedEntry, seed: int, settings: tuple[str, ...], driver: str) -> RunConfig:
     """The configuration of an entry's runs with everything checked.
 
     Raises ConfigurationError naming the suite's lines.
@@ -291,7 +297,7 @@ def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...]
     return config
 
 
-def _unmeasured(entered: Entered, config: RunConfig, setup: ResolvedConfig | None) -> Iterator[Problem]:
+def _unmeasured(entered: LocatedEntry, config: RunConfig, setup: ResolvedConfig | None) -> Iterator[Problem]:
     """Metrics that the task's judge does not measure."""
     if setup is not None:
         known = metric_names(setup.asked, config.task.predicates)
@@ -304,7 +310,7 @@ def _unmeasured(entered: Entered, config: RunConfig, setup: ResolvedConfig | Non
             yield entered.problem(("accuracy", name), message)
 
 
-def _unknown_causes(entered: Entered, config: RunConfig) -> Iterator[Problem]:
+def _unknown_causes(entered: LocatedEntry, config: RunConfig) -> Iterator[Problem]:
     """Codes that no node fails with."""
     if not entered.entry.causes:
         return
@@ -335,7 +341,7 @@ def _contradictions(document: Document, asked: SuiteConfig) -> Iterable[Problem]
         yield document.problem(("controls", key), "is the name of a task of this suite, too")
 
 
-@as_far_as_read
+@up_to_unread_field
 def _successes_faults(document: Document, kind: str, key: str, entry: EntryConfig) -> Iterator[Problem]:
     path, asked = (kind, key, "successes"), entry.successes
     if asked is None and kind == "controls":

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from bestman_bt.facts.evidence import Evidence
 from bestman_bt.facts.predicate import Predicate
-from bestman_bt.world_model.openness import is_open, is_shut, leaf_called, openness_of
+from bestman_bt.world_model.openness import articulation_called, is_open, is_shut, openness_of
 
 
 def _is_open(evidence: Evidence, container: str) -> bool:
-    openness = openness_of(leaf_called(evidence.task.world_model, container))
+    openness = openness_of(articulation_called(evidence.task.world_model, container))
     return evidence.truth.articulation_position(container) >= openness.enough
 
 
 def _is_shut(evidence: Evidence, container: str) -> bool:
-    openness = openness_of(leaf_called(evidence.task.world_model, container))
+    openness = openness_of(articulation_called(evidence.task.world_model, container))
     return evidence.truth.articulation_position(container) <= openness.shut
 
 

@@ -59,15 +59,15 @@ def surface_pose(evidence: Evidence, name: str) -> tuple[PlacedFurniture, Pose, 
     z = float(surface.pose.position[2])
     above = [float(s.pose.position[2]) - z for s in piece.model.all_surfaces]
     room = min((rise for rise in above if rise > 1e-6), default=math.inf)
-    pose = piece.pose @ moved_by_drawer(evidence, name) @ surface.pose
+    pose = piece.pose @ drawer_displacement(evidence, name) @ surface.pose
     return piece, pose, surface.size, room
 
 
-def moved_by_drawer(evidence: Evidence, name: str) -> Pose:
+def drawer_displacement(evidence: Evidence, name: str) -> Pose:
     """Return the displacement of a surface's drawer, in the furniture frame; identity for other surfaces."""
     wanted, _, part = name.partition("/")
     piece = next(p for p in evidence.task.world.furniture if p.name == wanted)
-    leaf = piece.model.leaf_of(part)
+    leaf = piece.model.drawer_of(part)
     if leaf is None:
         return Pose()
     opened = evidence.truth.articulation_position(f"{wanted}/{leaf.name}")

@@ -246,7 +246,7 @@ class PathPlacementPlanner(ABC):
     ) -> tuple[Pose2D, ...]:
         """Candidates from which all ``stations`` (poses in the map frame) are in reach, most likely first."""
 
-    def from_one_pose(self) -> PathPlacementPlanner:
+    def from_fixed_base(self) -> PathPlacementPlanner:
         """Return the planner for a base that stays where it is: it may search longer, and part of the path counts."""
         return self
 
@@ -320,7 +320,7 @@ class PathPlacements(PathPlacementPlanner):
         return tuple(candidates[index] for index in order if np.isfinite(promise[index]))
 
     @override
-    def from_one_pose(self) -> PathPlacements:
+    def from_fixed_base(self) -> PathPlacements:
         return replace(self, enough=1, most=1, starts=6, options=7, min_fraction=0.3)
 
     def _promises(

@@ -34,7 +34,7 @@ from bestman_bt.records.events import (
     to_line,
     topic_of,
 )
-from bestman_bt.records.keeping import Keeping
+from bestman_bt.records.keeping import RecordingErrors
 from bestman_bt.records.writer import RunLogWriter
 
 
@@ -154,20 +154,20 @@ class EventStream:
         self._subscriptions: list[_Subscription] = []
         self._standing = StateSnapshot()
         self._log: RunLogWriter | None = None
-        self._keeping = Keeping()
+        self._keeping = RecordingErrors()
         self._lost = 0
         self._flushed = 0.0
         self._thread = threading.Thread(target=self._run, name="events", daemon=True)
         self.wanted: frozenset[Topic] = frozenset()
         """The topics that have subscribers."""
 
-    def start(self, log: RunLogWriter | None, keeping: Keeping | None = None) -> None:
+    def start(self, log: RunLogWriter | None, keeping: RecordingErrors | None = None) -> None:
         """Start the thread.
 
         ``log`` receives every event; it is closed at the end or at the first failed write, which is reported to
         ``keeping``.
         """
-        self._log, self._keeping = log, keeping or Keeping()
+        self._log, self._keeping = log, keeping or RecordingErrors()
         self._thread.start()
 
     def tell(self, make: Making) -> bool:

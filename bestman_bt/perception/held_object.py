@@ -15,7 +15,7 @@ ROWS = 4
 
 
 @dataclass(frozen=True)
-class GapSight:
+class GapObservation:
     """How the gap between the fingers looked, as shares of the samples in it.
 
     ``filled``: something is measured in it. ``empty``: the camera looked through it. ``unseen``: the rest.
@@ -30,9 +30,9 @@ class GapSight:
         return 1.0 - self.filled - self.empty
 
 
-def look_between_fingers(
+def observe_finger_gap(
     view: View, frame_from_tool: Pose, gripper: GripperModel, width: float, margin: float = 0.006
-) -> GapSight:
+) -> GapObservation:
     """Compare measured depth with the gap between the pads, ``width`` metres wide.
 
     ``view``: including the robot's own body; ``frame_from_tool``: z points out of the hand, y is the closing direction.
@@ -51,4 +51,4 @@ def look_between_fingers(
     seen = np.isfinite(measured) & np.isfinite(depth)
     filled = seen & (np.abs(measured - depth) <= reach)
     empty = seen & (measured > depth + reach)
-    return GapSight(float(filled.mean()), float(empty.mean()))
+    return GapObservation(float(filled.mean()), float(empty.mean()))

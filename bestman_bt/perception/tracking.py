@@ -15,7 +15,7 @@ from scipy.optimize import linear_sum_assignment
 
 from bestman_bt.messages import ObjectModel, Pose, wrap_angle
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
-from bestman_bt.perception.pose_estimation.point_to_plane import turned_model
+from bestman_bt.perception.pose_estimation.point_to_plane import model_yaw_observability
 from bestman_bt.perception.view import View
 from bestman_bt.world_model.world_model import ObjectBelief, ObjectChange
 
@@ -233,7 +233,7 @@ def _at_yaw(sighting: ObjectBelief, yaw: float) -> Pose:
     turn = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw - sighting.pose.yaw))
     position = sighting.pose.position
     if sighting.model.symmetry_order == 1:
-        shift = turned_model(sighting.model).shift(np.array([yaw - sighting.pose.yaw]))[0]
+        shift = model_yaw_observability(sighting.model).shift(np.array([yaw - sighting.pose.yaw]))[0]
         position = position + seen.apply(np.array([*shift, 0.0]))
     return Pose(position, (turn @ Pose(np.zeros(3), sighting.pose.quaternion)).quaternion)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bestman_bt.messages import CameraIntrinsics, PlacedShape, Pose, YawSet
 from bestman_bt.messages.shapes import bounding_corners
 from bestman_bt.perception.pose_estimation.base import PoseHypothesis
-from bestman_bt.perception.pose_estimation.point_to_plane import TurnedSurface, evenly, turned_model
+from bestman_bt.perception.pose_estimation.point_to_plane import YawObservability, evenly, model_yaw_observability
 from bestman_bt.perception.pose_estimation.yaw_profile import YawSearch
 
 FACING = 0.15
@@ -185,12 +185,12 @@ class ExpectedYaw(ViewPlanner):
         """Return the ranked candidates; views with equal expected gain are ranked by the visible part of the object."""
         if not candidates:
             return ()
-        turned = turned_model(hypothesis.model, self.spacing)
+        turned = model_yaw_observability(hypothesis.model, self.spacing)
         yaws, step = self._yaws(hypothesis)
         telling, others = self._samples(turned)
         chosen = np.concatenate([telling, others])
         seen = self._visible(hypothesis, turned, yaws, chosen, candidates, intrinsics, obstacles)
-        share = len(telling) / max(1, int((turned.telling > self.profile.telling).sum()))
+        share = len(telling) / max(1, int((turned.largest_distances > self.profile.telling).sum()))
         ranked = []
         for index, frame_from_camera in enumerate(candidates):
             distance = float(np.linalg.norm(frame_from_camera.position - hypothesis.pose.position))
@@ -198,30 +198,30 @@ class ExpectedYaw(ViewPlanner):
             ranked.append(RankedView(index, frame_from_camera, width, float(seen[index].mean())))
         return tuple(sorted(ranked, key=lambda view: (round(view.expected_yaw_width, 6), -view.visible_fraction)))
 
-    def _samples(self, turned: TurnedSurface) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def _samples(self, turned: YawObservability) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Indices of samples that change when the object turns, and of others, which may hide those."""
-        tells = turned.telling > self.profile.telling
+        tells = turned.largest_distances > self.profile.telling
         telling, others = np.flatnonzero(tells), np.flatnonzero(~tells)
         telling = telling[evenly(len(telling), self.telling_samples)]
         return telling, others[evenly(len(others), self.samples - len(telling))]
 
     def _yaws(self, hypothesis: PoseHypothesis) -> tuple[NDArray[np.float64], float]:
         """Turns (Y,) away from the likeliest yaw that are open, and the width that each stands for, radians."""
-        open_yaws: YawSet = hypothesis.yaw_set
-        if not hypothesis.upright or open_yaws.width == 0.0:
+        plausible_yaws: YawSet = hypothesis.yaw_set
+        if not hypothesis.upright or plausible_yaws.width == 0.0:
             return np.zeros(1), 0.0
-        step = max(self.min_step, open_yaws.width / self.yaw_samples)
+        step = max(self.min_step, plausible_yaws.width / self.yaw_samples)
         turns: list[float] = []
-        for middle, half in open_yaws.arcs:
+        for middle, half in plausible_yaws.arcs:
             count = max(1, round(2 * half / step))
             offsets = (np.arange(count) + 0.5) / count * 2 * half - half
             turns.extend(middle + offsets - hypothesis.pose.yaw)
-        return np.array(turns), open_yaws.width / len(turns)
+        return np.array(turns), plausible_yaws.width / len(turns)
 
     def _visible(
         self,
         hypothesis: PoseHypothesis,
-        turned: TurnedSurface,
+        turned: YawObservability,
         yaws: NDArray[np.float64],
         chosen: NDArray[np.intp],
         candidates: Sequence[Pose],
@@ -245,7 +245,7 @@ class ExpectedYaw(ViewPlanner):
 
     def _expected_width(
         self,
-        turned: TurnedSurface,
+        turned: YawObservability,
         yaws: NDArray[np.float64],
         step: float,
         telling: NDArray[np.intp],
@@ -259,7 +259,7 @@ class ExpectedYaw(ViewPlanner):
         noise = self.noise_base + self.noise_quadratic * max(0.0, distance - 0.4) ** 2
         variance = noise**2 + self.profile.model_error**2
         # Evidence that what is seen at yaw a does not belong to yaw b: (Y, Y).
-        turns = turned.nearest_turn(yaws[None, :] - yaws[:, None])
+        turns = turned.nearest_angle(yaws[None, :] - yaws[:, None])
         moved = np.maximum(0.0, turned.distances[:, telling] - turned.distances[0, telling])
         costs = np.minimum(moved**2 / (2 * variance), self.profile.cap)
         foreseen = np.take_along_axis(seen.astype(np.float64) @ costs.T, turns, axis=1)

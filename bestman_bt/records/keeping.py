@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 
 
-class Keeping:
+class RecordingErrors:
     """The write errors of one run. The first failure is reported on standard error, in one line.
 
     ``lost``: incomplete files, such as ``motion.jsonl`` → why.
@@ -22,11 +22,11 @@ class Keeping:
         try:
             write()
         except OSError as error:
-            self.lose(what, error)
+            self.mark_lost(what, error)
             return False
         return True
 
-    def lose(self, what: str, error: OSError) -> None:
+    def mark_lost(self, what: str, error: OSError) -> None:
         """Mark ``what`` as no longer recorded."""
         why = error.strerror or str(error)
         if not self.lost:

@@ -47,7 +47,7 @@ WAS = {
 }
 
 
-def look_of(nodes: NodeStates, uid: int) -> Look:
+def appearance_of(nodes: NodeStates, uid: int) -> Look:
     """Return the look of a node. An idle node has the look of its last result, dimmed, as in Groot2."""
     state, result = int(nodes.states[uid]), int(nodes.results[uid])
     if state != IDLE:

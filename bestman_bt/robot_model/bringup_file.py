@@ -80,7 +80,7 @@ def bringup_path(robot_file: Path, twin: bool = False) -> Path:
     return folder / f"{robot_file.stem}{TWIN_SUFFIX if twin else SUFFIX}"
 
 
-def content_of(document: Document) -> str:
+def content_digest(document: Document) -> str:
     """Return a digest of the content of a robot's file and its parts' files, without the addresses of controllers."""
     data = {key: value for key, value in document.data.items() if key != "bringup"}
     data["connections"] = {
@@ -93,7 +93,7 @@ def content_of(document: Document) -> str:
     return digest.hexdigest()[:32]
 
 
-def as_brought_up(model: RobotModel) -> tuple[RobotModel, str]:
+def with_bringup_limits(model: RobotModel) -> tuple[RobotModel, str]:
     """Return ``model`` with the limits that a real robot has now, and the reason if its arms are slow.
 
     Arms are slow until the bring-up is signed; then the controllers must have the signed serial numbers. Raises

@@ -16,7 +16,7 @@ from bestman_bt.configuration.data import find_data
 from bestman_bt.configuration.document import Document, read_document
 from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
 from bestman_bt.registry import suggestion
-from bestman_bt.robot_model.bringup_file import bringup_path, content_of
+from bestman_bt.robot_model.bringup_file import bringup_path, content_digest
 from bestman_bt.robot_model.describe import describe
 from bestman_bt.robot_model.finger_linkage import all_positions
 from bestman_bt.robot_model.hardware_config import read_connections, wider_limits, with_hardware
@@ -31,7 +31,7 @@ from bestman_bt.robot_model.part_config import (
     LeggedBasePart,
 )
 from bestman_bt.robot_model.payload import payload
-from bestman_bt.robot_model.placed_part import PlacedPart, links_in_spite_of_faults, read_part
+from bestman_bt.robot_model.placed_part import PlacedPart, links_of_invalid_part, read_part
 from bestman_bt.robot_model.robot_config import RobotConfig, name_fault
 from bestman_bt.robot_model.sensor_parts import BumperPart, ImuPart
 from bestman_bt.robot_model.urdf_elements import fixed_joint
@@ -126,7 +126,7 @@ def load_robot_model(name_or_path: str | Path, overrides: Mapping[str, Any] | No
     faults.raise_if_any()
     named = document.data.get("bringup")
     bringup = path.parent / named if named else bringup_path(path)
-    return replace(model, bringup=bringup, content=content_of(described))
+    return replace(model, bringup=bringup, content=content_digest(described))
 
 
 @dataclass
@@ -204,7 +204,7 @@ class _RobotFile:
             if part is None:
                 unread[part_name] = None
                 with found.step():  # ``part`` itself may be what could not be read
-                    unread[part_name] = links_in_spite_of_faults(part_name, mounted.part, changes, taken)
+                    unread[part_name] = links_of_invalid_part(part_name, mounted.part, changes, taken)
                 taken.update(unread[part_name] or ())
                 continue
             self.placed[part_name] = part

@@ -12,7 +12,13 @@ from typing import Any
 
 from bestman_bt.configuration.checked import numbered, salvage
 from bestman_bt.configuration.document import Document
-from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector, UnreadError, as_far_as_read
+from bestman_bt.configuration.errors import (
+    ConfigurationError,
+    Problem,
+    ProblemCollector,
+    UnreadError,
+    up_to_unread_field,
+)
 from bestman_bt.registry import CONNECTIONS, UnknownNameError, suggestion
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig, host_and_port
 from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, Part, RobotModel
@@ -112,7 +118,7 @@ def _part_problems(config: RobotConfig, document: Document, known: list[str]) ->
                 spoken_for[part] = name
 
 
-@as_far_as_read
+@up_to_unread_field
 def _kind_problems(
     name: str,
     connection: ConnectionConfig,
@@ -121,7 +127,7 @@ def _kind_problems(
     parts: Mapping[str, PartConfig | None],
 ) -> Iterator[Problem]:
     """Whether the driver can serve the parts that are behind its controller."""
-    kinds = [driven_as(part.kind) for name in connection.parts if (part := parts.get(name)) is not None]
+    kinds = [control_kind(part.kind) for name in connection.parts if (part := parts.get(name)) is not None]
     if not serves or not kinds or len(kinds) < len(connection.parts):
         return
     field = ("connections", name, "parts")
@@ -138,12 +144,12 @@ def _kind_problems(
             yield document.problem(field, f"should name {number} of the kind {kind}, names {count}; {owed}")
 
 
-def driven_as(kind: str) -> str:
+def control_kind(kind: str) -> str:
     """Return the kind of part as which a controller drives one of ``kind``: a suction cup is driven as a gripper."""
     return "gripper" if kind == "suction" else kind
 
 
-@as_far_as_read
+@up_to_unread_field
 def _payload_problems(
     name: str, connection: ConnectionConfig, options: Any, document: Document, parts: Mapping[str, PartConfig | None]
 ) -> Iterator[Problem]:
@@ -165,7 +171,7 @@ def wider_limits(name: str, part: ArmPart, described: ArmPart, document: Documen
                 yield document.problem(("parts", name, "set", "limits", field), message)
 
 
-@as_far_as_read
+@up_to_unread_field
 def _safety_problems(safety: SafetyConfig, document: Document) -> Iterator[Problem]:
     if safety.stop_input is not None:
         try:

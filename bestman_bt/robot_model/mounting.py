@@ -20,7 +20,7 @@ Places = dict[str, tuple[str, Pose]]
 """Frame → (link that it is fixed to, link_from_frame)."""
 
 
-def without_bare_frames(urdf: str) -> tuple[str, Places]:
+def without_frame_links(urdf: str) -> tuple[str, Places]:
     """Return ``urdf`` without the links that have no shape and a fixed joint, and the poses of these frames.
 
     Their children are attached to the previous link. Their masses are dropped: RobotModel gives frames tiny ones.

@@ -233,7 +233,7 @@ def read_part(
     return PlacedPart(name, config, elements, root, mimics, opening)
 
 
-def links_in_spite_of_faults(name: str, description: str, changes: Document, taken: set[str]) -> list[str] | None:
+def links_of_invalid_part(name: str, description: str, changes: Document, taken: set[str]) -> list[str] | None:
     """Return the names of the links of a part that ``read_part`` refuses, or None if they cannot be read either.
 
     ``taken``: as for ``read_part``.

@@ -191,7 +191,7 @@ def algorithm_by_name(config: RunConfig, slot: str, name: str, folders: tuple[Pa
     try:
         return make_algorithm(config, slot, name=name, folders=folders)
     except ConfigurationError as error:
-        raise UnknownNameError(told_by_tree(error)) from error
+        raise UnknownNameError(message_for_tree(error)) from error
 
 
 def nav2_problems(config: RunConfig) -> Iterator[Problem]:
@@ -208,7 +208,7 @@ def nav2_problems(config: RunConfig) -> Iterator[Problem]:
                 ALGORITHMS.add(f"{slot}/{name}", algorithm)
 
 
-def told_by_tree(error: ConfigurationError) -> str:
+def message_for_tree(error: ConfigurationError) -> str:
     """Return the message for a tree that names a class which cannot be created, with file and line."""
     problem = error.problems[0]
     where = f"{problem.source}:{problem.line}: " if problem.line and problem.source.endswith(".py") else ""

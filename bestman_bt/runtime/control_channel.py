@@ -132,21 +132,21 @@ class ControlChannel:
             case "stop":
                 executor.cancel("stopped through the control channel")
                 self._stop_robot()
-                self._speed.go_on()
+                self._speed.resume()
             case "halt":
                 executor.cancel("halted through the control channel")
-                self._speed.go_on()
+                self._speed.resume()
             case "pause":
                 executor.pause()
                 self._speed.hold()  # at once, however long the tick under way takes
             case "resume":
-                self._speed.go_on()
+                self._speed.resume()
                 executor.resume()
             case "decline":
                 if not self._confirmation.decline():
                     raise RequestRefusedError("no motion waits to be confirmed")
             case "step":
-                self._speed.go_on()
+                self._speed.resume()
                 executor.step()
                 if not executor.wait_for_step(TASK_WAIT):
                     raise RequestRefusedError(

@@ -17,7 +17,7 @@ from typing import Literal, Protocol
 
 from bestman_bt.engine import IDLE, RUNNING, EngineError, NodeError, Tree, status_name
 from bestman_bt.engine.clock import EngineClock
-from bestman_bt.engine.own_files import in_words
+from bestman_bt.engine.own_files import describe_error
 from bestman_bt.errors import InputError
 from hal.api import RobotError
 
@@ -206,7 +206,7 @@ class Executor:
                 known = isinstance(error, (EngineError, RobotError))
                 if isinstance(error, NodeError):
                     logging.getLogger(__name__).error("the tick went through %s", " > ".join(error.backtrace))
-                ending, why = TerminationReason.ERROR, str(error) if known else in_words(error)
+                ending, why = TerminationReason.ERROR, str(error) if known else describe_error(error)
                 if self._cancel_reason:
                     ending, why = TerminationReason.CANCELLED, self._cancel_reason
                 elif not known or error.__cause__ is not None:

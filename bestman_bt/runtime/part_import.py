@@ -63,7 +63,7 @@ def import_part(urdf: Path, request: PartRequest, srdf: Srdf | None = None) -> I
     """
     tree, joints = _read(urdf, request, srdf)
     kind = request.kind or _kind(tree, joints)
-    facts = {"arm": arm_facts, "gripper": gripper_facts, "base": base_facts}
+    facts = {"arm": infer_arm, "gripper": infer_gripper, "base": infer_base}
     if kind not in facts:
         raise UrdfError(f"a part of the kind {kind!r} cannot be imported, only {', '.join(facts)}")
     fields, notes = facts[kind](tree, joints)
@@ -213,7 +213,7 @@ _UNITS = {
 """Units of limits, of revolute and of prismatic joints."""
 
 
-def arm_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
+def infer_arm(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
     """Infer an arm: the longest chain of driven joints, or ``joints``; links beyond its last joint are cut off.
 
     Raises UrdfError.
@@ -241,7 +241,7 @@ def arm_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
     return {**fields, "limits": limits}, notes
 
 
-def gripper_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
+def infer_gripper(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
     """Infer a gripper with two fingers: joints, open and closed positions, the tool frame between the fingers.
 
     Raises UrdfError.
@@ -296,7 +296,7 @@ def gripper_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
     return fields, notes
 
 
-def base_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
+def infer_base(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
     """Infer a base: two wheels make a differential drive, four unsteered wheels a skid-steered drive. Raises
     UrdfError.
     """
@@ -400,7 +400,7 @@ def _hand_joints(tree: UrdfTree) -> list[str]:
     chain = max(chains, key=len, default=[])
     if sum(name in driven for name in chain) < FEWEST_ARM_JOINTS:
         return driven
-    fields, _ = arm_facts(tree, None)
+    fields, _ = infer_arm(tree, None)
     return [name for name in driven if name not in fields["joints"]]
 
 

@@ -55,7 +55,7 @@ def furniture_to_look_at(asked: RunRequest) -> dict[str, MapFurniture]:
 
 
 def look_at(furniture: MapFurniture, stand: RunConfig | ResolvedConfig, views: int = 1) -> LookResult:
-    """Run the tree ``look`` on a robot that is ``standing_before`` the furniture; raises as ``prepare`` does."""
+    """Run the tree ``look`` on a robot that is ``run_in_front_of`` the furniture; raises as ``prepare`` does."""
     with open_session(stand) as session:
         under = session.skills.world.map.standing_under(furniture.name)
         seen: list[RGBDView] = []
@@ -80,7 +80,7 @@ def unseen(furniture: str, code: str, why: Exception) -> LookResult:
     return LookResult(furniture, (), SceneMarks(), (NodeFailure("", code, str(why)),))
 
 
-def standing_before(furniture: MapFurniture, asked: RunRequest) -> RunConfig:
+def run_in_front_of(furniture: MapFurniture, asked: RunRequest) -> RunConfig:
     """Return a run whose robot starts straight in front of the furniture, at the best distance with enough room.
 
     Raises SceneError if there is none, else as ``run_of_options`` and ``load_scene`` do.

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bestman_bt.configuration.errors import ConfigurationError, ProblemCollector, told_to_programs
+from bestman_bt.configuration.errors import ConfigurationError, ProblemCollector, naming_python_parameters
 from bestman_bt.configuration.errors import Problem as WrongInput
 from bestman_bt.configuration.run import RunRequest, run_of_options
 from bestman_bt.engine import TreeProblem
@@ -61,7 +61,7 @@ def planning_state(asked: RunRequest, world: Path | None = None) -> tuple[Resolv
     if file is not None:
         config = replace(config, scene_settings={**file.scene_settings, **config.scene_settings})
     setup = prepare(config)
-    return setup, setup.world_model.as_at_the_start() if file is None else file.world_model(setup)
+    return setup, setup.world_model.initial_beliefs() if file is None else file.world_model(setup)
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class PlanRequest:
 
     def give(self, facts: Iterable[str]) -> None:
         """Add given places of objects, ``on(cup, table)``. Raises GoalError for other facts."""
-        places = self.domain.places_told(self.domain.problem(Beliefs(self.beliefs)), facts)
+        places = self.domain.given_places(self.domain.problem(Beliefs(self.beliefs)), facts)
         wrong = GoalFaults()
         for name in sorted(places.keys() & self.beliefs.objects.keys()):
             seen = self.beliefs.objects[name].surface or "no furniture"
@@ -158,7 +158,7 @@ class PlanRequest:
 
     def replanning_xml(self, made: PlanTree, problem: PlanningProblem, planner: str) -> str:
         """Return the tree that replans when the plan fails."""
-        again = planner_anew(planner)
+        again = replanning_planner(planner)
         return with_replanning(made, problem.goal, again, self.builder, self.setup.registry, self.limits)
 
     def faults(self, problem: PlanningProblem, made: PlanTree) -> list[TreeProblem]:
@@ -173,7 +173,7 @@ class PlanRequest:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class PlanOptions:
     """A goal (None: from a text or the task), given facts, planner, builder and limits."""
 
     goal: str | None
@@ -183,7 +183,7 @@ class Wanted:
     limits: str
 
 
-def asked_question(wanted: Wanted, where: RunRequest, world: Path | None) -> tuple[PlanRequest, str | None]:
+def read_plan_request(wanted: PlanOptions, where: RunRequest, world: Path | None) -> tuple[PlanRequest, str | None]:
     """Return the request, and its goal as facts. Raises ConfigurationError listing every fault.
 
     ``where``, ``world``: as for ``planning_state``.
@@ -238,7 +238,7 @@ def assumed(plan: TaskPlan) -> tuple[Action, ...]:
     )
 
 
-def planner_anew(planner: str) -> str:
+def replanning_planner(planner: str) -> str:
     """Return the planner for replanning at run time: never a language model."""
     return "symbolic" if planner == "language" else planner
 
@@ -299,9 +299,9 @@ def plan(  # noqa: PLR0913 - the options of bestman-bt plan, each by its name
     """
     file = None if world is None else Path(world)
     asked = RunRequest(task, None, scene, robot, seed, tuple(settings), tuple(plugins))
-    wanted = Wanted(goal, tuple(given), planner, builder, limits)
-    with told_to_programs():
-        question, facts = asked_question(wanted, asked, file)
+    wanted = PlanOptions(goal, tuple(given), planner, builder, limits)
+    with naming_python_parameters():
+        question, facts = read_plan_request(wanted, asked, file)
     problem, found = question.answer(None, facts, planner, Transcript())
     made = question.tree(problem, found)
     refused = refusals(question.faults(problem, made))

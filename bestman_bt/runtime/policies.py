@@ -16,7 +16,7 @@ from bestman_bt.errors import MissingExtraError, WrongResultError
 from bestman_bt.manipulation.policy.base import Policy
 from bestman_bt.manipulation.policy.errors import PolicyError, PolicyModelError
 from bestman_bt.manipulation.policy.policy_file import load_policy
-from bestman_bt.runtime.algorithms import class_at, made_of_own, refuse_unfinished, told_by_tree
+from bestman_bt.runtime.algorithms import class_at, made_of_own, message_for_tree, refuse_unfinished
 from bestman_bt.runtime.tree_checks import literals
 
 
@@ -40,7 +40,7 @@ def _own_policy(name: str, folders: tuple[Path, ...]) -> Policy:
         refuse_unfinished(made_by, Policy, "")
         policy: Policy = made_of_own(made_by, Policy, "")
     except ConfigurationError as error:
-        raise PolicyModelError(told_by_tree(error)) from error
+        raise PolicyModelError(message_for_tree(error)) from error
     return policy
 
 

@@ -26,7 +26,7 @@ from bestman_bt.configuration.errors import (
     Problem,
     ProblemCollector,
     UnreadError,
-    as_far_as_read,
+    up_to_unread_field,
 )
 from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.configuration.task import DisturbanceConfig
@@ -40,7 +40,7 @@ from bestman_bt.facts.goals.goal import Goal, entries_of, goals_of, surface_name
 from bestman_bt.facts.goals.placed import Placed, PlaceGoal
 from bestman_bt.messages import Pose2D
 from bestman_bt.registry import CONNECTIONS, DRIVERS, UnknownNameError
-from bestman_bt.robot_model.bringup_file import as_brought_up
+from bestman_bt.robot_model.bringup_file import with_bringup_limits
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import ArmModel, BaseModel, RobotModel
 from bestman_bt.robot_model.sensor_parts import CameraPart
@@ -153,8 +153,8 @@ class ResolvedConfig(DrawnTask):
         The tree's entries are not filled yet.
         """
         found = [
-            *as_far_as_read(lambda: lacking_parts(tree, self.robot_model, self.usable_parts))(),
-            *as_far_as_read(arm_problems)(tree, self.robot_model),
+            *up_to_unread_field(lambda: lacking_parts(tree, self.robot_model, self.usable_parts))(),
+            *up_to_unread_field(arm_problems)(tree, self.robot_model),
             *unknown_names(tree, self.names),
             *renamed_codes(tree),
             *policy_problems(tree),
@@ -216,7 +216,7 @@ def prepare(  # noqa: C901 - one check after the other
     if robot_model is not None and config.driver == "hardware":
         faults.problems += _connection_problems(config, robot_model)
         with faults.step():
-            robot_model, slow_arms = as_brought_up(robot_model)
+            robot_model, slow_arms = with_bringup_limits(robot_model)
     world: World | None = None
     if scene is not None:
         with faults.step():
@@ -394,14 +394,14 @@ def task_problems(task: DrawnTask) -> Iterator[Problem]:
     goals = goals_of(task, faults)
     yield from faults
     for goal in goals:
-        yield from as_far_as_read(goal.problems)()
+        yield from up_to_unread_field(goal.problems)()
     yield from _tolerance_problems(config, task.world)
     for index, disturbance in numbered(config.task.disturbances):
         yield from _disturbance_problems(config, ("disturbances", index), disturbance, known, task.absent)
     yield from _contact_problems(task)
 
 
-@as_far_as_read
+@up_to_unread_field
 def _tolerance_problems(config: RunConfig, world: World) -> Iterator[Problem]:
     """A tolerance of position that no place in the scene is outside of."""
     places = [wall.start for wall in world.walls] + [wall.end for wall in world.walls]
@@ -416,7 +416,7 @@ def _tolerance_problems(config: RunConfig, world: World) -> Iterator[Problem]:
         yield config.problem(("tolerances", "position"), message)
 
 
-@as_far_as_read
+@up_to_unread_field
 def _disturbance_problems(
     config: RunConfig, path: FieldPath, asked: DisturbanceConfig, known: WorldModel, absent: Collection[str]
 ) -> Iterator[Problem]:
@@ -432,7 +432,7 @@ def _disturbance_problems(
         yield from unknown(config, (*path, "surface"), asked.surface, surface_names(known, inside=False), what)
 
 
-@as_far_as_read
+@up_to_unread_field
 def _contact_problems(task: DrawnTask) -> Iterator[Problem]:
     """Check that ``allowed_contacts`` name bodies of the world, parts of the robot, or objects of the task."""
     config, known = task.config, task.world_model

@@ -102,7 +102,7 @@ def find_robot(name: str) -> RobotModel:
     return load_robot_model(name)
 
 
-def robot_facts(model: RobotModel) -> dict[str, Any]:
+def describe_robot(model: RobotModel) -> dict[str, Any]:
     """Return mass, footprint, reach, loads, widths, sensors and postures of a robot; SI units."""
     return {
         "name": model.name,
@@ -137,7 +137,7 @@ def robot_facts(model: RobotModel) -> dict[str, Any]:
     }
 
 
-def part_facts() -> list[dict[str, Any]]:
+def describe_parts() -> list[dict[str, Any]]:
     """Return name, kind and description of every known part, by kind, and whether it is an end effector."""
     parts = []
     for name in data_names("part"):

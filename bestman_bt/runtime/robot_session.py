@@ -20,7 +20,7 @@ from behaviours.computation import InlineComputation
 from behaviours.context import SkillContext
 from behaviours.navigation.localise import KNOWN_POSITION_STD
 from behaviours.skill import RobotNode
-from bestman_bt.configuration.errors import told_to_programs
+from bestman_bt.configuration.errors import naming_python_parameters
 from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.configuration.task import task_of_tree
 from bestman_bt.control.operator_speed import OperatorSpeed
@@ -29,7 +29,7 @@ from bestman_bt.engine import Tree, TreeLoadError, TreeProblem
 from bestman_bt.engine.reloading import watched
 from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.records.events import RunEvent
-from bestman_bt.records.keeping import Keeping
+from bestman_bt.records.keeping import RecordingErrors
 from bestman_bt.registry import DRIVERS
 from bestman_bt.runtime.algorithms import Algorithms, algorithm_by_name
 from bestman_bt.runtime.confirmation import Confirmation
@@ -135,7 +135,7 @@ class RobotSession:
     ) -> Tree:
         """Load a tree, check it, and create what its nodes need; ``replaces`` is of ``LoadOptions``."""
         wrong: list[TreeProblem] = []
-        with told_to_programs():
+        with naming_python_parameters():
             if isinstance(tree, Tree):
                 loaded = tree
                 loaded.bind(self.skills, self.robot.clock)
@@ -213,7 +213,9 @@ class RobotSession:
             tree.blackboard.set("start", believed.pose)
         return tree
 
-    def telemetry(self, executor: Executor, folder: Path | None = None, keeping: Keeping | None = None) -> Telemetry:
+    def telemetry(
+        self, executor: Executor, folder: Path | None = None, keeping: RecordingErrors | None = None
+    ) -> Telemetry:
         """Create the telemetry of one execution: tree states, robot, images, failures; stored in ``folder``, if any.
 
         The robot writes its black box there, too. ``keeping``: notified if the folder cannot be written.
@@ -242,12 +244,12 @@ def open_session(
     config: RunConfig | ResolvedConfig,
     prepare_robot: Callable[[Robot], None] | None = None,
     gui: bool = False,
-    see_through: Callable[[Robot], Robot] | None = None,
+    wrap_robot: Callable[[Robot], Robot] | None = None,
 ) -> Iterator[RobotSession]:
     """Connect the configured robot; it is always stopped and disconnected at the end.
 
     ``prepare_robot``: called right after connecting, before time runs (for evaluation and recording). ``gui``: show the
-    driver's own window, if it has one. ``see_through``: wraps the connected robot for the skills.
+    driver's own window, if it has one. ``wrap_robot``: wraps the connected robot for the skills.
     """
     setup = prepare(config) if isinstance(config, RunConfig) else config
     driver = DRIVERS.resolve(setup.config.driver)
@@ -256,7 +258,7 @@ def open_session(
     with robot:
         if prepare_robot is not None:
             prepare_robot(robot)
-        seen = robot if see_through is None else see_through(robot)
+        seen = robot if wrap_robot is None else wrap_robot(robot)
         confirmation = Confirmation() if setup.config.confirm else None
         skills = _skills(setup, seen, confirmation)
         skills.joints.start(robot.clock)
@@ -307,7 +309,7 @@ def session_config(task: str | Path | None = None, **given: Any) -> RunConfig:
     """
     if task is None:
         given["scene"], given["robot"] = given.get("scene") or "kitchen", given.get("robot") or "diff_panda"
-    with told_to_programs():
+    with naming_python_parameters():
         return load_run(task, **given)
 
 
@@ -329,7 +331,7 @@ def session(
 
     @contextmanager
     def opening() -> Iterator[RobotSession]:
-        with told_to_programs():
+        with naming_python_parameters():
             setup = prepare(
                 session_config(
                     task, scene=scene, robot=robot, seed=seed, settings=settings, plugins=plugins, driver=driver
@@ -342,7 +344,7 @@ def session(
 
 
 def _skills(setup: ResolvedConfig, robot: Robot, confirmation: Confirmation | None) -> SkillContext:
-    config, model, world = setup.config, setup.robot_model, setup.world_model.as_at_the_start()
+    config, model, world = setup.config, setup.robot_model, setup.world_model.initial_beliefs()
     confirm = None if confirmation is None else confirmation.confirm
     parts = RobotParts(robot, model, world, Algorithms(config, model, world.map), confirm)
     return SkillContext(

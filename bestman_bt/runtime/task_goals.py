@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 from typing_extensions import override
 
-from bestman_bt.configuration.errors import Problem, as_far_as_read
+from bestman_bt.configuration.errors import Problem, up_to_unread_field
 from bestman_bt.facts.evidence import Evidence, Verdict, joined
 from bestman_bt.facts.goals.goal import Goal, surface_names, unknown
 from bestman_bt.facts.predicate import Beliefs
@@ -48,7 +48,7 @@ class Facts(Goal[FactsFields]):
     @cached_property
     def literals(self) -> tuple[Literal, ...]:
         """The facts, with the full names of things. Raises GoalError for invalid facts."""
-        known = Beliefs(self.world_model.as_at_the_start())
+        known = Beliefs(self.world_model.initial_beliefs())
         return Domain.of(self.task.registry).problem(known, self.asked.goal).goal
 
     def problems(self) -> Iterator[Problem]:
@@ -67,7 +67,7 @@ class Facts(Goal[FactsFields]):
             yield from unknown(config, path, name, self.world_model.models, "the robot does not know an object")
             yield from unknown(config, path, place, surface_names(self.world_model), "the map has no surface")
 
-    @as_far_as_read
+    @up_to_unread_field
     def _goal_faults(self) -> Iterator[Problem]:
         try:
             literals = self.literals

@@ -32,7 +32,7 @@ from bestman_bt.records.events import (
     StatesEvent,
     Topic,
 )
-from bestman_bt.records.keeping import Keeping
+from bestman_bt.records.keeping import RecordingErrors
 from bestman_bt.records.writer import RunLogWriter
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges, blackboard_event
 from bestman_bt.runtime.executor import Execution, Executor, PauseReason, TerminationReason
@@ -197,10 +197,10 @@ class Telemetry:
         folder: Path | None = None,
         told: Sequence[NodeFailure] = (),
         sources: Sequence[Source] = (),
-        keeping: Keeping | None = None,
+        keeping: RecordingErrors | None = None,
     ) -> None:
         self.run = run
-        self._keeping = keeping or Keeping()
+        self._keeping = keeping or RecordingErrors()
         self._executor, self._tree, self._folder = executor, executor.tree, folder
         self._sources = sources
         self._stream = EventStream()
@@ -225,7 +225,7 @@ class Telemetry:
             try:
                 log = RunLogWriter(self._folder, self._tree, self.run)
             except OSError as error:
-                self._keeping.lose(LOGS, error)
+                self._keeping.mark_lost(LOGS, error)
         self._stream.start(log, self._keeping)
         self._executor.watchers.append(self)
         if log is not None:

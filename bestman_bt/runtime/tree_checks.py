@@ -14,7 +14,7 @@ from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.dataflow import EntryUse, entry_uses
 from bestman_bt.engine.errors import TreeProblem
 from bestman_bt.engine.leaves.blackboard import SetBlackboard
-from bestman_bt.engine.unwritten import may_write_unseen, named_at, problem_at, unwritten_reads
+from bestman_bt.engine.unwritten import may_write_undeclared, named_at, problem_at, unwritten_reads
 from bestman_bt.registry import suggestion
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ def unfilled_entries(tree: Tree, given: Collection[str], has_task: bool) -> list
     ``given``: root entries set before the first tick, by a task, if any. If code may write undeclared entries, all are
     warnings.
     """
-    unseen = any(may_write_unseen(node) for node in tree.nodes)
+    unseen = any(may_write_undeclared(node) for node in tree.nodes)
     problems = []
     for read in unwritten_reads(tree, [*given, *ALWAYS_FILLED]):
         if read.key in tree.left_out:

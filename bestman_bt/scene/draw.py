@@ -20,9 +20,9 @@ from bestman_bt.scene.apartment_generator.generate import ApartmentError, genera
 from bestman_bt.scene.changes import draw_changes, exactly_placed
 from bestman_bt.scene.floor_grid import FloorGrid
 from bestman_bt.scene.placing import (
+    articulation_outlines,
     gap_to_furniture,
     gap_to_objects,
-    leaf_outlines,
     planar_radius,
     standing_furniture,
     standing_on,
@@ -272,7 +272,9 @@ def _changed(
     start: Pose2D,
 ) -> tuple[tuple[PlacedFurniture, ...], tuple[Walker, ...]]:
     """Return the furniture with the changes since the map was made, and the pedestrians between it."""
-    fixed = [wall_rectangle(wall) for wall in walls] + [line for piece in furniture for line in leaf_outlines(piece)]
+    fixed = [wall_rectangle(wall) for wall in walls] + [
+        line for piece in furniture for line in articulation_outlines(piece)
+    ]
     standing = draw_changes(scene, furniture, fixed, start, partial(_generator, seed, attempt, "changes"))
     if standing is None:
         what = "furniture that was moved or that the map does not have"

@@ -13,7 +13,13 @@ import numpy as np
 from bestman_bt.configuration.checked import salvage
 from bestman_bt.configuration.data import find_data
 from bestman_bt.configuration.document import Document, read_document
-from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector, UnreadError, as_far_as_read
+from bestman_bt.configuration.errors import (
+    ConfigurationError,
+    Problem,
+    ProblemCollector,
+    UnreadError,
+    up_to_unread_field,
+)
 from bestman_bt.configuration.quantity import (
     Friction,
     JointEffort,
@@ -107,7 +113,7 @@ def _joint_faults(name: str, config: ArticulationConfig, document: Document) -> 
             yield document.problem((*path, "axis"), f"should not be zero, got {list(config.axis)}")
 
 
-@as_far_as_read
+@up_to_unread_field
 def _handle_faults(name: str, config: ArticulationConfig, document: Document) -> Iterator[Problem]:
     path, pulled = ("articulations", name), _pulled(config)
     if not np.linalg.norm(config.axis) > 0.0:

@@ -21,7 +21,13 @@ from scipy.spatial import ConvexHull
 from bestman_bt.configuration.checked import override, salvage
 from bestman_bt.configuration.data import beside, find_data
 from bestman_bt.configuration.document import Document, read_document
-from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector, UnreadError, as_far_as_read
+from bestman_bt.configuration.errors import (
+    ConfigurationError,
+    Problem,
+    ProblemCollector,
+    UnreadError,
+    up_to_unread_field,
+)
 from bestman_bt.messages import Box, Cylinder, Mesh, ObjectModel, Pose, Shape, Sphere
 from bestman_bt.registry import suggestion
 from bestman_bt.scene.apartment_generator.furnish import NEEDED
@@ -327,7 +333,7 @@ def _surface_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]
             yield document.problem(("furniture", name, "on"), message)
 
 
-@as_far_as_read
+@up_to_unread_field
 def _faults_on_surface(
     scene: SceneConfig, document: Document, path: tuple[str, str], placement: ObjectPlacement | GoalPlacement
 ) -> Iterator[Problem]:

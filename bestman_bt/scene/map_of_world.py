@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.scene.plane_geometry import cut_away, wall_rectangle
+from bestman_bt.scene.plane_geometry import segment_outside, wall_rectangle
 from bestman_bt.scene.scene import Articulation, FurnitureModel, Surface, World
-from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap
+from bestman_bt.world_model.semantic_map import MapArticulation, MapFurniture, MapSurface, SemanticMap
 
 _ON_THE_FACE = 0.002
 """Metres behind the face of a front within which its own pieces begin."""
@@ -23,13 +23,13 @@ def boards(model: FurnitureModel, elevation: float) -> tuple[PlacedShape, ...]:
     return _raised(_boxes(model.parts), elevation) if model.articulations else ()
 
 
-def leaves(model: FurnitureModel, elevation: float, opened: Mapping[str, float]) -> tuple[MapLeaf, ...]:
+def leaves(model: FurnitureModel, elevation: float, opened: Mapping[str, float]) -> tuple[MapArticulation, ...]:
     """Return doors and drawers as slabs, drawers with their inner boards, without grooves; of handles only the depth.
 
     ``opened``: their mapped openings, by name.
     """
     return tuple(
-        MapLeaf(
+        MapArticulation(
             name=leaf.name,
             kind=leaf.kind,
             origin=(leaf.origin[0], leaf.origin[1], leaf.origin[2] + elevation),
@@ -115,7 +115,7 @@ def semantic_map(world: World) -> SemanticMap:
 def _surfaces(model: FurnitureModel) -> Iterator[tuple[str | None, Surface]]:
     """Surfaces and the drawers that they move with; those that stand still come first."""
     for surface in model.all_surfaces:
-        leaf = model.leaf_of(surface.name)
+        leaf = model.drawer_of(surface.name)
         yield (leaf.name if leaf is not None else None), surface
 
 
@@ -132,7 +132,7 @@ def _wall_faces(world: World) -> NDArray[np.float64]:
                 continue
             pieces = [np.array([start, end])]
             for other in outlines[:index] + outlines[index + 1 :]:
-                pieces = [rest for piece in pieces for rest in cut_away(piece, other)]
+                pieces = [rest for piece in pieces for rest in segment_outside(piece, other)]
             faces += pieces
     return np.array([face.ravel() for face in faces]).reshape(-1, 4)
 

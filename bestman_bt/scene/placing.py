@@ -30,7 +30,7 @@ def standing_outlines(walls: Iterable[Wall], furniture: Iterable[PlacedFurniture
     outlines = [wall_rectangle(wall) for wall in walls]
     for piece in pieces:
         outlines += body_outlines(piece)
-    return [*outlines, *(outline for piece in pieces for outline in leaf_outlines(piece))]
+    return [*outlines, *(outline for piece in pieces for outline in articulation_outlines(piece))]
 
 
 def body_outlines(piece: PlacedFurniture) -> list[Points]:
@@ -40,7 +40,7 @@ def body_outlines(piece: PlacedFurniture) -> list[Points]:
     return [rectangle(piece.actual, piece.model.footprint)]
 
 
-def leaf_outlines(piece: PlacedFurniture) -> Iterator[Points]:
+def articulation_outlines(piece: PlacedFurniture) -> Iterator[Points]:
     """The boards of open doors and drawers, and of a door between rooms also while it is closed."""
     for leaf in piece.model.articulations:
         position = piece.open.get(leaf.name, 0.0)

@@ -114,7 +114,7 @@ class FurnitureModel:
         """The surfaces of the body, then those of its closed drawers."""
         return (*self.surfaces, *(s for leaf in self.articulations for s in leaf.surfaces))
 
-    def leaf_of(self, surface: str) -> Articulation | None:
+    def drawer_of(self, surface: str) -> Articulation | None:
         """Return the drawer that a surface moves with, or None."""
         return next((leaf for leaf in self.articulations if surface in {s.name for s in leaf.surfaces}), None)
 
@@ -145,7 +145,7 @@ class PlacedFurniture:
 
     def surface_pose(self, surface: Surface) -> Pose:
         """Return the initial pose of one of its surfaces, map_from_surface."""
-        leaf = self.model.leaf_of(surface.name)
+        leaf = self.model.drawer_of(surface.name)
         moved = Pose() if leaf is None else leaf.moved(self.open.get(leaf.name, 0.0))
         return self.pose @ moved @ surface.pose
 

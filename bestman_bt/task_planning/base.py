@@ -6,7 +6,7 @@ import inspect
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
-from bestman_bt.engine.own_files import in_words, signature_fault
+from bestman_bt.engine.own_files import describe_error, signature_fault
 from bestman_bt.registry import PLANNERS, UnknownNameError
 from bestman_bt.task_planning.symbolic.problem import Action, PlanningError, PlanningProblem, TaskPlan
 
@@ -43,7 +43,7 @@ def planner_class(name: str) -> type[TaskPlanner]:
     except UnknownNameError:
         raise
     except (Exception, SystemExit) as error:  # of a third party: whatever it is, the run goes on
-        raise PlanningError(f"the planner {name!r} cannot be imported: {in_words(error)}") from error
+        raise PlanningError(f"the planner {name!r} cannot be imported: {describe_error(error)}") from error
     if not inspect.isclass(found) or not issubclass(found, TaskPlanner):
         raise PlanningError(f"the planner {name!r} should be a subclass of TaskPlanner, got {found!r:.100}")
     return found
@@ -55,7 +55,7 @@ def made_planner(name: str) -> TaskPlanner:
     try:
         return made()
     except (Exception, SystemExit) as error:  # of a third party: whatever it is, the run goes on
-        raise PlanningError(f"the planner {name!r} cannot be made: {in_words(error)}") from error
+        raise PlanningError(f"the planner {name!r} cannot be made: {describe_error(error)}") from error
 
 
 def actions_of(planner: TaskPlanner, problem: PlanningProblem) -> tuple[Action, ...]:
@@ -66,7 +66,7 @@ def actions_of(planner: TaskPlanner, problem: PlanningProblem) -> tuple[Action, 
     except PlanningError:
         raise
     except (Exception, SystemExit) as error:  # of a third party: whatever it is, the run goes on
-        raise PlanningError(f"{who} failed: {in_words(error)}") from error
+        raise PlanningError(f"{who} failed: {describe_error(error)}") from error
     if not isinstance(found, TaskPlan):
         raise PlanningError(f"{who} should return a TaskPlan, got {type(found).__name__}")
     actions: object = found.actions

@@ -110,7 +110,7 @@ class Domain:
         self.refuse_contradictions(literals)
         return replace(problem, goal=tuple(dict.fromkeys(literals)))
 
-    def places_told(self, problem: PlanningProblem, facts: Iterable[str]) -> dict[str, str]:
+    def given_places(self, problem: PlanningProblem, facts: Iterable[str]) -> dict[str, str]:
         """Return object → place, from given facts about unseen objects.
 
         Raises GoalError for facts other than ``on``.

@@ -25,8 +25,8 @@ from bestman_bt.facts.predicate import Beliefs
 from bestman_bt.registry import PREDICATES, UnknownNameError
 from bestman_bt.task_planning.base import TaskPlanner, made_planner
 from bestman_bt.task_planning.builders.base import made_builder
-from bestman_bt.task_planning.builders.plan_tree import PlanTree, steps_one_by_one
-from bestman_bt.task_planning.builders.regression import Kernel, staircase
+from bestman_bt.task_planning.builders.plan_tree import PlanTree, sequential_steps
+from bestman_bt.task_planning.builders.regression import Kernel, ready_steps
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
 from bestman_bt.task_planning.state import holds
@@ -97,7 +97,7 @@ def beliefs_of(skills: SkillContext) -> Beliefs:
 
 
 @dataclass(frozen=True)
-class Outlook:
+class PlanAssessment:
     """The state of a plan; ``next``: the next action, None if the plan is done or no longer helps.
 
     ``broken``: the violated conditions of the rest of the plan, if it no longer helps.
@@ -120,17 +120,17 @@ class PlanMonitor:
 
     def __init__(self, plan: TaskPlan, goal: Iterable[Literal], most_ways: int = 8) -> None:
         self._goal = frozenset(goal)
-        self._steps = staircase(steps_one_by_one(plan), self._goal, most_ways)
+        self._steps = ready_steps(sequential_steps(plan), self._goal, most_ways)
 
-    def outlook(self, state: Collection[Fact]) -> Outlook:
+    def assess(self, state: Collection[Fact]) -> PlanAssessment:
         """Return the state of the plan for a state of the world."""
         if not _broken(self._goal, state):
-            return Outlook(True, None)
+            return PlanAssessment(True, None)
         ready = [each.step for each in self._steps if each.holds_in(state)]
         if ready:
-            return Outlook(False, ready[-1].actions[0])
+            return PlanAssessment(False, ready[-1].actions[0])
         ways = [self._goal, *(way for each in self._steps for way in each.ways)]
-        return Outlook(False, None, min((_broken(way, state) for way in ways), key=len))
+        return PlanAssessment(False, None, min((_broken(way, state) for way in ways), key=len))
 
 
 def _broken(way: Kernel, state: Collection[Fact]) -> tuple[Literal, ...]:
@@ -261,7 +261,7 @@ class ExecutePlan(_Planning, ErrorReporting, StatefulAction):
         _, problem = self.domain_and_problem()
         failed = [failure for failure in self.skills.failures[self._told :] if failure.error_code not in ANSWERS]
         said = [f"{failure.where or failure.node}: {failure.why}" for failure in failed[-1:]]
-        return "; ".join([*said, str(self._monitor.outlook(problem.state))])
+        return "; ".join([*said, str(self._monitor.assess(problem.state))])
 
 
 def _plan(planner: TaskPlanner, problem: PlanningProblem, limits: PlanLimits) -> TaskPlan:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import product
 from typing import TypeVar
 
-from bestman_bt.engine.own_files import in_words, own_line
+from bestman_bt.engine.own_files import describe_error, user_line
 from bestman_bt.facts.predicate import Beliefs, Predicate
 from bestman_bt.registry import PREDICATES
 from bestman_bt.task_planning.symbolic.facts import parse_conditions
@@ -62,10 +62,10 @@ def asked(predicate: Predicate, function: Callable[..., T], of: object, argument
     try:
         return function(of, *arguments)
     except Exception as error:  # a user's function may raise anything; reported with its line
-        if not own_line(error):
+        if not user_line(error):
             raise
         fact = Fact(predicate.name, tuple(arguments))
-        raise PredicateError(f"the predicate of {fact} raised {in_words(error)}") from error
+        raise PredicateError(f"the predicate of {fact} raised {describe_error(error)}") from error
 
 
 def _believed(predicate: Predicate, beliefs: Beliefs, arguments: Sequence[str]) -> bool:

@@ -13,7 +13,7 @@ from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.records.events import MAIN_TREE, DescribedNode, StatesEvent, TreeEvent
 from bestman_bt.records.history import RunHistory
 from bestman_bt.records.nodes import NodeList
-from bestman_bt.records.palette import LOOKS, WAS, Look, look_of
+from bestman_bt.records.palette import LOOKS, WAS, Look, appearance_of
 from bestman_bt.records.states import NO, NodeStates
 from bestman_bt.visualization.node_labels import node_label
 
@@ -47,7 +47,7 @@ def hidden_count(tree: NodeList, uid: int) -> int:
 
 
 def _rank(states: NodeStates, node: DescribedNode) -> int:
-    look = look_of(states, node.uid)
+    look = appearance_of(states, node.uid)
     if look is LOOKS[IDLE]:
         return 0
     return 1 if look in (WAS[SUCCESS], WAS[NO], LOOKS[SUCCESS], LOOKS[NO]) else 2
@@ -197,7 +197,7 @@ class LiveTree:
                 yield line
 
     def _header(self) -> Text:
-        look = look_of(self._history.states.now, self._tree[0].uid)
+        look = appearance_of(self._history.states.now, self._tree[0].uid)
         header = Text(no_wrap=True, overflow="ellipsis")
         header.append(f"{look.icon} {self._title}", style=f"bold {style_of(look)}")
         if self._simulated:
@@ -232,7 +232,7 @@ class LiveTree:
 
     def _row(self, node: DescribedNode, branch: str, is_folded: bool) -> Text:
         now = self._history.states.now
-        look, state = look_of(now, node.uid), now.states[node.uid]
+        look, state = appearance_of(now, node.uid), now.states[node.uid]
         row = Text(no_wrap=True, overflow="ellipsis")
         row.append(branch, style="dim")
         row.append(f"{look.icon} {node_label(node)}", style=style_of(look) + (" bold" if state == RUNNING else ""))

@@ -8,17 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from bestman_bt.messages import Box, Handle, JointKind, PlacedShape, Pose
-from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface
+from bestman_bt.world_model.semantic_map import MapArticulation, MapFurniture, MapSurface
 from bestman_bt.world_model.world_model import Obstacle, WorldModel
 
 
-def leaf_shapes(world_model: WorldModel, furniture: MapFurniture, leaf: MapLeaf) -> tuple[PlacedShape, ...]:
+def articulation_shapes(
+    world_model: WorldModel, furniture: MapFurniture, leaf: MapArticulation
+) -> tuple[PlacedShape, ...]:
     """Return the boards of a door or drawer at its believed opening, in the furniture frame."""
     opened = world_model.opening_of(furniture, leaf)
     return tuple(PlacedShape(shape.shape, opened @ shape.pose) for shape in leaf.shapes)
 
 
-def open_leaves(world_model: WorldModel) -> tuple[Obstacle, ...]:
+def articulation_obstacles(world_model: WorldModel) -> tuple[Obstacle, ...]:
     """Return the open doors and drawers with their handles as obstacles named ``furniture/leaf``.
 
     Doors between rooms are always included, even closed, because they can block a passage.
@@ -29,7 +31,7 @@ def open_leaves(world_model: WorldModel) -> tuple[Obstacle, ...]:
             name = f"{piece.name}/{leaf.name}"
             if piece.is_passage or world_model.articulations.get(name, 0.0) > 0.0:
                 frame = piece.pose.to_pose()
-                boards = [PlacedShape(s.shape, frame @ s.pose) for s in leaf_shapes(world_model, piece, leaf)]
+                boards = [PlacedShape(s.shape, frame @ s.pose) for s in articulation_shapes(world_model, piece, leaf)]
                 handles = [handle_shape(belief.handle) for belief in world_model.handles_of(piece, leaf)]
                 obstacles.append(Obstacle(name, (*boards, *handles), 0.0))
     return tuple(obstacles)
@@ -64,14 +66,14 @@ class Openness:
     shut: float
 
 
-def openness_of(leaf: MapLeaf) -> Openness:
+def openness_of(leaf: MapArticulation) -> Openness:
     """Return the thresholds of a door or drawer."""
     enough, asked = OPEN[leaf.kind]
     asked = min(asked, NEARLY_ALL * leaf.upper)
     return Openness(min(enough, ENOUGH * asked), asked, SHUT[leaf.kind])
 
 
-def leaf_called(world: WorldModel, container: str) -> MapLeaf:
+def articulation_called(world: WorldModel, container: str) -> MapArticulation:
     """Return the door or drawer ``furniture/leaf``. Raises KeyError if there is none."""
     furniture, _, name = container.partition("/")
     return world.map.furniture[furniture].leaf(name)
@@ -79,12 +81,12 @@ def leaf_called(world: WorldModel, container: str) -> MapLeaf:
 
 def is_open(world: WorldModel, container: str) -> bool:
     """Return whether the door or drawer is believed to be open far enough to work behind it."""
-    return world.articulations.get(container, 0.0) >= openness_of(leaf_called(world, container)).enough
+    return world.articulations.get(container, 0.0) >= openness_of(articulation_called(world, container)).enough
 
 
 def is_shut(world: WorldModel, container: str) -> bool:
     """Return whether the door or drawer is believed to be shut."""
-    return world.articulations.get(container, 0.0) <= openness_of(leaf_called(world, container)).shut
+    return world.articulations.get(container, 0.0) <= openness_of(articulation_called(world, container)).shut
 
 
 def containers_before(furniture: MapFurniture, surface: MapSurface) -> Iterator[str]:
@@ -95,7 +97,7 @@ def containers_before(furniture: MapFurniture, surface: MapSurface) -> Iterator[
             yield f"{furniture.name}/{leaf.name}"
 
 
-def _covers(leaf: MapLeaf, surface: MapSurface) -> bool:
+def _covers(leaf: MapArticulation, surface: MapSurface) -> bool:
     """Return whether the front board of the closed leaf covers the surface."""
     front = leaf.shapes[0]
     if not isinstance(front.shape, Box):

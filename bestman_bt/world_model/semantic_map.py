@@ -31,7 +31,7 @@ class MapSurface:
 
 
 @dataclass(frozen=True, eq=False)
-class MapLeaf:
+class MapArticulation:
     """A door or drawer of the map, closed, in the furniture frame.
 
     ``origin``: (3,) metres, a point on the ``axis``, (3,) unit, about or along which it opens. ``shapes``: its boards,
@@ -90,7 +90,7 @@ class MapFurniture:
     surfaces: tuple[MapSurface, ...]
     solid_at_lidar: bool
     shapes: tuple[PlacedShape, ...] = ()
-    leaves: tuple[MapLeaf, ...] = ()
+    leaves: tuple[MapArticulation, ...] = ()
     position_error: float = 0.03
     heading_error: float = math.radians(2.0)
     is_passage: bool = False
@@ -100,7 +100,7 @@ class MapFurniture:
         frame = self.pose.to_pose()
         return tuple(PlacedShape(placed.shape, frame @ placed.pose) for placed in self.shapes)
 
-    def leaf(self, name: str) -> MapLeaf:
+    def leaf(self, name: str) -> MapArticulation:
         """Return the door or drawer of this name. Raises KeyError if there is none."""
         for leaf in self.leaves:
             if leaf.name == name:

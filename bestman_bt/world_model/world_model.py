@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, Handle, ObjectModel, PlacedShape, PointCloud, Pose, Pose2D, VoxelGrid, YawSet
 from bestman_bt.messages.grids import VOXEL_FREE, VOXEL_OCCUPIED
-from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap
+from bestman_bt.world_model.semantic_map import MapArticulation, MapFurniture, MapSurface, SemanticMap
 
 HANDLE_STANDOFF = 0.10
 """Metres, largest distance of a handle from its front."""
@@ -149,11 +149,11 @@ class WorldModel:
                 if leaf.position > 0.0:
                     self.articulations.setdefault(f"{piece.name}/{leaf.name}", leaf.position)
 
-    def as_at_the_start(self) -> WorldModel:
+    def initial_beliefs(self) -> WorldModel:
         """Return the knowledge before any observation: map, models, given places and the initial base pose."""
         return WorldModel(map=self.map, models=dict(self.models), base=self.base, told=dict(self.told))
 
-    def bring_about(self, effects: str) -> None:
+    def record_effects(self, effects: str) -> None:
         """Record the effects of an ability that has succeeded; ``effects``: as declared, with its parameters filled
         in.
         """
@@ -186,7 +186,7 @@ class WorldModel:
         opened = self.opening_of(furniture, furniture.leaf(surface.leaf))
         return furniture, replace(surface, pose=opened @ surface.pose)
 
-    def opening_of(self, furniture: MapFurniture, leaf: MapLeaf) -> Pose:
+    def opening_of(self, furniture: MapFurniture, leaf: MapArticulation) -> Pose:
         """Return furniture_from_closed of the leaf at its believed opening."""
         return leaf.moved(self.articulations.get(f"{furniture.name}/{leaf.name}", 0.0))
 
@@ -229,7 +229,7 @@ class WorldModel:
         states[tuple(occupied[inside.all(axis=1)].T)] = VOXEL_FREE
         self.occupancy = replace(grid, states=states)
 
-    def handles_of(self, furniture: MapFurniture, leaf: MapLeaf) -> tuple[HandleBelief, ...]:
+    def handles_of(self, furniture: MapFurniture, leaf: MapArticulation) -> tuple[HandleBelief, ...]:
         """Return the believed handles on the front of a door or drawer."""
         front = leaf.shapes[0]
         if not isinstance(front.shape, Box):

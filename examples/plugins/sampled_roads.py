@@ -67,7 +67,9 @@ class RRTStar(PolylinePlanner):
 
     TURNS_EVERYWHERE = (False,)
 
-    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
+    def search_path(
+        self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace
+    ) -> NDArray[np.float64] | None:
         """See the base class."""
         samples = turning_places(room, self.samples, self.near_obstacles, np.random.default_rng(self.seed))
         tree = _Tree(start, len(samples) + len(samples) // self.goal_every + 2, room, self)
@@ -159,7 +161,9 @@ class PRM(PolylinePlanner):
 
     TURNS_EVERYWHERE = (False,)
 
-    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
+    def search_path(
+        self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace
+    ) -> NDArray[np.float64] | None:
         """See the base class."""
         rng = np.random.default_rng(self.seed)
         places = np.vstack([start, goal, turning_places(room, self.samples, self.near_obstacles, rng)])

@@ -41,7 +41,7 @@ class PromisesOfAConnectedRobot:
         self, check: Check, connected_robot: Robot, record_property: Properties
     ) -> None:
         """Run one check; inapplicable ones are skipped and listed at the end."""
-        skip_what_does_not_apply(check, connected_robot, record_property)
+        skip_inapplicable_checks(check, connected_robot, record_property)
         try:
             check.run(connected_robot)
         finally:
@@ -57,7 +57,7 @@ class PromisesAboutConnecting:
     ) -> None:
         """Run one check; the robot is disconnected afterwards in any case."""
         robot = make_robot()
-        skip_what_does_not_apply(check, robot, record_property)
+        skip_inapplicable_checks(check, robot, record_property)
         try:
             check.run(robot)
         finally:
@@ -72,7 +72,7 @@ class PromisesAboutConnecting:
         assert not unexplained, f"{', '.join(unexplained)}: declared missing without a reason"
 
 
-def skip_what_does_not_apply(check: Check, robot: Robot, record_property: Properties) -> None:
+def skip_inapplicable_checks(check: Check, robot: Robot, record_property: Properties) -> None:
     """Skip a check that does not apply to a robot, and record it for the list."""
     why = check.why_not(robot)
     if why is not None:

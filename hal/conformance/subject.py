@@ -187,7 +187,7 @@ def keep_velocity(robot: Robot, group: JointGroup, velocities: NDArray[np.float6
         robot.clock.sleep(min(left, AGAIN))
 
 
-def what_moves(robot: Robot) -> list[str]:
+def moving_parts(robot: Robot) -> list[str]:
     """Return the moving arms, groups and bases with their velocities; rest is as the API defines it."""
     moving = []
     for group in parts_of(robot, JointGroup):
@@ -204,10 +204,10 @@ def what_moves(robot: Robot) -> list[str]:
 def require_rest(robot: Robot, after: str) -> None:
     """Require that the robot is at rest, including its fingers, and stays so."""
     robot.clock.sleep(REST_TIME)
-    moving, last = what_moves(robot), robot.clock.now() + LAG
+    moving, last = moving_parts(robot), robot.clock.now() + LAG
     while moving and robot.clock.now() < last:
         robot.clock.sleep(POLL)
-        moving = what_moves(robot)
+        moving = moving_parts(robot)
     require(not moving, f"the robot should be at rest {REST_TIME} s after {after}, yet: {', '.join(moving)}")
     groups, grippers = parts_of(robot, JointGroup), parts_of(robot, Gripper)
     bases = parts_of(robot, MobileBase)

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, TypeAlias
 
 from bestman_bt.extras import install_command
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
-from bestman_bt.robot_model.hardware_config import driven_as
+from bestman_bt.robot_model.hardware_config import control_kind
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.runtime_folder import runtime_folder
 from hal.api import Bumper, Clock, Failure, ForceTorque, MotionErrorCode, Part, Sensor, Tactile
@@ -133,7 +133,9 @@ class Connection(ABC):
         self.connected = False
         self._only = ControllerLock(name, self.driver, settings.address) if self.one_client else None
         factories = self.factories()
-        self.parts = {part: factories[driven_as(model.kind(part))](part, model.parts[part]) for part in settings.parts}
+        self.parts = {
+            part: factories[control_kind(model.kind(part))](part, model.parts[part]) for part in settings.parts
+        }
 
     @property
     def stops_robot(self) -> bool:

@@ -19,7 +19,7 @@ POLL = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class WayBack:
+class ReturnMotion:
     """A motion of one part back into its range. ``joints``: those outside, to be moved from ``here`` to ``there``, (n,)
     each.
     """
@@ -42,7 +42,7 @@ def admit_outside(robot: Robot) -> None:
             part.comes_into_limits = True
 
 
-def ways_back(robot: Robot) -> Iterator[WayBack]:
+def return_motions(robot: Robot) -> Iterator[ReturnMotion]:
     """Yield a motion for each part of a connected robot that has joints outside their range."""
     for name, part in robot.parts.items():
         if not isinstance(part, StreamedJointGroup):
@@ -51,12 +51,12 @@ def ways_back(robot: Robot) -> Iterator[WayBack]:
         outside = (here < lower) | (here > upper)
         if np.any(outside):
             margin = np.minimum(MARGIN, (upper - lower) / 2)
-            yield WayBack(
+            yield ReturnMotion(
                 name, part.joint_names, here, np.where(outside, np.clip(here, lower + margin, upper - margin), here)
             )
 
 
-def go_back(robot: Robot, way: WayBack) -> str:
+def execute_return(robot: Robot, way: ReturnMotion) -> str:
     """Execute the motion slowly; return why it did not arrive, or an empty text."""
     part = robot.part(way.part, StreamedJointGroup)
     motion = part.move_to(way.there, SPEED)

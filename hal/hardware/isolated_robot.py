@@ -27,7 +27,7 @@ from hal.hardware.controller_facts import ArmFacts, Identity
 from hal.hardware.heartbeat import Heartbeat
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.robot_process import ROBOT, STOPS, Call, MotionNumber, MotionReport, ServerSetup, plug_ins
-from hal.parts.channels import ASIDES, interface_of, stand_in
+from hal.parts.channels import ASIDES, interface_of, part_proxy
 from hal.parts.part_connection import ConnectionFailedError
 from hal.parts.streamed_arm import StreamedArm
 
@@ -395,7 +395,7 @@ def _remote(part: Part, client: RpcClient) -> Part:
     """
     interface = interface_of(type(part))
     methods = ("stop", *interface.readings, *interface.commands, *interface.asides)
-    return stand_in("Remote", interface, part.name, {name: _asking(part, name, client) for name in methods}, part)
+    return part_proxy("Remote", interface, part.name, {name: _asking(part, name, client) for name in methods}, part)
 
 
 def _asking(part: Part, method: str, client: RpcClient) -> Any:

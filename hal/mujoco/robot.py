@@ -15,7 +15,7 @@ from hal.mujoco.package import mujoco
 from hal.mujoco.parameters import MujocoParameters
 from hal.mujoco.renderer import Renderer, render_object
 from hal.mujoco.world_builder import SOLID, SOLID_AND_SEEN, WorldBuilder
-from hal.simulation.audit_record import Ledger
+from hal.simulation.audit_record import CallCounter
 from hal.simulation.bodies import ContactPoint, JointStates, LinkMotion, Quaternion, SimulationError, Vector, Viewpoint
 from hal.simulation.engine import Engine
 from hal.simulation.robot import SimulatedRobot
@@ -63,7 +63,7 @@ class MujocoEngine(Engine):
 
     def __init__(self, model: RobotModel, world: World, parameters: MujocoParameters) -> None:
         built = WorldBuilder(parameters, robot=model, scene=world).build()
-        self.ledger = Ledger()
+        self.ledger = CallCounter()
         self.built, self.model, self.data = built.world, built.model, built.data
         self._renderer = Renderer(self.model, self.data)
         free = np.flatnonzero(np.asarray(self.model.body_dofnum) == 6).tolist()

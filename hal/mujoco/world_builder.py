@@ -19,7 +19,7 @@ from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Pose, Sphere
 from bestman_bt.robot_model.finger_linkage import MimicJoint
 from bestman_bt.robot_model.footprint import origin_pose
 from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, RobotModel, WheeledBaseModel
-from bestman_bt.robot_model.mounting import without_bare_frames
+from bestman_bt.robot_model.mounting import without_frame_links
 from bestman_bt.robot_model.urdf_elements import child_of, parent_of
 from bestman_bt.scene.mesh_file import read_triangles
 from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Walker, World, wall_box
@@ -336,7 +336,7 @@ class WorldBuilder(Shapes):
         )
 
     def _robot(self) -> _Links:
-        urdf, frames = without_bare_frames(self.robot.urdf)
+        urdf, frames = without_frame_links(self.robot.urdf)
         tree = ET.fromstring(urdf)
         self._colors = {
             str(material.get("name")): _numbers(color.get("rgba"))

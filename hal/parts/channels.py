@@ -119,7 +119,7 @@ def interface_of(part: type[Part]) -> Interface:
     return Interface(kind, attributes, tuple(readings), tuple(commands), asides)
 
 
-def stand_in(prefix: str, interface: Interface, name: str, members: Mapping[str, Any], described: Any) -> Part:
+def part_proxy(prefix: str, interface: Interface, name: str, members: Mapping[str, Any], described: Any) -> Part:
     """Return a part whose methods are ``members``; its model and attributes are those that ``described`` has."""
     part: Part = type(f"{prefix}{interface.kind.__name__}", (interface.kind,), dict(members))(name)
     for attribute in ("model", *interface.attributes):

@@ -29,7 +29,7 @@ class Setpoints(ABC):
     def advance(self, dt: float) -> tuple[Array, Array]:
         """Return position and velocity (n,) ``dt`` seconds later."""
 
-    def go_on_from(self, position: Array, velocity: Array) -> bool:
+    def continue_from(self, position: Array, velocity: Array) -> bool:
         """Continue from the given position and velocity, where the joints were sent instead; return whether this is
         possible.
         """
@@ -42,7 +42,7 @@ class _FromState(Setpoints):
     def __init__(self, position: Array, velocity: Array) -> None:
         self._position, self._velocity = position, velocity
 
-    def go_on_from(self, position: Array, velocity: Array) -> bool:
+    def continue_from(self, position: Array, velocity: Array) -> bool:
         """Decide from there."""
         self._position, self._velocity, self.finished = position, velocity, False
         return True
@@ -218,9 +218,9 @@ class BrakeThenMove(Setpoints):
         self._move: Trapezoid | None = None
         self.brakes, self.scaled = True, False
 
-    def go_on_from(self, position: Array, velocity: Array) -> bool:
+    def continue_from(self, position: Array, velocity: Array) -> bool:
         """Continue the braking from elsewhere; the straight line is not changed."""
-        return self._move is None and self._brake.go_on_from(position, velocity)
+        return self._move is None and self._brake.continue_from(position, velocity)
 
     def advance(self, dt: float) -> tuple[Array, Array]:
         """Return the next set-point of the braking or the motion."""

@@ -425,7 +425,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         if self._gate.reason:
             self._velocity = self._gate.rate
             own = self._own_velocity if setpoints.scaled else self._velocity
-            if setpoints.go_on_from(self._position, own):
+            if setpoints.continue_from(self._position, own):
                 self._wanted = self._position
 
     @property

@@ -9,7 +9,7 @@ from typing import Any
 
 from hal.api import NotConnectedError
 from hal.pybullet.package import pybullet
-from hal.simulation.audit_record import Ledger
+from hal.simulation.audit_record import CallCounter
 from hal.simulation.bodies import SimulationError
 
 ALLOWED = frozenset(
@@ -75,8 +75,8 @@ class PhysicsClient:
     ground truth. Joint states of the body ``robot`` are encoders and not counted; all other poses are ground truth.
     """
 
-    def __init__(self, ledger: Ledger | None = None) -> None:
-        self.ledger = Ledger() if ledger is None else ledger
+    def __init__(self, ledger: CallCounter | None = None) -> None:
+        self.ledger = CallCounter() if ledger is None else ledger
         self.id = -1
         self.robot: int | None = None
         self._bound: set[str] = set()

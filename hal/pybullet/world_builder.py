@@ -19,7 +19,7 @@ from bestman_bt.robot_model.model import (
     RobotModel,
     WheeledBaseModel,
 )
-from bestman_bt.robot_model.mounting import without_bare_frames
+from bestman_bt.robot_model.mounting import without_frame_links
 from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Walker, World, wall_box
 from hal.pybullet.body_urdf import SLIDES, Color, body_urdf, furniture_urdf, joint_name, walker_urdf
 from hal.pybullet.client import PhysicsClient
@@ -54,7 +54,7 @@ def build_world(client: PhysicsClient, model: RobotModel, world: World, paramete
             articulations |= joints_of_piece
         objects = {placed.name: _object(client, placed, parameters, folder) for placed in world.objects}
         walkers = {walker.name: _walker(client, walker, folder) for walker in world.walkers}
-        urdf, frames = without_bare_frames(model.urdf)
+        urdf, frames = without_frame_links(model.urdf)
         # A robot without a base that drives is bolted to where it stands.
         flags = ARMS_FLAGS if len(model.arm_names) > 1 else ROBOT_FLAGS
         robot = _load(client, "robot", urdf, world.robot_start.to_pose(), folder, not model.of(BaseModel), flags)

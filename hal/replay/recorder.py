@@ -16,7 +16,7 @@ from typing import Any
 from typing_extensions import override
 
 from hal.api import ForceTorque, Gripper, JointGroup, MobileBase, Motion, Part, Robot, RobotError, Sensor, Timer
-from hal.parts.channels import interface_of, stand_in
+from hal.parts.channels import interface_of, part_proxy
 from hal.parts.simulated_clock import SimulatedClock
 from hal.replay.tape import error_to_json, to_json
 
@@ -133,7 +133,7 @@ class RecordedRobot(Robot):
         members |= {name: command(name) for name in interface.commands}
         members["stop"] = lambda seen: part.stop()
         members |= {name: _told_on(part, name) for name in interface.asides}
-        return stand_in("Recorded", interface, part.name, members, part)
+        return part_proxy("Recorded", interface, part.name, members, part)
 
     def _read(self, part: Part, name: str) -> Any:
         note = functools.partial(self._note, read=name, part=part.name)

@@ -26,7 +26,7 @@ from hal.api import (
     Part,
     Robot,
 )
-from hal.parts.channels import interface_of, stand_in
+from hal.parts.channels import interface_of, part_proxy
 from hal.parts.part_connection import ConnectionFailedError, refusal
 from hal.parts.simulated_clock import SimulatedClock
 from hal.parts.stop_latch import StopLatch
@@ -150,7 +150,7 @@ class ReplayRobot(Robot):
         members["stop"] = lambda part: self._end_motion(name, MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
         attributes = {attribute: description[attribute] for attribute in interface.attributes}
         described = SimpleNamespace(model=self.model.parts[name], **attributes)
-        return stand_in("Replayed", interface, name, members, described)
+        return part_proxy("Replayed", interface, name, members, described)
 
     def _read(self, part: str, what: str) -> Any:
         self._check_connected(part)
@@ -194,12 +194,12 @@ class ReplayRobot(Robot):
             self._go_on_with_streams((part, what))
             return None
         used = self._used.get((part, what), 0)
-        asked = in_words(what, arguments, keywords)
+        asked = describe_command(what, arguments, keywords)
         if used == len(recorded):
             raise refusal(part, asked, f"the recording holds no further {what}")
         command = recorded[used]
         if not same_target(arguments, command.arguments):
-            held = in_words(what, command.arguments, command.keywords)
+            held = describe_command(what, command.arguments, command.keywords)
             raise refusal(part, asked, f"at {command.time:.2f} s the recording holds {held}")
         self._used[part, what] = used + 1
         self._offset = command.time - self.clock.now()
@@ -270,7 +270,7 @@ def same_target(asked: tuple[Any, ...], recorded: tuple[Any, ...]) -> bool:
     return _near(_target(asked[0]), _target(recorded[0]))
 
 
-def in_words(name: str, arguments: tuple[Any, ...], keywords: Mapping[str, Any]) -> str:
+def describe_command(name: str, arguments: tuple[Any, ...], keywords: Mapping[str, Any]) -> str:
     """Return a command, for people."""
     told = [_short(value) for value in arguments] + [f"{key}={_short(value)}" for key, value in keywords.items()]
     return f"{name}({', '.join(told)})"

@@ -128,7 +128,7 @@ class DisturbanceLog:
         return event in self._resting
 
 
-class Ledger:
+class CallCounter:
     """Counts calls by kind and by function, from ``seal`` on, when the scene is built.
 
     Until ``close_truth``, parts of the simulation and the evaluation may open readers whose calls are not counted.

@@ -27,7 +27,7 @@ EFFORT_TOLERANCE = (0.02, 0.01)  # share and least
 
 
 @dataclass
-class WatchedLeaf:
+class WatchedArticulation:
     """A door or drawer. ``friction``, ``latched``: efforts of its joint beyond ``travel`` and within; ``falling``: how
     much speed its weight can give it in one step, and the others how it was after the step before. ``drift``: how far
     it has moved of late without a velocity.
@@ -65,7 +65,7 @@ class DoorWatcher:
         self._cups = {
             built.links[link] for hand in hands if hand.part.kind == "suction" for link in hand.part.finger_links
         }
-        self._pieces: list[tuple[int, list[int], list[WatchedLeaf]]] = []
+        self._pieces: list[tuple[int, list[int], list[WatchedArticulation]]] = []
         scripted = {door.leaf for door in world.moving_doors}
         for piece in world.furniture:
             leaves = []
@@ -74,7 +74,7 @@ class DoorWatcher:
                 if name in scripted:  # what moves it is told as a disturbance
                     continue
                 body, joint = built.articulations[name]
-                leaf = WatchedLeaf(
+                leaf = WatchedArticulation(
                     name=name,
                     body=body,
                     joint=joint,
@@ -99,7 +99,7 @@ class DoorWatcher:
                 if velocity != leaf.velocity or position != leaf.position:  # else it rests as it did
                     self._watch(leaf, position, velocity, effort, leaf.name in pushed)
 
-    def _watch(self, leaf: WatchedLeaf, position: float, velocity: float, effort: float, pushed: bool) -> None:
+    def _watch(self, leaf: WatchedArticulation, position: float, velocity: float, effort: float, pushed: bool) -> None:
         leaf.drift = DRIFT_DECAY * leaf.drift + position - leaf.position - velocity * self._time_step
         if abs(leaf.drift) > DRIFT:
             self.jumps.append(Finding(self._stamp, f"{leaf.name} moved by {leaf.drift:.5f} without a velocity"))
@@ -112,7 +112,7 @@ class DoorWatcher:
         leaf.accused = bool(fault) or (leaf.accused and abs(velocity) > MOVING)
         leaf.position, leaf.velocity = position, velocity
 
-    def motor_fault(self, leaf: WatchedLeaf, velocity: float, effort: float) -> str:
+    def motor_fault(self, leaf: WatchedArticulation, velocity: float, effort: float) -> str:
         """Return in words how the effort of a joint's motor is not that of friction and latch; empty if it is."""
         owed = leaf.latched if abs(leaf.position) < leaf.travel else leaf.friction
         slack = EFFORT_TOLERANCE[0] * owed + EFFORT_TOLERANCE[1]
@@ -127,7 +127,7 @@ class DoorWatcher:
             return f"is driven by its joint with {abs(effort):.2f}"
         return f"slides against {abs(effort):.2f}, its friction is {owed:.2f}"
 
-    def _fault_of_speed(self, leaf: WatchedLeaf, velocity: float) -> str:
+    def _fault_of_speed(self, leaf: WatchedArticulation, velocity: float) -> str:
         gained = abs(velocity) - max(0.0, math.copysign(leaf.velocity, velocity * leaf.velocity))
         if gained <= GAIN + leaf.falling:
             return ""
@@ -135,12 +135,12 @@ class DoorWatcher:
             return ""
         return f"gained {gained:.4f} per second in a step, and nothing pressed on it"
 
-    def _leaves_stop(self, leaf: WatchedLeaf, velocity: float) -> bool:
+    def _leaves_stop(self, leaf: WatchedArticulation, velocity: float) -> bool:
         """Return whether an end stop that it was pressed into pushes it back, no further than out of the stop."""
         beyond = max(-leaf.position, leaf.position - leaf.upper)
         return (velocity > 0.0) is (leaf.position < 0.0) and abs(velocity) * self._time_step < beyond
 
-    def _is_pressed(self, leaf: WatchedLeaf) -> bool:
+    def _is_pressed(self, leaf: WatchedArticulation) -> bool:
         return any(
             touch.pressure > 0.0 or (touch.second == self._robot and touch.second_link in self._cups)
             for touch in self._contacts(leaf.body, leaf.joint)

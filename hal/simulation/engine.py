@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import CameraIntrinsics, Pose
-from hal.simulation.audit_record import Ledger
+from hal.simulation.audit_record import CallCounter
 from hal.simulation.bodies import (
     Array,
     BuiltWorld,
@@ -31,7 +31,7 @@ class Engine(ABC):
     """
 
     built: BuiltWorld
-    ledger: Ledger
+    ledger: CallCounter
 
     @abstractmethod
     def step(self) -> None:

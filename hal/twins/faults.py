@@ -61,14 +61,14 @@ class Faults:
         """Return the available faults."""
         return ["drop", "delay", "restore", *self._offered, *self._shares]
 
-    def offer(
+    def add(
         self, faults: Mapping[str, Callable[[], None]], shares: Mapping[str, Callable[[float], None]] | None = None
     ) -> None:
         """Add further faults by name. ``shares``: those that take a value from 0 to 1."""
         self._offered |= faults
         self._shares |= shares or {}
 
-    def happen(self, name: str, value: float | None = None) -> None:
+    def trigger(self, name: str, value: float | None = None) -> None:
         """Trigger a fault. Raises LookupError listing the faults, ValueError naming the accepted ``value``."""
         if name == "delay":
             value = delay_seconds(value)

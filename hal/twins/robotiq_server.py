@@ -164,7 +164,7 @@ class RobotiqTwin(TcpTwin):
         super().__init__(address, {port: self._attend_modbus if modbus else self._attend_urcap})
         carries = (arm for arm, of in model.of(ArmModel).items() if of.tool_frame.startswith(f"{name}_"))
         self.gripper = RobotiqGripper(world, world.robot.part(name, Gripper), next(carries, ""))
-        self.faults.offer(
+        self.faults.add(
             {
                 "gripper_jam": self.gripper.jam,
                 "gripper_free": self.gripper.unjam,

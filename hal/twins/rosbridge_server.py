@@ -201,7 +201,7 @@ class RosbridgeTwin:
             lambda: self._version.time(time.time() - self._set_back),
             self.faults,
         )
-        self.faults.offer(
+        self.faults.add(
             {
                 "stale_odometry": functools.partial(self._set_odometry, True, frozenset()),
                 "silent_odometry": functools.partial(self._set_odometry, False, self._odometry_topics),

@@ -115,7 +115,7 @@ class TcpTwin:
 
     def __init__(self, address: str, ports: Mapping[int, Serve]) -> None:
         self.faults = Faults()
-        self.faults.offer({"restart": self.close_clients})
+        self.faults.add({"restart": self.close_clients})
         with contextlib.ExitStack() as opened:
             self._ports = [opened.enter_context(_Port(address, port, serve)) for port, serve in ports.items()]
             opened.pop_all()

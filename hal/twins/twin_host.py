@@ -229,5 +229,5 @@ class TwinHost:
             raise LookupError(f"no connection {name!r}; there are {', '.join(self.twins)}")
         faults = self.twins[name].faults
         if "fault" in question:
-            faults.happen(str(question["fault"]), question.get("value"))
+            faults.trigger(str(question["fault"]), question.get("value"))
         return {"faults": faults.names}

@@ -41,7 +41,7 @@ class URTwin(TcpTwin):
             model,
         )
         self.serial_number = SERIAL_NUMBER
-        self.faults.offer(
+        self.faults.add(
             {
                 "other_serial": lambda: setattr(self, "serial_number", OTHER_SERIAL_NUMBER),
                 "other_length": lambda: controller.lengthen(OTHER_LENGTH),

@@ -54,7 +54,7 @@ class XArmTwin(TcpTwin):
         self._flange = FlangePose(model, arm_name)
         serial = "LI1003" if self.controller.is_lite6 else "XI1304"
         self.settings = XArmSettings.of(model, arm_name, f"{serial}00000000")
-        self.faults.offer(
+        self.faults.add(
             {
                 **self.settings.faults(),
                 **{f"turn_joint{n + 1}": partial(self.controller.turn, n) for n in range(self.controller.axes)},

@@ -85,7 +85,7 @@ class _SilentHere(io.TextIOBase):
 
 
 @contextlib.contextmanager
-def discreet() -> Iterator[None]:
+def silenced_sdk() -> Iterator[None]:
     """Suppress the SDK's output, which contains the controller's address, and restore the timeout of sockets that it
     changes.
     """
@@ -99,7 +99,7 @@ def discreet() -> Iterator[None]:
 
 def import_sdk(load: Callable[[str], ModuleType]) -> Any:
     """Return the package ``xarm``; its log, which contains the address, is limited to critical messages."""
-    with discreet():
+    with silenced_sdk():
         package = load("xarm")
         log = load("xarm.core.utils.log")
     log.logger.setLevel(logging.CRITICAL)
@@ -255,7 +255,7 @@ class XArmWire:
         )
         self._arm = arm
         try:
-            with discreet():
+            with silenced_sdk():
                 arm.connect()
         except Exception as error:  # the SDK raises nothing narrower
             raise ConnectionFailedError(f"{self._name}: the xArm controller refuses the connection") from error

@@ -99,7 +99,7 @@ def scripted_skills(task: str = "fetch_cup", base: Pose2D = ASKEW, *settings: st
     skills: Any = SkillContext.__new__(SkillContext)
     skills.kinds = parts_by_kind(setup.robot_model, setup.robot_model.parts)
     skills.setup, skills.robot, skills.make_accessor = setup, setup.robot_model, algorithms.of_arm
-    skills.clock, skills.world = ManualClock(50.0), setup.world_model.as_at_the_start()
+    skills.clock, skills.world = ManualClock(50.0), setup.world_model.initial_beliefs()
     skills.world.base = BasePose(base, 0.01, 0.01, 50.0)
     skills.failures, skills.observations, skills.costs = [], {}, defaultdict(float)
     skills.parameters = setup.skill_parameters

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from behaviours.furniture.articulation import ArticulationPath, FurnitureArticulation, room_beside, world_at_leaf
+from behaviours.furniture.articulation_motion import UNSURE, retreat
 from behaviours.furniture.close import pushes
-from behaviours.furniture.leaf import FurnitureLeaf, LeafPath, room_beside, world_at_leaf
-from behaviours.furniture.leaf_motion import UNSURE, withdraw
 from behaviours.furniture.opening import plan_opening
 from behaviours.manipulation.base_placement import SAME_STAND
 from bestman_bt.engine import SUCCESS
@@ -26,7 +26,7 @@ from tests.behaviours.test_leaf_seen import leaf_and_handle
 DRAWER, DOOR = ("drawer_chest", "drawer_2"), ("fridge", "upper_door")
 
 
-def standing_at(name: str, part: str, position: float = 0.0) -> tuple[Any, FurnitureLeaf, Handle]:
+def standing_at(name: str, part: str, position: float = 0.0) -> tuple[Any, FurnitureArticulation, Handle]:
     """Skills on whose map the leaf is, as open as is said, with its handle."""
     leaf, handle = leaf_and_handle(name, part, position)
     skills = scripted_skills("fetch_from_drawer")
@@ -72,7 +72,7 @@ def test_a_base_stands_where_its_body_is_clear_of_where_the_leaf_passes(
 ) -> None:
     skills, leaf, _ = standing_at(*DRAWER)
     passed = np.array([[0.4, -0.3]])
-    monkeypatch.setattr("behaviours.furniture.leaf.swept_by", lambda *_: passed)
+    monkeypatch.setattr("behaviours.furniture.articulation.swept_by", lambda *_: passed)
     skills.known_costmap = lambda _: SimpleNamespace(clearance_at=lambda stand: 1.0)
     apart = skills.parameters.furniture.base_clearance
     front = leaf.leaf.shapes[0]
@@ -97,8 +97,8 @@ def test_a_base_stands_where_its_body_is_clear_of_where_the_leaf_passes(
 def test_asked_again_it_gives_another_stand(leaf_name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     skills, leaf, handle = standing_at(*DRAWER, 0.2)
 
-    def first(skills_of_leaf: Any, leaf_of_way: FurnitureLeaf, ways: Any) -> list[SimpleNamespace]:
-        way: LeafPath = next(iter(ways))
+    def first(skills_of_leaf: Any, leaf_of_way: FurnitureArticulation, ways: Any) -> list[SimpleNamespace]:
+        way: ArticulationPath = next(iter(ways))
         return [SimpleNamespace(pose=way.stands[0])]
 
     monkeypatch.setattr("behaviours.furniture.base_placement.find_stands", first)
@@ -148,7 +148,7 @@ def test_on_its_way_home_the_arm_keeps_clear_of_a_leaf_as_unsure_as_it_is_if_it_
         pairs = (*others, *([(leaf.articulation, "panda_hand")] if which in touches else []))
         return SimpleNamespace(which=which, is_free=lambda _: not pairs, colliding_pairs=lambda _: pairs)
 
-    monkeypatch.setattr("behaviours.furniture.leaf_motion.world_at_leaf", around)
+    monkeypatch.setattr("behaviours.furniture.articulation_motion.world_at_leaf", around)
 
     def move_free(skill: Any, goals: Any, world: Any) -> Any:
         told.append(world.which)
@@ -156,7 +156,7 @@ def test_on_its_way_home_the_arm_keeps_clear_of_a_leaf_as_unsure_as_it_is_if_it_
             raise MotionPlanningError(PlanningErrorCode.TIMED_PATH_INVALID, f"no way with a margin of {world.which[0]}")
         yield from ()
 
-    monkeypatch.setattr("behaviours.furniture.leaf_motion.move_free", move_free)
+    monkeypatch.setattr("behaviours.furniture.articulation_motion.move_free", move_free)
     straight = "bestman_bt.manipulation.kinematics.cartesian_path.cartesian_path"
     monkeypatch.setattr(straight, lambda *_: SimpleNamespace(path=np.zeros((1, 7))))
     skill: Any = SimpleNamespace(skills=skills)
@@ -164,14 +164,14 @@ def test_on_its_way_home_the_arm_keeps_clear_of_a_leaf_as_unsure_as_it_is_if_it_
         others[:] = pairs
         touches.clear()
         for which in ((unsure, ()), (0.0, ()), (0.0, (leaf.articulation,))):
-            list(withdraw(skill, leaf, "carry"))
+            list(retreat(skill, leaf, "carry"))
             assert told[-1] == which
             touches.add(which)
     touches.clear()
     refused.append((unsure, ()))  # so close to the leaf that there is a way with less margin only
-    list(withdraw(skill, leaf, "carry"))
+    list(retreat(skill, leaf, "carry"))
     assert told[-2:] == [(unsure, ()), (0.0, ())]
     refused.append((0.0, ()))
     with pytest.raises(MotionPlanningError, match=f"no way with a margin of {unsure}"):
-        list(withdraw(skill, leaf, "carry"))
+        list(retreat(skill, leaf, "carry"))
     assert told[-2:] == [(unsure, ()), (0.0, ())]  # never through the leaf

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from behaviours.arm_motion import move_free, with_room
+from behaviours.arm_motion import move_free, with_held_margin
 from behaviours.manipulation.move_arm import IN_VIEW, ROOM_TO_TURN, postures_beside
 from bestman_bt.manipulation.collision.base import CollisionWorld
 from bestman_bt.manipulation.collision.planning_scene import PlanningScene, SceneObstacle
@@ -56,7 +56,7 @@ def test_what_reaches_far_from_the_hand_keeps_more_room(bystander: RobotSession,
     held = HeldObject("cup", cup, Pose.from_xyz_rpy((0.0, beside, 0.0), (0.0, 0.0, 0.0)), 0.01)
     skills.held = held
     try:
-        attached = with_room(skills.planning_scene(), held, skills.parameters.arm_motion).attached
+        attached = with_held_margin(skills.planning_scene(), held, skills.parameters.arm_motion).attached
     finally:
         skills.held = None
     assert max(cup.size) == pytest.approx(0.1), "it reaches 7 or 20 cm"
@@ -84,7 +84,7 @@ def test_a_held_object_has_room_on_its_way_where_there_is_such_a_way(
         way.close()
     finally:
         skills.held = None
-    owed = [skills.arm_world(one) for one in (with_room(scene, held, skills.parameters.arm_motion), scene)]
+    owed = [skills.arm_world(one) for one in (with_held_margin(scene, held, skills.parameters.arm_motion), scene)]
     assert [world.fingerprint for world in worlds] == [world.fingerprint for world in owed]
     assert worlds[0].fingerprint != worlds[1].fingerprint
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from behaviours.furniture.articulation import FurnitureArticulation, find_articulation
 from behaviours.furniture.close import FrontPush, pushes
-from behaviours.furniture.leaf import FurnitureLeaf, find_leaf
 from bestman_bt.manipulation.kinematics.arc_path import ArcPath
 from bestman_bt.messages import Box, Pose
 from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
@@ -23,10 +23,12 @@ from tests.behaviours.scripted import scripted_skills
 CLOSED_FINGERS = np.zeros(1)
 
 
-def standing_open(task: str, articulation: str, position: float, handle_seen: bool = True) -> tuple[Any, FurnitureLeaf]:
+def standing_open(
+    task: str, articulation: str, position: float, handle_seen: bool = True
+) -> tuple[Any, FurnitureArticulation]:
     """Skills that believe a leaf to be open by ``position``, with its handle where it truly is on it."""
     skills = scripted_skills(task)
-    leaf = find_leaf(skills, articulation)
+    leaf = find_articulation(skills, articulation)
     if handle_seen:
         model = read_furniture(leaf.furniture.name)
         part = next(one for one in model.articulations if one.name == leaf.leaf.name)
@@ -55,7 +57,9 @@ def hands_of(push: FrontPush) -> list[Pose]:
     return push.stations()[0]
 
 
-def tilts_of_level_hands(skills: Any, leaf: FurnitureLeaf) -> dict[tuple[tuple[float, ...], float], tuple[float, ...]]:
+def tilts_of_level_hands(
+    skills: Any, leaf: FurnitureArticulation
+) -> dict[tuple[tuple[float, ...], float], tuple[float, ...]]:
     """By pushed point and roll of the hand."""
     level = takewhile(lambda push: push.pitch == 0.0, pushes(skills, leaf))
     return {(tuple(push.point), push.roll): push.tilts for push in level}

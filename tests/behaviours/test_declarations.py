@@ -8,7 +8,7 @@ import pytest
 
 from behaviours.arm_motion import ARM_PLANNING_FAILS
 from behaviours.failure import MOTION_FAILS, SEEING_FAILS, declared_failures, own_failures
-from behaviours.furniture.leaf_motion import FOLLOWING_FAILS, error_code
+from behaviours.furniture.articulation_motion import FOLLOWING_FAILS, error_code
 from behaviours.navigation.navigate import DRIVING_FAILS
 from behaviours.skill import ErrorReporting, Skill
 from bestman_bt.control.arm.constraint_following import FollowEnd

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from behaviours.furniture.articulation_motion import followed
 from behaviours.furniture.close import Close
-from behaviours.furniture.leaf_motion import followed
 from behaviours.furniture.open import Open
 from behaviours.parameters import SkillParameters
 from behaviours.skill import SkillFailure
@@ -66,7 +66,7 @@ class Hand:
 
 
 def test_open_tells_part_and_vendor_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("behaviours.furniture.open.felt_leaf", lambda *_: None)
+    monkeypatch.setattr("behaviours.furniture.open.articulation_from_motion", lambda *_: None)
     leaf = SimpleNamespace(articulation="fridge/door", leaf=SimpleNamespace(kind="revolute", upper=1.5))
     opening = SimpleNamespace(
         leaf=leaf,

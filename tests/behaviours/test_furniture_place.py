@@ -8,7 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.furniture.leaf_measurement import HEADING_ERROR, POSITION_ERROR, believe_place, believe_shut_fronts
+from behaviours.furniture.articulation_measurement import (
+    HEADING_ERROR,
+    POSITION_ERROR,
+    believe_place,
+    believe_shut_fronts,
+)
 from bestman_bt.messages import Handle, Pose, Pose2D
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene

@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.configuration.run import RunRequest
 from bestman_bt.messages import Handle
-from bestman_bt.runtime.perception_preview import furniture_to_look_at, standing_before
+from bestman_bt.runtime.perception_preview import furniture_to_look_at, run_in_front_of
 from bestman_bt.runtime.robot_session import RobotSession
 from tests.behaviours.at_the_table import tick, tree_of
 from tests.behaviours.truth import known_world, succeeds, why_not
@@ -25,7 +25,7 @@ def standing_at(name: str) -> Iterator[tuple[RobotSession, dict[str, Handle]]]:
     """A robot before furniture, its arm out of the picture, and the true handles in the map frame, by articulation."""
     asked = RunRequest(scene=SCENE, robot="diff_panda", seed=SEED)
     furniture = furniture_to_look_at(asked)[name]
-    with known_world(standing_before(furniture, asked)) as (session, truth):
+    with known_world(run_in_front_of(furniture, asked)) as (session, truth):
         placed = next(piece for piece in session.setup.world.furniture if piece.name == name)
         true = {a.name: a.handle.seen_from(truth.furniture_pose(name)) for a in placed.model.articulations}
         middle = furniture.pose.to_pose().apply(np.array([[-furniture.footprint[0] / 2, 0.0, 0.0]]))[0]

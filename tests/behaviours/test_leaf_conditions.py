@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from behaviours.furniture.leaf import find_leaf
+from behaviours.furniture.articulation import find_articulation
 from behaviours.skill import SkillFailure
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.runtime.robot_session import RobotSession, session
@@ -67,7 +67,7 @@ def test_a_door_that_is_open_by_no_number_is_neither_open_nor_shut(furnished: Ro
 def test_an_opening_out_of_range_is_refused_in_the_unit_of_the_joint(
     furnished: RobotSession, name: str, beyond: float, range_told: str
 ) -> None:
-    leaf = find_leaf(furnished.skills, name)
+    leaf = find_articulation(furnished.skills, name)
     leaf.check_opening("opening", 0.0)
     leaf.check_opening("opening", leaf.leaf.upper)
     with pytest.raises(SkillFailure, match=range_told) as refused:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.furniture.leaf_measurement import felt_leaf, grown
+from behaviours.furniture.articulation_measurement import articulation_from_motion, grown
 from behaviours.furniture.opening import Opening
 from bestman_bt.messages import Box
 from tests.behaviours.test_leaf_seen import OFF, leaf_and_handle
@@ -22,7 +22,7 @@ def test_the_front_is_where_it_really_is_in_the_direction_that_it_faces(name: st
     handle = replace(handle, hinge_direction=leaf.axis()[1] if revolute else None)
     opening = Opening(leaf, handle, opened, 0.0, 1.0, opened if revolute else None)
     angle = opened if revolute else 0.0
-    felt = felt_leaf(opening, handle.pose.position, moved.pose.position, angle, 0.0)
+    felt = articulation_from_motion(opening, handle.pose.position, moved.pose.position, angle, 0.0)
     really = OFF.to_pose() @ leaf.leaf.moved(opened) @ leaf.leaf.shapes[0].pose
     front = felt.shapes[0]
     apart = front.pose.position - really.position
@@ -36,7 +36,7 @@ def test_the_front_is_where_it_really_is_in_the_direction_that_it_faces(name: st
 def test_a_leaf_is_grown_on_all_sides() -> None:
     leaf, handle = leaf_and_handle("drawer_chest", "drawer_2", 0.0)
     at = handle.pose.position
-    felt = felt_leaf(Opening(leaf, handle, 0.2, 0.0, 0.2, None), at, at, 0.0, 0.0)
+    felt = articulation_from_motion(Opening(leaf, handle, 0.2, 0.0, 0.2, None), at, at, 0.0, 0.0)
     for before, after in zip(felt.shapes, grown(felt, 0.01).shapes, strict=True):
         assert isinstance(before.shape, Box)
         assert isinstance(after.shape, Box)

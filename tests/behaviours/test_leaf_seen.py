@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.furniture.leaf import FurnitureLeaf
-from behaviours.furniture.leaf_measurement import opening_by_board, opening_seen, opening_since
+from behaviours.furniture.articulation import FurnitureArticulation
+from behaviours.furniture.articulation_measurement import opening_by_board, opening_seen, opening_since
 from behaviours.furniture.opening import Opening, stations
 from bestman_bt.messages import Box, Handle, Pose, Pose2D
 from bestman_bt.perception.segmentation.base import SupportPlane
@@ -23,14 +23,14 @@ OFF = Pose2D(1.22, -0.38, 0.72)  # where it really stands, within the map's erro
 WALLS = (Wall((-3.0, -3.0), (3.0, -3.0), 1.2, 0.1), Wall((3.0, -3.0), (3.0, 3.0), 1.2, 0.1))
 
 
-def leaf_and_handle(name: str, part: str, position: float) -> tuple[FurnitureLeaf, Handle]:
+def leaf_and_handle(name: str, part: str, position: float) -> tuple[FurnitureArticulation, Handle]:
     """The leaf as the map has it, and the true handle, on the leaf that is open by ``position``."""
     model = read_furniture(name)
     placed = PlacedFurniture(name, model, AT, OFF)
     piece = semantic_map(World("one", 0, WALLS, (placed,), (), Pose2D(), {})).furniture[name]
     articulation = next(leaf for leaf in model.articulations if leaf.name == part)
     handle = articulation.handle.seen_from(placed.pose @ articulation.moved(position))
-    return FurnitureLeaf(f"{name}/{part}", piece, piece.leaf(part)), handle
+    return FurnitureArticulation(f"{name}/{part}", piece, piece.leaf(part)), handle
 
 
 @pytest.mark.parametrize("part", ["upper_door", "lower_door"])
@@ -100,7 +100,7 @@ def board_seen(
     position: float,
     face: tuple[float, float, float] = (-1.0, 0.0, 0.0),
     share: float = 1.0,
-) -> tuple[FurnitureLeaf, SupportPlane]:
+) -> tuple[FurnitureArticulation, SupportPlane]:
     """The leaf as the map has it, and the middle ``share`` of a face of its true board, open by ``position``."""
     leaf, _ = leaf_and_handle(name, part, position)
     front = leaf.leaf.shapes[0]

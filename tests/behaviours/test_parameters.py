@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import behaviours
-from behaviours.arm_motion import timed_path, with_room
+from behaviours.arm_motion import timed_path, with_held_margin
 from behaviours.manipulation.push import push_tool_poses, spread
 from behaviours.parameters import SkillParameters
 from bestman_bt.configuration.errors import ConfigurationError
@@ -88,7 +88,9 @@ def test_speed_and_clearance_of_the_arm_are_set() -> None:
     next(timed_path(skill, np.zeros((2, 7)), world, speed=0.5))
     assert (asked[-1].velocity, asked[-1].acceleration) == pytest.approx((0.1, 0.5 * 0.35))
     held = HeldObject("cup", skills.world.models["cup"], Pose(), 0.06)
-    attached = with_room(skills.planning_scene().holding(_attached()), held, skills.parameters.arm_motion).attached
+    attached = with_held_margin(
+        skills.planning_scene().holding(_attached()), held, skills.parameters.arm_motion
+    ).attached
     assert attached is not None
     assert attached.padding == 0.05
 

@@ -96,11 +96,11 @@ def test_views_that_fit_together_less_surely_than_is_asked_change_no_belief(
     skills.observations["cup"] = ["an earlier view"]
     joined = SimpleNamespace(pose=Pose(), confidence=confidence, position_std=0.001, yaw_set=YawSet(((0.0, 0.1),)))
     skills.multi_view = SimpleNamespace(estimate=lambda *_: (joined,))
-    monkeypatch.setattr("behaviours.manipulation.second_look.SecondLook._postures", lambda *_: [np.zeros(7)])
-    monkeypatch.setattr("behaviours.manipulation.second_look.move_free", lambda *_: ())
-    monkeypatch.setattr("behaviours.manipulation.second_look.remember_view", lambda *_: None)
+    monkeypatch.setattr("behaviours.manipulation.next_best_view.SecondLook._postures", lambda *_: [np.zeros(7)])
+    monkeypatch.setattr("behaviours.manipulation.next_best_view.move_free", lambda *_: ())
+    monkeypatch.setattr("behaviours.manipulation.next_best_view.remember_view", lambda *_: None)
     monkeypatch.setattr(
-        "behaviours.manipulation.second_look.only_nearest", lambda *_: SimpleNamespace(detections=(seen,))
+        "behaviours.manipulation.next_best_view.only_nearest", lambda *_: SimpleNamespace(detections=(seen,))
     )
     monkeypatch.setattr("bestman_bt.perception.pose_estimation.multi_view.ViewObservation", lambda *_: None)
     assert run(skills, load(skills, '<SecondLook object="cup" min_confidence="0.6"/>')) == status

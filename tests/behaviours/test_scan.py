@@ -10,7 +10,7 @@ import pytest
 from bestman_bt.configuration.run import RunRequest
 from bestman_bt.engine import SUCCESS
 from bestman_bt.messages import VOXEL_FREE, VOXEL_OCCUPIED
-from bestman_bt.runtime.perception_preview import furniture_to_look_at, standing_before
+from bestman_bt.runtime.perception_preview import furniture_to_look_at, run_in_front_of
 from bestman_bt.runtime.robot_session import RobotSession
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.sensor_pipeline import SensorFault
@@ -32,7 +32,7 @@ def at_shelf() -> Iterator[tuple[RobotSession, GroundTruth]]:
     """A robot before a shelf with things on two of its boards, which it has scanned."""
     asked = RunRequest(scene="kitchen_furnished", robot="diff_panda", seed=5, settings=ALL_THERE)
     shelf = furniture_to_look_at(asked)["shelf"]
-    with known_world(standing_before(shelf, asked)) as (session, truth):
+    with known_world(run_in_front_of(shelf, asked)) as (session, truth):
         boards = [
             f'<LookAt surface="shelf/{b}"/><ScanScene surface="shelf/{b}" views="1"/>' for b in ("board_2", "board_3")
         ]

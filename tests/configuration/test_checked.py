@@ -11,7 +11,7 @@ import pytest
 
 from bestman_bt.configuration.checked import check, is_whole, numbered, override, salvage
 from bestman_bt.configuration.document import Document, parse_document
-from bestman_bt.configuration.errors import ConfigurationError, ProblemCollector, UnreadError, as_far_as_read
+from bestman_bt.configuration.errors import ConfigurationError, ProblemCollector, UnreadError, up_to_unread_field
 from bestman_bt.configuration.quantity import Length, Mass, WholeNumber
 from bestman_bt.messages.shapes import NotBelow, check_bounds
 
@@ -124,7 +124,7 @@ def test_what_is_owed_and_wrong_is_asked_for_in_vain_and_everything_else_can_be_
 def test_a_check_of_something_salvaged_ends_where_it_asks_for_what_could_not_be_read() -> None:
     value, problems = salvage(parse_document("wheels: 3\nratio: 2\n", "cart.yaml"), Cart)
 
-    @as_far_as_read
+    @up_to_unread_field
     def ratios(cart: Cart) -> Iterator[float]:
         yield cart.ratio
         yield len(cart.wheels)

@@ -14,7 +14,7 @@ def test_a_robot_waits_while_it_is_held_and_goes_on_at_the_speed_that_was_set_me
     speed.held("a pause")
     speed.set(0.5)
     speed.held(None)
-    speed.go_on()
+    speed.resume()
     assert told == [0.3, 0.0, 0.0, 0.5]
     assert speed.share == 0.5
 
@@ -23,7 +23,7 @@ def test_in_simulation_time_stands_still_and_nothing_has_to_wait() -> None:
     told: list[float] = []
     speed = OperatorSpeed(told.append, stands_still=True)
     speed.hold()
-    speed.go_on()
+    speed.resume()
     assert told == []
 
 

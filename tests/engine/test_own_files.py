@@ -73,7 +73,10 @@ def test_a_tree_does_not_find_the_helpers_of_another_folder(two: list[Path], tmp
             "from behaviours.navigate import *",
             "; there is behaviours.nav2.navigate and there is behaviours.navigation.navigate",
         ),
-        ("import behaviours.leaf", "No module named 'behaviours.leaf'; there is behaviours.furniture.leaf"),
+        (
+            "import behaviours.articulation",
+            "No module named 'behaviours.articulation'; there is behaviours.furniture.articulation",
+        ),
         ("from behaviours import push", "; there is behaviours.manipulation.push"),
         (
             "from bestman_bt.engine import Sequence, Log",

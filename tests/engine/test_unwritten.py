@@ -8,7 +8,7 @@ import py_trees
 import pytest
 
 from bestman_bt.engine import SUCCESS, NodeRegistry, PortInformation, Sequence, SyncAction, build_tree, load_tree
-from bestman_bt.engine.unwritten import may_write_unseen, unwritten_reads
+from bestman_bt.engine.unwritten import may_write_undeclared, unwritten_reads
 from bestman_bt.engine.validation import validate_file
 
 
@@ -125,4 +125,4 @@ def test_an_output_that_is_written_by_default_counts(registry: NodeRegistry) -> 
 def test_code_that_asks_for_its_blackboard_may_write_what_its_ports_do_not_name(registry: NodeRegistry) -> None:
     native = py_trees.behaviours.SetBlackboardVariable("set", "thing", "cup", overwrite=True)
     tree = build_tree(Sequence([Grasp(target="cup"), Unseen(), native, py_trees.behaviours.Success("fine")]))
-    assert [may_write_unseen(node) for node in tree.nodes] == [False, False, True, True, False]
+    assert [may_write_undeclared(node) for node in tree.nodes] == [False, False, True, True, False]

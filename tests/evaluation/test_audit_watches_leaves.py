@@ -24,7 +24,7 @@ from hal.api import Robot
 from hal.pybullet.client import UNGUARDED_FUNCTIONS
 from hal.pybullet.package import pybullet
 from hal.pybullet.robot import PyBulletRobot
-from hal.simulation.door_watcher import DoorWatcher, WatchedLeaf
+from hal.simulation.door_watcher import DoorWatcher, WatchedArticulation
 from hal.simulation.ground_truth import GroundTruth
 from hal.simulation.guards import ReadPurpose
 
@@ -109,7 +109,9 @@ def test_a_motor_on_the_hinge_is_seen(robot, door, hidden, force) -> None:
 @pytest.mark.parametrize(("effort", "is_driven"), [(2.04, False), (2.06, True)])
 def test_a_joint_that_exerts_more_than_its_friction_is_driven_either_way(sense, effort, is_driven) -> None:
     watcher = object.__new__(DoorWatcher)
-    leaf = WatchedLeaf(DOOR, 0, 0, 1.5, friction=2.0, latched=2.0, travel=0.0, falling=0.0, position=0.7, velocity=0.0)
+    leaf = WatchedArticulation(
+        DOOR, 0, 0, 1.5, friction=2.0, latched=2.0, travel=0.0, falling=0.0, position=0.7, velocity=0.0
+    )
     assert ("is driven by its joint" in watcher.motor_fault(leaf, 0.0, sense * effort)) == is_driven
 
 

@@ -200,7 +200,7 @@ def test_a_stopped_episode_ends_it_counts_for_nothing_and_is_the_next_one_to_be_
     episodes(succeed, cancel)
     document = evaluated(suite(ALL, NONE), tmp_path)
     assert (document["interrupted"], document["episodes"], document["met"]) == (True, 1, False)
-    eval_command.tell_in_words({**document, "comparisons": []})
+    eval_command.print_result({**document, "comparisons": []})
     told = capsys.readouterr().out
     assert ": interrupted, 1 of 6 episodes completed; " in told
     assert ": 1 of 1 succeeded" in told

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.engine import ManualClock
-from bestman_bt.evaluation.disturbances import Disturbances, NewPlaces
+from bestman_bt.evaluation.disturbances import Disturbances, RelocationSampler
 from bestman_bt.messages import Pose
 from bestman_bt.scene.placing import planar_radius
 from bestman_bt.world_model.world_model import HeldObject, ObjectBelief
@@ -241,7 +241,7 @@ def test_things_are_put_near_enough_on_their_surface_and_clear_of_others_and_of_
     end = ScriptedEnd("pick_place_table", "scene.furniture.table.at=[2.6, -0.4, 50 deg]")
     session: Any = end.session
     truth: Any = end.truth
-    places = NewPlaces(session, truth)
+    places = RelocationSampler(session, truth)
     models = {thing.name: thing.model for thing in end.setup.world.objects}
     name = next(name for name, model in models.items() if model.symmetry_order == 0)
     end.truth.on[name] = ("table",)
@@ -278,9 +278,9 @@ def test_where_there_is_no_room_there_is_no_place() -> None:
     session: Any = end.session
     truth: Any = end.truth
     name = next(iter(end.truth.poses))
-    assert NewPlaces(session, truth).beside(name, (5.0, 6.0), np.random.default_rng(1)) is None
+    assert RelocationSampler(session, truth).beside(name, (5.0, 6.0), np.random.default_rng(1)) is None
     end.truth.poses[name] = shifted(end.truth.poses[name], z=-0.5)
-    assert NewPlaces(session, truth).beside(name, (0.1, 0.3), np.random.default_rng(1)) is None
+    assert RelocationSampler(session, truth).beside(name, (0.1, 0.3), np.random.default_rng(1)) is None
 
 
 def test_elsewhere_is_another_piece_of_furniture_or_the_one_that_is_asked_for_and_never_a_drawer() -> None:
@@ -288,7 +288,7 @@ def test_elsewhere_is_another_piece_of_furniture_or_the_one_that_is_asked_for_an
     session: Any = end.session
     truth: Any = end.truth
     end.truth.on["cup"] = ("table",)
-    places = NewPlaces(session, truth)
+    places = RelocationSampler(session, truth)
     surfaces = {
         place.surface
         for seed in range(10)
@@ -302,5 +302,5 @@ def test_elsewhere_is_another_piece_of_furniture_or_the_one_that_is_asked_for_an
     session, truth = chest.session, chest.truth
     chest.truth.on["cup"] = ("table",)
     for seed in range(10):
-        place = NewPlaces(session, truth).elsewhere("cup", None, np.random.default_rng(seed))
+        place = RelocationSampler(session, truth).elsewhere("cup", None, np.random.default_rng(seed))
         assert place is None or place.surface == "drawer_chest/top"

@@ -17,7 +17,7 @@ from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.markdown import markdown
 from bestman_bt.evaluation.report.page import groups_by_name
-from bestman_bt.evaluation.report.run_reader import folders_to_report, read_story
+from bestman_bt.evaluation.report.run_reader import folders_to_report, read_run_report
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.evaluation.suite import SuiteEntry, is_suite, load_suite
 
@@ -82,7 +82,7 @@ def test_an_interrupted_evaluation_goes_on_where_it_stopped(suite_file: Path, tm
     ]
     assert [failure["seed"] for failure in task["failures"]] == [3, 4, 5]
     assert evaluate(suite_file, tmp_path / "out")[0] == []
-    rows = groups_by_name([read_story(folder) for folder in folders_to_report(tmp_path / "out")])
+    rows = groups_by_name([read_run_report(folder) for folder in folders_to_report(tmp_path / "out")])
     assert [name.split(" · ")[0] for name in rows] == ["fail", "control"]
     text = markdown(document)
     assert "**Not all targets met.** 4 episodes, 0 false successes, 0 unearned successes, audit clean." in text

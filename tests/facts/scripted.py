@@ -78,7 +78,7 @@ class ScriptedEnd:
         self.truth = ScriptedTruth(self.setup)
         arm = next(iter(self.setup.robot_model.of(ArmModel).values()))
         self.tool_frame = arm.tool_frame
-        skills = SimpleNamespace(world=self.setup.world_model.as_at_the_start(), arm_model=arm)
+        skills = SimpleNamespace(world=self.setup.world_model.initial_beliefs(), arm_model=arm)
         self.session = SimpleNamespace(setup=self.setup, skills=skills)
 
     def evidence(self, driven: float = 0.0, **before: Pose) -> Evidence:

@@ -12,7 +12,7 @@ from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.messages import Pose
-from bestman_bt.world_model.openness import leaf_called, openness_of
+from bestman_bt.world_model.openness import articulation_called, openness_of
 from tests.facts.scripted import ScriptedEnd
 from tests.facts.staged import Staged, judged
 
@@ -75,7 +75,7 @@ def test_each_fact_that_is_not_true_is_told() -> None:
 
 
 def test_a_drawer_is_open_from_where_skills_can_work_in_it_and_shut_up_to_a_centimetre() -> None:
-    leaf = openness_of(leaf_called(end_of("hand_empty").setup.world_model, DRAWER))
+    leaf = openness_of(articulation_called(end_of("hand_empty").setup.world_model, DRAWER))
     for opened, is_open, is_shut in (
         (0.0, False, True),
         (leaf.shut - 1e-4, False, True),

@@ -54,7 +54,7 @@ def test_a_surface_is_where_its_drawer_is_and_goes_as_far_up_as_the_next_one(
     name = f"drawer_chest/{surface}"
     piece, pose, size, room = surface_pose(chest.evidence(), name)
     shut = chest.surface(name)
-    leaf = piece.model.leaf_of(surface)
+    leaf = piece.model.drawer_of(surface)
     way = pose.position - shut.position
     assert np.linalg.norm(way) == pytest.approx(opened, abs=1e-9)
     if leaf is not None:

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.rendering import Color, render_view
 from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose
-from bestman_bt.perception.held_object import look_between_fingers
+from bestman_bt.perception.held_object import observe_finger_gap
 from bestman_bt.perception.view import View
 from tests.robot_models import gripper_model, with_part
 
@@ -36,7 +36,7 @@ def hand_view(width: float, held: PlacedShape | None, seed: int = 0) -> View:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_gap_of_an_empty_hand_is_looked_through(seed) -> None:
-    gap = look_between_fingers(hand_view(0.06, None, seed), TOOL, GRIPPER, 0.06)
+    gap = observe_finger_gap(hand_view(0.06, None, seed), TOOL, GRIPPER, 0.06)
     assert gap.empty > 0.8
     assert gap.filled < 0.1
 
@@ -49,7 +49,7 @@ def test_the_gap_of_an_empty_hand_is_looked_through(seed) -> None:
     ],
 )
 def test_the_gap_of_a_full_hand_is_filled(held) -> None:
-    gap = look_between_fingers(hand_view(0.06, held), TOOL, GRIPPER, 0.06)
+    gap = observe_finger_gap(hand_view(0.06, held), TOOL, GRIPPER, 0.06)
     assert gap.filled > 0.8
     assert gap.empty < 0.05
 
@@ -57,11 +57,11 @@ def test_the_gap_of_a_full_hand_is_filled(held) -> None:
 def test_a_picture_without_depth_says_nothing() -> None:
     view = hand_view(0.06, None)
     blind = View(type(view.image)(view.image.rgb, np.zeros_like(view.image.depth), view.image.intrinsics, 0.0), TOOL)
-    gap = look_between_fingers(blind, TOOL, GRIPPER, 0.06)
+    gap = observe_finger_gap(blind, TOOL, GRIPPER, 0.06)
     assert (gap.filled, gap.empty, gap.unseen) == (0.0, 0.0, 1.0)
 
 
 def test_long_and_narrow_pads_are_looked_at_along_their_length() -> None:
     pads = with_part(GRIPPER, pad_size=(0.006, 0.06))
     sheet = PlacedShape(Box((0.012, 0.058, 0.08)), Pose.from_xyz_rpy((0.0, 0.0, 0.0)))
-    assert look_between_fingers(hand_view(0.06, sheet), TOOL, pads, 0.06).filled > 0.9
+    assert observe_finger_gap(hand_view(0.06, sheet), TOOL, pads, 0.06).filled > 0.9

@@ -22,7 +22,7 @@ from bestman_bt.engine.xml.writer import full_tree_xml
 from bestman_bt.records.described_tree import describe_changes, describe_tree, describe_xml, xml_of
 from bestman_bt.records.events import DescribedNode
 from bestman_bt.records.history import RunHistory
-from bestman_bt.records.palette import look_of
+from bestman_bt.records.palette import appearance_of
 
 TREE = """
 <root BTCPP_format="4" main_tree_to_execute="Main">
@@ -125,12 +125,12 @@ def test_changes_of_a_tick_carry_what_the_nodes_say():
     tree.tick_exactly_once()
     now = history.states.now
     assert history.message_at(uids["drop it"], 0.0) == "DROPPED: it fell"
-    assert look_of(now, uids["drop it"]).word == "failure"
+    assert appearance_of(now, uids["drop it"]).word == "failure"
     assert history.message_at(uids["to the sink"], 0.0) == "driving 2.0 m"
     assert now.states[uids["main"]] == RUNNING
     tree.tick_exactly_once()
     assert history.message_at(uids["to the sink"], 0.0) == "arrived"
-    assert look_of(now, uids["main"]).word == "succeeded"
+    assert appearance_of(now, uids["main"]).word == "succeeded"
 
 
 def test_what_has_no_code_here_is_a_placeholder() -> None:

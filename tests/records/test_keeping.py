@@ -5,11 +5,11 @@ import os
 
 import pytest
 
-from bestman_bt.records.keeping import Keeping
+from bestman_bt.records.keeping import RecordingErrors
 
 
 def test_a_file_that_failed_once_has_no_gap_and_the_others_are_written_on(capsys: pytest.CaptureFixture[str]) -> None:
-    keeping, written = Keeping(), list[str]()
+    keeping, written = RecordingErrors(), list[str]()
 
     def full() -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

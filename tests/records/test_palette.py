@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
-from bestman_bt.records.palette import LOOKS, css_variables, look_of
+from bestman_bt.records.palette import LOOKS, appearance_of, css_variables
 from bestman_bt.records.states import NO, NodeStates, StateHistory
 
 
@@ -31,7 +31,7 @@ def told(*states: int) -> NodeStates:
     ],
 )
 def test_an_idle_node_still_tells_how_it_ended(states: tuple[int, ...], word: str) -> None:
-    assert look_of(told(*states), 1).word == word
+    assert appearance_of(told(*states), 1).word == word
 
 
 def test_every_state_has_a_colour_and_an_icon_of_its_own() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.compose import load_robot_model
-from bestman_bt.robot_model.mounting import without_bare_frames
+from bestman_bt.robot_model.mounting import without_frame_links
 
 
 def place(model: pinocchio.Model, q: np.ndarray, link: str) -> Pose:
@@ -21,7 +21,7 @@ def place(model: pinocchio.Model, q: np.ndarray, link: str) -> Pose:
 
 def test_every_link_and_frame_stays_where_it_was() -> None:
     urdf = load_robot_model("diff_panda").urdf
-    lean, places = without_bare_frames(urdf)
+    lean, places = without_frame_links(urdf)
     before, after = pinocchio.buildModelFromXML(urdf), pinocchio.buildModelFromXML(lean)
     assert list(before.names) == list(after.names)
     q = pinocchio.randomConfiguration(before, np.full(before.nq, -1.0), np.full(before.nq, 1.0))
@@ -41,7 +41,7 @@ def test_links_with_a_shape_stay_and_frames_on_moving_joints_too() -> None:
       <joint name="b" type="continuous"><parent link="seen"/><child link="moving"/><axis xyz="0 0 1"/></joint>
       <joint name="c" type="fixed"><origin xyz="1 2 3"/><parent link="moving"/><child link="frame"/></joint>
     </robot>"""
-    lean, places = without_bare_frames(urdf)
+    lean, places = without_frame_links(urdf)
     assert [link.get("name") for link in ET.fromstring(lean).findall("link")] == ["root", "seen", "moving"]
     assert list(places) == ["frame"]
     assert places["frame"][0] == "moving"
@@ -63,7 +63,7 @@ def test_a_frame_on_a_turned_frame_is_where_both_joints_put_it() -> None:
         <parent link="solid"/><child link="turned"/></joint>
       <joint name="b" type="fixed"><origin xyz="2 0 0"/><parent link="turned"/><child link="ahead"/></joint>
     </robot>"""
-    _, places = without_bare_frames(urdf)
+    _, places = without_frame_links(urdf)
     holder, solid_from_ahead = places["ahead"]
     assert holder == "solid"
     assert solid_from_ahead.position == pytest.approx([1.0, 2.0, 0.0], abs=1e-6)

@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.configuration.data import pybullet_data
 from bestman_bt.configuration.errors import ConfigurationError
-from bestman_bt.robot_model.bringup_file import BringUpFile, Signature, SignedStep, as_brought_up, bringup_path
+from bestman_bt.robot_model.bringup_file import BringUpFile, Signature, SignedStep, bringup_path, with_bringup_limits
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 
@@ -45,17 +45,17 @@ def share_of_speed(model: RobotModel) -> float:
 
 def test_arms_are_slow_until_the_bring_up_is_signed(robot_file: Path) -> None:
     model = load_robot_model(robot_file)
-    slow, why = as_brought_up(model)
+    slow, why = with_bringup_limits(model)
     assert share_of_speed(slow) == pytest.approx(0.1)
     assert "no bring-up was signed" in why
     file = signed_for(model)
     replace(file, signed=None).write(bringup_path(robot_file))
-    slow, why = as_brought_up(model)
+    slow, why = with_bringup_limits(model)
     assert share_of_speed(slow) == pytest.approx(0.1)
     assert "not signed yet, 1 steps are done" in why
     file.write(bringup_path(robot_file))
     assert BringUpFile.read(bringup_path(robot_file)) == file
-    signed, why = as_brought_up(model)
+    signed, why = with_bringup_limits(model)
     assert (share_of_speed(signed), why) == (1.0, "")
     assert signed.serial_numbers == {"arm_controller": "XI130400000001"}
 
@@ -76,10 +76,10 @@ def test_a_bring_up_of_another_content_of_the_robots_file_is_refused(
     robot_file.write_text(ROBOT.replace(old, new))
     model = load_robot_model(robot_file)
     if same:
-        assert as_brought_up(model)[1] == ""
+        assert with_bringup_limits(model)[1] == ""
         return
     with pytest.raises(ConfigurationError, match=r"cell\.bringup: content: was signed for another content of cell"):
-        as_brought_up(model)
+        with_bringup_limits(model)
 
 
 def test_settings_of_one_run_make_no_other_robot(robot_file: Path) -> None:
@@ -95,9 +95,9 @@ def test_a_bring_up_of_a_twin_counts_for_twins_only(robot_file: Path) -> None:
     model = load_robot_model(robot_file)
     replace(signed_for(model), twin=True).write(bringup_path(robot_file))
     with pytest.raises(ConfigurationError, match="was signed for a twin, and arm_controller is at an address"):
-        as_brought_up(model)
+        with_bringup_limits(model)
     twins = {"connections.arm_controller.address": "127.0.0.2"}
-    assert as_brought_up(load_robot_model(robot_file, twins))[1] == ""
+    assert with_bringup_limits(load_robot_model(robot_file, twins))[1] == ""
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_a_bring_up_of_a_twin_counts_for_twins_only(robot_file: Path) -> None:
 def test_a_damaged_file_is_told_with_its_line(robot_file: Path, text: str, words: str) -> None:
     bringup_path(robot_file).write_text(text)
     with pytest.raises(ConfigurationError) as error:
-        as_brought_up(load_robot_model(robot_file))
+        with_bringup_limits(load_robot_model(robot_file))
     assert words in str(error.value)
 
 

@@ -12,7 +12,7 @@ from bestman_bt.messages.shapes import bounding_corners
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.map_of_world import leaves, semantic_map
-from bestman_bt.scene.plane_geometry import cut_away, rectangle, wall_rectangle
+from bestman_bt.scene.plane_geometry import rectangle, segment_outside, wall_rectangle
 from bestman_bt.scene.scene import World
 
 
@@ -54,7 +54,7 @@ def test_the_map_has_no_face_that_a_lidar_could_not_see(world: World) -> None:
         centre = outline.mean(axis=0)
         shrunk = centre + (outline - centre) * 0.99
         for segment in walls:
-            pieces = cut_away(segment.reshape(2, 2), shrunk)
+            pieces = segment_outside(segment.reshape(2, 2), shrunk)
             assert len(pieces) == 1
             np.testing.assert_allclose(pieces[0], segment.reshape(2, 2))
 
@@ -81,11 +81,11 @@ def test_surfaces_are_found_by_name(world: World) -> None:
 
 def test_cutting_a_segment_leaves_what_lies_outside() -> None:
     square = rectangle(Pose2D(), (1.0, 1.0))
-    pieces = cut_away(np.array([[-1.0, 0.0], [1.0, 0.0]]), square)
+    pieces = segment_outside(np.array([[-1.0, 0.0], [1.0, 0.0]]), square)
     np.testing.assert_allclose(pieces, [[[-1, 0], [-0.5, 0]], [[0.5, 0], [1, 0]]], atol=1e-5)
     untouched = np.array([[-1.0, 0.6], [1.0, 0.6]])
-    np.testing.assert_allclose(cut_away(untouched, square), [untouched])
-    assert cut_away(np.array([[-0.2, 0.0], [0.2, 0.0]]), square) == []
+    np.testing.assert_allclose(segment_outside(untouched, square), [untouched])
+    assert segment_outside(np.array([[-0.2, 0.0], [0.2, 0.0]]), square) == []
 
 
 def test_a_board_that_is_laid_on_its_side_is_as_large_on_the_map_as_it_is() -> None:

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from bestman_bt.messages import Pose2D
 from bestman_bt.scene.floor_grid import FloorGrid
 from bestman_bt.scene.plane_geometry import (
-    cut_away,
     depth_inside,
     distance_to_polygon,
     overlap_depth,
     polygons_overlap,
     rectangle,
+    segment_outside,
 )
 
 COORDINATE = st.floats(-3.0, 3.0).map(lambda value: round(value, 2))
@@ -62,7 +62,7 @@ def test_what_is_left_of_a_segment_is_what_is_outside(
     pose: Pose2D, size: tuple[float, float], start: tuple[float, float], end: tuple[float, float]
 ) -> None:
     segment, outline = np.array([start, end]), rectangle(pose, size)
-    rests = cut_away(segment, outline)
+    rests = segment_outside(segment, outline)
     length = math.dist(start, end)
     for share in np.linspace(0.005, 0.995, 37):
         point = segment[0] + share * (segment[1] - segment[0])

@@ -16,15 +16,15 @@ def monitor() -> PlanMonitor:
 
 
 def test_the_last_action_that_is_ready_comes_next(monitor: PlanMonitor) -> None:
-    assert str(monitor.outlook(kitchen(FETCH_GOAL).state)) == "next is OpenContainer(drawer_1)"
-    assert str(monitor.outlook(facts("holding(mug)", "open(drawer_1)"))) == "next is PutAt(mug, table)"
+    assert str(monitor.assess(kitchen(FETCH_GOAL).state)) == "next is OpenContainer(drawer_1)"
+    assert str(monitor.assess(facts("holding(mug)", "open(drawer_1)"))) == "next is PutAt(mug, table)"
 
 
 def test_it_is_done_where_the_goal_is_believed(monitor: PlanMonitor) -> None:
-    assert monitor.outlook(facts("on(mug, table)")).done
-    assert str(monitor.outlook(facts("on(mug, table)"))) == "the goal holds"
+    assert monitor.assess(facts("on(mug, table)")).done
+    assert str(monitor.assess(facts("on(mug, table)"))) == "the goal holds"
 
 
 def test_where_the_plan_does_not_help_it_says_what_is_missing(monitor: PlanMonitor) -> None:
     moved = facts("on(mug, chest/drawer_2)", "hand_empty", "open(drawer_1)")
-    assert str(monitor.outlook(moved)) == "the plan no longer helps: it needs on(mug, chest/drawer_1)"
+    assert str(monitor.assess(moved)) == "the plan no longer helps: it needs on(mug, chest/drawer_1)"

@@ -13,8 +13,8 @@ from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.map_of_world import semantic_map
 from bestman_bt.scene.scene_config import SceneConfig
-from bestman_bt.world_model.openness import containers_before, is_open, is_shut, open_leaves, openness_of
-from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap
+from bestman_bt.world_model.openness import articulation_obstacles, containers_before, is_open, is_shut, openness_of
+from bestman_bt.world_model.semantic_map import MapArticulation, MapFurniture, MapSurface, SemanticMap
 from bestman_bt.world_model.world_model import (
     HandleBelief,
     HeldObject,
@@ -103,11 +103,11 @@ def test_a_handle_goes_with_its_own_drawer_only(believed) -> None:
 
 
 def test_only_what_stands_open_is_before_the_furniture_and_its_handle_with_it(believed) -> None:
-    assert open_leaves(believed) == ()
+    assert articulation_obstacles(believed) == ()
     belief = handle_of(believed, "drawer_3")
     believed.handles[belief.name] = belief
     believed.believe_articulation(DRAWER, OPEN)
-    (drawer,) = open_leaves(believed)
+    (drawer,) = articulation_obstacles(believed)
     assert drawer.name == DRAWER
     bar = belief.handle.pose.position + drawn_out(believed)
     front = believed.map.furniture["drawer_chest"].pose.to_pose().apply(np.array([[-0.24 - OPEN, 0.3, 0.7]]))
@@ -176,7 +176,7 @@ def test_a_new_start_knows_what_was_known_at_the_first_and_shares_nothing(mapped
     world = WorldModel(mapped, models=dict(scene.models), told={"cup": DRAWER})
     world.locked.add(DRAWER)
     world.objects["cup"] = cup_on(world, "table/top")
-    again = world.as_at_the_start()
+    again = world.initial_beliefs()
     assert (again.objects, again.locked, again.told, again.base) == ({}, set(), {"cup": DRAWER}, world.base)
     again.told["cup"] = "table/top"
     again.models.clear()
@@ -196,9 +196,9 @@ def test_a_new_start_knows_what_was_known_at_the_first_and_shares_nothing(mapped
     ],
 )
 def test_a_door_stands_before_a_board_behind_it_however_deep_that_is(depth, width, place, before) -> None:
-    def door(name: str, y: float) -> MapLeaf:
+    def door(name: str, y: float) -> MapArticulation:
         front = PlacedShape(Box((0.02, 0.4, 0.9)), Pose([-0.3, y, 0.5]))
-        return MapLeaf(name, "revolute", (-0.3, 2 * y, 0.5), (0.0, 0.0, 1.0), 1.6, (front,))
+        return MapArticulation(name, "revolute", (-0.3, 2 * y, 0.5), (0.0, 0.0, 1.0), 1.6, (front,))
 
     board = MapSurface("board", Pose([0.0, *place]), (depth, width))
     top = MapSurface("top", Pose([0.0, 0.0, 1.0]), (0.6, 0.8))

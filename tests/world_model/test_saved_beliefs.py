@@ -31,7 +31,7 @@ def setup() -> ResolvedConfig:
 @pytest.fixture
 def world(setup: ResolvedConfig) -> WorldModel:
     """Beliefs of each kind."""
-    world = setup.world_model.as_at_the_start()
+    world = setup.world_model.initial_beliefs()
     table = world.map.furniture["table"]
     world.map = world.map.with_furniture(
         dataclasses.replace(table, pose=Pose2D(3.21, -0.39, 0.01), position_error=0.005)

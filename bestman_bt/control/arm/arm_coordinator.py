@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.control.joint_state import READING_ERRORS, JointStateSensor
-from bestman_bt.manipulation.collision.swept_way import SweptWay
+from bestman_bt.manipulation.collision.swept_volume import SweptVolume
 from bestman_bt.manipulation.kinematics.link_hulls import ArmBodies
 from bestman_bt.messages import MotionErrorCode
 from bestman_bt.robot_model.model import ArmModel, RobotModel
@@ -38,7 +38,7 @@ class Passing:
 @dataclass
 class _UnderWay:
     motion: Motion[Any]
-    way: SweptWay | None  # None: not known in advance (move_until, follow_constraint)
+    way: SweptVolume | None  # None: not known in advance (move_until, follow_constraint)
     reached: int = 0
 
 
@@ -98,17 +98,17 @@ class ArmCoordinator:
         if arm in self._waiting:
             self._waiting.pop(arm).abort(code, text)
 
-    def began(self, arm: str, motion: Motion[Any], way: SweptWay | None) -> None:
+    def began(self, arm: str, motion: Motion[Any], way: SweptVolume | None) -> None:
         """Record a ``motion`` of ``arm`` under way."""
         self._under_way[arm] = _UnderWay(motion, way)
         self._waiting.pop(arm, None)
 
-    def swept(self, arm: str, path: NDArray[np.float64]) -> SweptWay:
+    def swept(self, arm: str, path: NDArray[np.float64]) -> SweptVolume:
         """Return the volume swept by the arm on a path (N, n)."""
         held, names = self._world.hands.get(arm), self._arms[arm].joint_names
-        return SweptWay(self._bodies[arm], names, path, self._joints.positions(), held)
+        return SweptVolume(self._bodies[arm], names, path, self._joints.positions(), held)
 
-    def obstacle(self, arm: str, way: SweptWay | None) -> tuple[str, bool] | None:
+    def obstacle(self, arm: str, way: SweptVolume | None) -> tuple[str, bool] | None:
         """Return the arm that blocks ``arm``, and whether it will move out of the way; or None."""
         measured = self._joints.positions()
         for other in (name for name in self._arms if name != arm):

@@ -465,9 +465,9 @@ class BaseController:
             return
         where = self.localisation
         pose = where.odometry if action.by_odometry else where.estimate.pose
-        if not action.by_odometry and not where.knows_where:
+        if not action.by_odometry and not where.is_localized:
             where.lost = True
-            self._halt(MotionErrorCode.LOST, where.doubt)
+            self._halt(MotionErrorCode.LOST, where.lost_reason)
             return
         if where.lost and not action.by_odometry:
             where.look_again()  # stand and go on scanning: what begins while lost must not drive blindly
@@ -488,7 +488,7 @@ class BaseController:
         if action.driven is not None:
             action.driven.swept.advance(pose.xy)
             people = self.layer.moving.obstacles if action.driven.mapped else ()
-        self._gate.placed = where.knows_where and not where.lost
+        self._gate.placed = where.is_localized and not where.lost
         allowed = [limit for limit in (self.speed_limit, action.speed) if limit is not None]
         monitored = self._gate.command(
             command.twist,

@@ -91,13 +91,13 @@ class LocalisationCycle:
         return self._scans_at_rest >= self._localising.settle_scans
 
     @property
-    def knows_where(self) -> bool:
+    def is_localized(self) -> bool:
         """Whether the estimate is certain enough to drive by the map."""
         p = self._localising
         return self.estimate.position_std <= p.lost_position_std and self._refused_scans < p.lost_scans
 
     @property
-    def doubt(self) -> str:
+    def lost_reason(self) -> str:
         """Return the reason for a lost localisation as text."""
         estimate = self.estimate
         why = estimate.match.reason if estimate.match is not None and estimate.match.reason else "odometry alone"

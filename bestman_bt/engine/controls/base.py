@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 import py_trees
 from py_trees.composites import Composite
 
-from bestman_bt.engine.core.around_tick import Tick
 from bestman_bt.engine.core.node import Node
+from bestman_bt.engine.core.tick_hooks import Tick
 
 
 class Control(Node, Composite):

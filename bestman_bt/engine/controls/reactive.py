@@ -12,8 +12,8 @@ from typing import Any
 from py_trees import composites
 
 from bestman_bt.engine.controls.base import Control
-from bestman_bt.engine.core.around_tick import Tick
-from bestman_bt.engine.core.node import Node, odd_status, wrapped
+from bestman_bt.engine.core.node import Node, invalid_status_error, wrapped
+from bestman_bt.engine.core.tick_hooks import Tick
 from bestman_bt.engine.errors import NodeError
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
@@ -54,7 +54,7 @@ def _reactive_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C9
                         skipped = []
                     skipped.append(child)
                 else:
-                    raise odd_status(status, child)
+                    raise invalid_status_error(status, child)
         except NodeError:
             self.keep_results(child, skipped)
             raise
@@ -113,7 +113,7 @@ def _reactive_tick_traced(go: int, stop: int) -> Callable[[Any], int]:  # noqa: 
                         skipped = []
                     skipped.append(index)
                 else:
-                    raise odd_status(status, child)
+                    raise invalid_status_error(status, child)
         except NodeError:
             self.keep_results(child, self.children_at(skipped))
             raise
@@ -135,13 +135,13 @@ class _Reactive(Control):
     runner: Node | None = None
     traced_pairs: list[tuple[Tick, Node, int, int]]
     idles: tuple[int, ...]
-    GO: int
+    CONTINUE_ON: int
 
     def bind_children(self, log: list[Any] | None) -> None:
         """Prepare the events of a tick in which no child changes its result, for traced ticks."""
         super().bind_children(log)
         if log is not None:
-            pairs = [(run, child, child.ev[self.GO], index) for index, (run, child) in enumerate(self.pairs)]
+            pairs = [(run, child, child.ev[self.CONTINUE_ON], index) for index, (run, child) in enumerate(self.pairs)]
             if hasattr(self, "traced_pairs"):
                 self.traced_pairs[:] = pairs
             else:
@@ -167,8 +167,8 @@ class _Reactive(Control):
         for _, child in self.pairs:
             if child is failing:
                 return
-            if child._s == -self.GO and (skipped is None or child not in skipped):
-                child._s = self.GO
+            if child._s == -self.CONTINUE_ON and (skipped is None or child not in skipped):
+                child._s = self.CONTINUE_ON
 
     def replace_runner(self, child: Node | None) -> None:
         """Halt the child that ran until now, and remember the one that runs."""
@@ -185,7 +185,7 @@ class _Reactive(Control):
 class ReactiveSequence(_Reactive, composites.Sequence):
     """Ticks its children from the first on at every tick; a failing condition halts the running child."""
 
-    GO = SUCCESS
+    CONTINUE_ON = SUCCESS
     tick_bare = _reactive_tick_bare(SUCCESS, FAILURE)
     tick_traced = _reactive_tick_traced(SUCCESS, FAILURE)
 
@@ -193,6 +193,6 @@ class ReactiveSequence(_Reactive, composites.Sequence):
 class ReactiveFallback(_Reactive, composites.Selector):
     """Ticks its children from the first on at every tick; a child that succeeds or runs halts the later ones."""
 
-    GO = FAILURE
+    CONTINUE_ON = FAILURE
     tick_bare = _reactive_tick_bare(FAILURE, SUCCESS)
     tick_traced = _reactive_tick_traced(FAILURE, SUCCESS)

@@ -8,17 +8,18 @@ from typing import Any, ClassVar
 from py_trees import composites
 
 from bestman_bt.engine.controls.base import Control
-from bestman_bt.engine.core.node import Node, odd_status, wrapped
+from bestman_bt.engine.core.node import Node, invalid_status_error, wrapped
 from bestman_bt.engine.core.ports import In
 from bestman_bt.engine.errors import NodeError
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 
 class Indexed(Control):
-    """``GO``: the child status that continues with the next child; ``STOP``: the status that ends the node."""
+    """``CONTINUE_ON``: the child status after which the next child is ticked. ``RETURN_ON``: the child status that ends
+    the node and is returned."""
 
-    GO: ClassVar[int]
-    STOP: ClassVar[int]
+    CONTINUE_ON: ClassVar[int]
+    RETURN_ON: ClassVar[int]
     YIELDS: ClassVar[bool] = False
     RESETS_ON_HALT: ClassVar[bool] = True
     index: int = 0
@@ -43,7 +44,7 @@ class Indexed(Control):
             status = child.execute_tick()
             if status == RUNNING:
                 return RUNNING
-            if status == self.STOP:
+            if status == self.RETURN_ON:
                 self._end_early()
                 return status
             self.index += 1
@@ -56,7 +57,7 @@ class Indexed(Control):
         self.reset_children()
         self.index = 0
         self.skipped = 0
-        return SKIPPED if all_skipped else self.GO
+        return SKIPPED if all_skipped else self.CONTINUE_ON
 
     def rest_children(self) -> None:
         """Reset the children as ``reset_children`` does, optimised for children that have mostly finished."""
@@ -110,7 +111,7 @@ def indexed_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901
                     self.index = index = index + 1
                     self.skipped += 1
                 else:
-                    raise odd_status(status, child)
+                    raise invalid_status_error(status, child)
         except NodeError:
             raise
         except Exception as error:  # a user's node may raise anything
@@ -155,7 +156,7 @@ def indexed_tick_traced(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C9
                     self.index = index = index + 1
                     self.skipped += 1
                 else:
-                    raise odd_status(status, child)
+                    raise invalid_status_error(status, child)
         except NodeError:
             raise
         except Exception as error:  # a user's node may raise anything
@@ -170,7 +171,7 @@ def indexed_tick_traced(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C9
 
 def _note_change(child: Node, status: int, log: list[Any]) -> None:
     if status not in (1, 2, 3):
-        raise odd_status(status, child)
+        raise invalid_status_error(status, child)
     if status == RUNNING and child.SYNCHRONOUS:
         child.refuse_running()
     log.append(child.ev[status])
@@ -258,7 +259,7 @@ class Fallback(Indexed, composites.Selector):
     A running child is resumed at the next tick; children that failed before it are not ticked again.
     """
 
-    GO, STOP = FAILURE, SUCCESS
+    CONTINUE_ON, RETURN_ON = FAILURE, SUCCESS
     tick_bare = indexed_tick_bare(FAILURE, SUCCESS)
     tick_traced = indexed_tick_traced(FAILURE, SUCCESS)
 
@@ -266,7 +267,7 @@ class Fallback(Indexed, composites.Selector):
 class AsyncFallback(Indexed, composites.Selector):
     """A Fallback that returns RUNNING, and wakes the loop, between children that finish within one tick."""
 
-    GO, STOP = FAILURE, SUCCESS
+    CONTINUE_ON, RETURN_ON = FAILURE, SUCCESS
     YIELDS = True
 
 
@@ -276,7 +277,7 @@ class Sequence(Indexed, composites.Sequence):
     A running child is resumed at the next tick; the children before it are not ticked again.
     """
 
-    GO, STOP = SUCCESS, FAILURE
+    CONTINUE_ON, RETURN_ON = SUCCESS, FAILURE
     tick_bare = indexed_tick_bare(SUCCESS, FAILURE)
     tick_traced = indexed_tick_traced(SUCCESS, FAILURE)
 
@@ -284,14 +285,14 @@ class Sequence(Indexed, composites.Sequence):
 class AsyncSequence(Indexed, composites.Sequence):
     """A Sequence that returns RUNNING, and wakes the loop, between children that finish within one tick."""
 
-    GO, STOP = SUCCESS, FAILURE
+    CONTINUE_ON, RETURN_ON = SUCCESS, FAILURE
     YIELDS = True
 
 
 class SequenceWithMemory(Indexed, composites.Sequence):
     """A Sequence that resumes at the failed child, even after a halt; it yields like AsyncSequence."""
 
-    GO, STOP = SUCCESS, FAILURE
+    CONTINUE_ON, RETURN_ON = SUCCESS, FAILURE
     YIELDS = True
     RESETS_ON_HALT = False
 

@@ -18,7 +18,10 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status as PyTreesStatus
 from py_trees.ports import PortInformation
 
-from bestman_bt.engine.core.around_tick import (
+from bestman_bt.engine.core.ports import declare_typed_ports, make_reader, make_writer
+from bestman_bt.engine.core.py_trees_adapter import PyTreesAdapter
+from bestman_bt.engine.core.strict_order import Order, in_order, upwards
+from bestman_bt.engine.core.tick_hooks import (
     Conditions,
     Hooks,
     PostTick,
@@ -29,11 +32,8 @@ from bestman_bt.engine.core.around_tick import (
     with_pre_hooks,
     with_visits,
 )
-from bestman_bt.engine.core.ports import declare_typed_ports, make_reader, make_writer
-from bestman_bt.engine.core.py_trees_face import PyTreesFace
-from bestman_bt.engine.core.strict_order import Order, in_order, upwards
 from bestman_bt.engine.errors import NodeError
-from bestman_bt.engine.own_files import in_words
+from bestman_bt.engine.own_files import describe_error
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS, state_code
 
 if TYPE_CHECKING:
@@ -56,15 +56,15 @@ def wrapped(error: Exception, node: Node) -> NodeError:
     """Return a ``NodeError`` that names the node in which ``error`` was raised."""
     if type(error).__module__.startswith("bestman_bt.engine"):
         return node.error(str(error) or type(error).__name__)
-    return node.error(in_words(error))
+    return node.error(describe_error(error))
 
 
-def odd_status(status: object, child: Node) -> NodeError:
+def invalid_status_error(status: object, child: Node) -> NodeError:
     """Return the error for an invalid status of a child."""
     return child.error(describe_bad_status(status))
 
 
-def line_that_makes(node: Behaviour) -> tuple[str, int]:
+def creation_line(node: Behaviour) -> tuple[str, int]:
     """Return file and line of the call that creates a node, outside of its own ``__init__`` and of py_trees' idioms."""
     frame = sys._getframe(1)
     while frame.f_back is not None and (_makes(frame, node) or frame.f_globals.get("__package__") == "py_trees"):
@@ -137,7 +137,7 @@ NO_PORTS: Final[dict[str, Any]] = {}
 """The readers or writers of a node that has used none of its ports; never filled."""
 
 
-class Node(PyTreesFace):
+class Node(PyTreesAdapter):
     """Base of all nodes.
 
     Derive leaves from ``SyncAction``, ``StatefulAction`` or ``Condition``, parents from ``Control`` or ``Decorator``.
@@ -226,7 +226,7 @@ class Node(PyTreesFace):
         self.conditions = self.hooks = None
         self.parent = self.place = self.info = None
         self.uid = 0
-        self.made_in, self.line = line_that_makes(self)
+        self.made_in, self.line = creation_line(self)
         for child in children:
             child.parent = self
 

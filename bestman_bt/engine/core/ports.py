@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, get
 
 from py_trees.ports import PortInformation
 
-from bestman_bt.engine.bounds import BoundedPort, range_in_words, refusal
+from bestman_bt.engine.bounds import BoundedPort, describe_range, refusal
 from bestman_bt.engine.conversion import UNTYPED, cast, type_name
 from bestman_bt.engine.errors import BlackboardError, ConversionError, EngineError
 
@@ -49,7 +49,7 @@ class Port:
     @property
     def accepts(self) -> str:
         """The type with its bounds, such as ``float from 0 to 1``."""
-        return f"{self.type_name} {range_in_words(self.bounds or ())}".rstrip()
+        return f"{self.type_name} {describe_range(self.bounds or ())}".rstrip()
 
     @property
     def default_in_words(self) -> str:

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Final, Protocol, runtime_checkable
 from bestman_bt.engine.status import IDLE, RUNNING
 
 if TYPE_CHECKING:
-    from bestman_bt.engine.core.around_tick import Tick
     from bestman_bt.engine.core.node import Node
+    from bestman_bt.engine.core.tick_hooks import Tick
     from bestman_bt.engine.core.tree import Tree
 
 STRICT: Final = "_strict"

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import py_trees
 
-from bestman_bt.engine.core.around_tick import Tick
 from bestman_bt.engine.core.node import Node
+from bestman_bt.engine.core.tick_hooks import Tick
 from bestman_bt.engine.status import SKIPPED
 
 

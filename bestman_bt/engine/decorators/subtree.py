@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from py_trees.behaviour import Behaviour
 
-from bestman_bt.engine.core.node import Node, odd_status, wrapped
+from bestman_bt.engine.core.node import Node, invalid_status_error, wrapped
 from bestman_bt.engine.core.ports import In
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.errors import NodeError
@@ -47,7 +47,7 @@ def mapping_tick_bare(on_success: int, on_failure: int, *, keeps: bool = False) 
             if keeps and code > RUNNING:
                 self._s = code
             return SKIPPED
-        raise odd_status(status, child)
+        raise invalid_status_error(status, child)
 
     return tick
 
@@ -81,7 +81,7 @@ def mapping_tick_traced(on_success: int, on_failure: int) -> Callable[[Any], int
             return on_success if status == SUCCESS else on_failure
         if status == SKIPPED:
             return SKIPPED
-        raise odd_status(status, child)
+        raise invalid_status_error(status, child)
 
     return tick
 

@@ -26,7 +26,7 @@ from py_trees.behaviours import (
 )
 from py_trees.common import Status as PyTreesStatus
 
-from bestman_bt.engine.core.node import Node, line_that_makes
+from bestman_bt.engine.core.node import Node, creation_line
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS, TO_PY_TREES, from_py_trees
 
 if TYPE_CHECKING:
@@ -168,12 +168,12 @@ _lines: WeakKeyDictionary[Behaviour, tuple[str, int]] = WeakKeyDictionary()
 
 
 @contextmanager
-def lines_noted() -> Iterator[None]:
+def creation_lines_recorded() -> Iterator[None]:
     """Record the creating line of native behaviours made inside this context, for messages."""
     original = Behaviour.__init__
 
     def __init__(self: Behaviour, *args: Any, **kwargs: Any) -> None:  # noqa: N807 - frames of constructors are passed over
-        _lines[self] = line_that_makes(self)
+        _lines[self] = creation_line(self)
         original(self, *args, **kwargs)
 
     Behaviour.__init__ = __init__  # type: ignore[method-assign] # py_trees has no hook for it
@@ -197,7 +197,7 @@ def adapted(behaviour: Behaviour) -> PyTreesBehaviour:
     return kind(behaviour)
 
 
-def is_taken(behaviour: Behaviour) -> bool:
+def belongs_to_tree(behaviour: Behaviour) -> bool:
     """Return whether a native behaviour belongs to a tree already."""
     return "tick" in vars(behaviour)
 

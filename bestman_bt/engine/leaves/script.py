@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from bestman_bt.engine.core.around_tick import Tick
 from bestman_bt.engine.core.ports import In, key_of
+from bestman_bt.engine.core.tick_hooks import Tick
 from bestman_bt.engine.leaves.base import Condition, StatefulAction, SyncAction
 from bestman_bt.engine.scripting.compiler import ScriptCompiler
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS

@@ -171,7 +171,7 @@ def _is_number(value: Any) -> bool:
 
 
 @dataclass
-class Improvisation:
+class RandomOutcomes:
     """The scenario and random generator of simulated leaves."""
 
     scenario: Scenario
@@ -179,9 +179,9 @@ class Improvisation:
 
 
 class SimulatedAction(StatefulAction):
-    """A simulated leaf; its behaviour comes from the ``Improvisation`` of its class."""
+    """A simulated leaf; its behaviour comes from the ``RandomOutcomes`` of its class."""
 
-    improvisation: ClassVar[Improvisation]
+    improvisation: ClassVar[RandomOutcomes]
 
     def on_load(self) -> None:
         """Look up the behaviour."""
@@ -215,7 +215,7 @@ class SimulatedAction(StatefulAction):
         if port.name in self.script.outputs:
             self.set_output(port.name, self.script.outputs[port.name])
         elif key is not None and self.board.slot(key).value is None:
-            self.set_output(port.name, stand_in(port))
+            self.set_output(port.name, plausible_value(port))
 
 
 class SimulatedCondition(SimulatedAction):
@@ -224,7 +224,7 @@ class SimulatedCondition(SimulatedAction):
     KIND: ClassVar[str] = "Condition"
 
 
-def stand_in(port: Port) -> Any:
+def plausible_value(port: Port) -> Any:
     """Return a plausible value for an entry that has none, from the name of the port's type."""
     if port.data_type is NodeStatus:
         return NodeStatus(SUCCESS)
@@ -255,7 +255,7 @@ class SimulatedLeaves(Placeholders):
     def __init__(self, scenario: Scenario, seed: int, *, missing: bool = False) -> None:
         super().__init__()
         self.missing = missing
-        asked = {"improvisation": Improvisation(scenario, random.Random(seed))}  # noqa: S311 - no secrets
+        asked = {"improvisation": RandomOutcomes(scenario, random.Random(seed))}  # noqa: S311 - no secrets
         self._kinds = {kind: type(cls.__name__, (cls,), asked) for kind, cls in _STANDING_FOR.items()}
         self.simulated: dict[str, str] = {}
         self._infos: dict[int, tuple[NodeInfo, NodeInfo]] = {}

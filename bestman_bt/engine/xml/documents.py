@@ -9,7 +9,7 @@ from typing import Final
 
 from bestman_bt.engine.errors import TreeLoadError, TreeProblem
 from bestman_bt.engine.xml.elements import MAX_BYTES, Element, parse_xml
-from bestman_bt.engine.xml.py_trees_xml import read_as_here, sign_of_py_trees
+from bestman_bt.engine.xml.py_trees_xml import convert_to_own_nodes, find_py_trees_element
 
 MAX_INCLUDES = 200
 _RESERVED = frozenset((
@@ -187,13 +187,13 @@ class _Reader:
             return
         if version != "4":
             report(TreeProblem(file, root.line, "root", "BTCPP_format", f"'{version}' is not supported; it must be 4"))
-        sign = sign_of_py_trees(root)
+        sign = find_py_trees_element(root)
         if sign is not None:
             self.of_py_trees = True
             what = "the file is in the format of py_trees: its nodes are read as those here that mean the same"
             report(TreeProblem(file, sign.line, sign.tag, "", what, severity="warning"))
         if self.of_py_trees:
-            read_as_here(root)
+            convert_to_own_nodes(root)
 
     def _include(self, element: Element, file: str, path: Path | None, documents: Documents) -> None:
         def report(message: str, field_name: str = "path", *, missing: bool = False) -> None:

@@ -63,12 +63,12 @@ _SIGNS: Final = frozenset((
 """Lower-case tags that BehaviorTree.CPP does not have."""
 
 
-def sign_of_py_trees(root: Element) -> Element | None:
+def find_py_trees_element(root: Element) -> Element | None:
     """Return the first element that only a file of py_trees has, or None."""
     return None if "BTCPP_format" in root.attributes else next(_signs(root), None)
 
 
-def read_as_here(root: Element) -> None:
+def convert_to_own_nodes(root: Element) -> None:
     """Change a file of py_trees to the nodes and ports here."""
     for child in root.children:
         if child.tag.lower() in ("import", "include"):

@@ -20,11 +20,11 @@ from bestman_bt.evaluation.recording import recorded_bodies
 from bestman_bt.extras import install_command
 from bestman_bt.scene.scene import Wall, World
 from bestman_bt.visualization.blender.painting import (
+    BlenderBody,
+    BlenderFrame,
+    BlenderJob,
+    BlenderRobot,
     Finish,
-    PaintedBody,
-    PaintedFrame,
-    PaintedRobot,
-    PaintJob,
     blender_python,
     paint,
 )
@@ -35,21 +35,21 @@ BEHIND = 0.35
 """Metres behind what is looked at in which a wall still hides it."""
 
 
-def paint_job(
+def blender_job(
     run: FilmedRun,
     frames: Sequence[tuple[RobotSnapshot, Viewpoint]],
     files: Sequence[Path],
     size: tuple[int, int],
     samples: int,
-) -> PaintJob:
+) -> BlenderJob:
     """Return the job that paints ``frames`` into ``files``; ``size``: width and height in pixels."""
     views = [view for _, view in frames]
     hidden = {name for name, wall in _walls(run.world) if any(_hides(wall, view) for view in views)}
-    return PaintJob(
-        robot=PaintedRobot(run.robot_model.urdf, run.robot_model.base_frame),
+    return BlenderJob(
+        robot=BlenderRobot(run.robot_model.urdf, run.robot_model.base_frame),
         bodies=list(_painted_bodies(run.world)),
         frames=[
-            PaintedFrame(snapshot, view.eye, view.target, view.field_of_view, file)
+            BlenderFrame(snapshot, view.eye, view.target, view.field_of_view, file)
             for (snapshot, view), file in zip(frames, files, strict=True)
         ],
         hidden=frozenset(hidden),
@@ -60,12 +60,12 @@ def paint_job(
     )
 
 
-def _painted_bodies(world: World) -> Iterable[PaintedBody]:
+def _painted_bodies(world: World) -> Iterable[BlenderBody]:
     finishes: dict[str, Finish] = {name: "wall" for name, _ in _walls(world)}
     finishes |= {thing.name: "object" for thing in world.objects}
     finishes |= {walker.name: "person" for walker in world.walkers}
     for body in recorded_bodies(world):
-        yield PaintedBody(body, finishes.get(body.name, "furniture"))
+        yield BlenderBody(body, finishes.get(body.name, "furniture"))
 
 
 def _walls(world: World) -> list[tuple[str, Wall]]:
@@ -231,7 +231,7 @@ def _painted(
     """By Blender: many seconds a picture."""
     with TemporaryDirectory() as name:
         files = [Path(name) / f"{number:05d}.png" for number in range(len(frames))]
-        job = paint_job(run, frames, files, options.size, options.samples)
+        job = blender_job(run, frames, files, options.size, options.samples)
         done: list[Path] = []
 
         def on_frame(file: Path) -> None:

@@ -19,7 +19,7 @@ from pathlib import Path
 from behaviours.failure import NodeFailure
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunConfig
-from bestman_bt.engine.own_files import in_words
+from bestman_bt.engine.own_files import describe_error
 from bestman_bt.errors import Error
 from bestman_bt.evaluation.code_version import config_fingerprint
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
@@ -64,7 +64,7 @@ class EpisodeRequest:
             why = f"cannot be sent to another process: {error}; name it as FILE.py:Class, or register it in a plug-in"
             raise ConfigurationError([Problem(f"task {self.config.name}", None, "", why)]) from error
 
-    def why_not_here(self) -> str:
+    def refusal_here(self) -> str:
         """Return why this process may not run it; empty if it may."""
         if not self.code:
             return ""
@@ -91,12 +91,12 @@ class EpisodeRequest:
                 setup = prepare_episode(self.config)
             return run_episode(setup, run_folder)
         except Exception as error:  # noqa: BLE001 - one episode that breaks is a failed episode, not the end of the batch
-            result = self.broken(in_words(error), time.perf_counter() - start)
+            result = self.failed_result(describe_error(error), time.perf_counter() - start)
         if run_folder is not None:
             result.write(run_folder / RESULT_FILE)
         return result
 
-    def broken(self, why: str, seconds: float = 0.0) -> RunResult:
+    def failed_result(self, why: str, seconds: float = 0.0) -> RunResult:
         """Return the result of an episode that could not be run to its end, after ``seconds`` of wall time."""
         return RunResult(
             task=self.config.name,
@@ -177,11 +177,11 @@ class Launcher(ABC):
             result: RunResult = pickle.loads(answer.result)  # noqa: S301 - from a worker of this evaluation
             return result
         if answer.crashed:
-            return self.requests[place].broken(answer.crashed, answer.seconds)
+            return self.requests[place].failed_result(answer.crashed, answer.seconds)
         self.lost[place] += 1
         if self.lost[place] < MOST_LOSSES:
             return None
-        return self.requests[place].broken(f"{answer.lost}, {MOST_LOSSES} times in a row", answer.seconds)
+        return self.requests[place].failed_result(f"{answer.lost}, {MOST_LOSSES} times in a row", answer.seconds)
 
 
 @cache

@@ -156,7 +156,7 @@ def _answer(request: bytes) -> EpisodeAnswer:
 
     try:
         asked = pickle.loads(request)  # noqa: S301 - from the process that has started this one
-        if why := asked.why_not_here():
+        if why := asked.refusal_here():
             return EpisodeAnswer(refused=why)
         result = asked.run()
         # A node that goes takes the code away, file by file, below an episode that still runs.

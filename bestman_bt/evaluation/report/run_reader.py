@@ -57,7 +57,7 @@ def folders_to_report(given: Path) -> list[Path]:
     return found
 
 
-def read_story(folder: Path) -> RunReport:
+def read_run_report(folder: Path) -> RunReport:
     """Return the report data of the files in ``folder``; damaged parts are left out and noted.
 
     Raises ReportError if nothing can be read.

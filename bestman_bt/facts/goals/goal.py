@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from bestman_bt.configuration.checked import numbered, salvage
 from bestman_bt.configuration.document import Document, FieldPath, dotted
-from bestman_bt.configuration.errors import Problem, as_far_as_read
+from bestman_bt.configuration.errors import Problem, up_to_unread_field
 from bestman_bt.configuration.run import RunConfig
 from bestman_bt.facts import goals
 from bestman_bt.facts.evidence import DrawnTask, Evidence, Verdict, joined
@@ -89,7 +89,7 @@ class Goal(ABC, Generic[Asked]):
         """Return the root entries of all goals of this kind in a task."""
         return {name: value for goal in goals for name, value in goal.entries().items()}
 
-    @as_far_as_read
+    @up_to_unread_field
     def unknown_object(self, *field: str | int, absent: Collection[str] = ()) -> Iterator[Problem]:
         """Yield a problem if a field names an object that the robot does not know.
 
@@ -107,19 +107,19 @@ class Goal(ABC, Generic[Asked]):
                 f"write {model!r}, not {name!r}, or give the thing a model of its own",
             )
 
-    @as_far_as_read
+    @up_to_unread_field
     def unknown_surface(self, field: str) -> Iterator[Problem]:
         """Yield a problem if a field names a surface that the map does not have."""
         name, there = getattr(self.asked, field), surface_names(self.world_model)
         yield from unknown(self.config, (*self.path, field), name, there, "the map has no surface")
 
-    @as_far_as_read
+    @up_to_unread_field
     def unknown_place(self, field: str) -> Iterator[Problem]:
         """Yield a problem if a field names a goal place that the scene does not have."""
         name = getattr(self.asked, field)
         yield from unknown(self.config, (*self.path, field), name, self.world.goals, "the scene has no goal")
 
-    @as_far_as_read
+    @up_to_unread_field
     def missing_part(self, part: type, what: str) -> Iterator[Problem]:
         """Yield a problem if the robot does not have a part of type ``part``; ``what`` needs it."""
         if not self.robot_model.of(part):

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from bestman_bt.configuration.errors import Problem, as_far_as_read
+from bestman_bt.configuration.errors import Problem, up_to_unread_field
 from bestman_bt.configuration.quantity import JointPosition, parse_quantity
 from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.facts.goals.goal import Goal, unknown
@@ -49,7 +49,7 @@ class Opened(Goal[OpenedFields]):
         elif least is not None and most is not None and least > most:
             yield self.fault(f"should not be less than at_least, {least:g}, got {most:g}", "at_most")
 
-    @as_far_as_read
+    @up_to_unread_field
     def _faults_of_the_joint(self) -> Iterator[Problem]:
         name = self.asked.articulation
         leaves = {

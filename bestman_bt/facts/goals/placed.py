@@ -12,11 +12,11 @@ import numpy as np
 from typing_extensions import override
 
 from bestman_bt.configuration.checked import numbered
-from bestman_bt.configuration.errors import Problem, as_far_as_read
+from bestman_bt.configuration.errors import Problem, up_to_unread_field
 from bestman_bt.configuration.quantity import PositiveLength
 from bestman_bt.facts.evidence import Evidence, Verdict
 from bestman_bt.facts.goals.goal import Goal, surface_names
-from bestman_bt.facts.standing import is_over, moved_by_drawer, rest_faults, tilt_fault
+from bestman_bt.facts.standing import drawer_displacement, is_over, rest_faults, tilt_fault
 from bestman_bt.messages import Pose, wrap_angle
 
 
@@ -86,7 +86,7 @@ class Placed(Goal[PlacedFields]):
         yield from self.unknown_surface("surface")
         yield from self._elsewhere()
 
-    @as_far_as_read
+    @up_to_unread_field
     def _object_faults(self) -> Iterator[Problem]:
         if isinstance(self.asked.object, str):
             yield from self.unknown_object("object")
@@ -98,7 +98,7 @@ class Placed(Goal[PlacedFields]):
         for index, _ in numbered(self.asked.object):
             yield from self.unknown_object("object", index, absent=self.task.absent)
 
-    @as_far_as_read
+    @up_to_unread_field
     def _elsewhere(self) -> Iterator[Problem]:
         at, surface, known = self.asked.at, self.asked.surface, self.world_model.map
         there = self.world.goal_surfaces.get(at)
@@ -177,4 +177,4 @@ class Placed(Goal[PlacedFields]):
 def _asked(evidence: Evidence, goal: PlaceGoal) -> Pose:
     """Return the goal's pose; in a drawer it is given for the closed one and goes with it."""
     piece = next(p for p in evidence.task.world.furniture if p.name == goal.surface.partition("/")[0])
-    return piece.pose @ moved_by_drawer(evidence, goal.surface) @ piece.pose.inverse() @ goal.pose
+    return piece.pose @ drawer_displacement(evidence, goal.surface) @ piece.pose.inverse() @ goal.pose

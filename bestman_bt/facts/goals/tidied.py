@@ -10,7 +10,7 @@ import numpy as np
 from typing_extensions import override
 
 from bestman_bt.configuration.checked import numbered
-from bestman_bt.configuration.errors import Problem, as_far_as_read
+from bestman_bt.configuration.errors import Problem, up_to_unread_field
 from bestman_bt.configuration.quantity import Length, SmallerFirst
 from bestman_bt.facts.evidence import Evidence, Verdict, joined
 from bestman_bt.facts.goals.goal import Goal
@@ -51,7 +51,7 @@ class Tidied(Goal[TidiedFields]):
         for index, _ in numbered(self.asked.objects):
             yield from self.unknown_object("objects", index)
 
-    @as_far_as_read
+    @up_to_unread_field
     def _empty(self, axis: str) -> Iterator[Problem]:
         lower, upper = getattr(self.asked, axis)
         if lower == upper:

@@ -12,7 +12,7 @@ from bestman_bt.manipulation.collision.planning_scene import AttachedObject, Pla
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import VOXEL_OCCUPIED, VOXEL_UNKNOWN, Box, PlacedShape, Pose, VoxelGrid, distance_to_shape
 from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
-from bestman_bt.world_model.openness import handle_shape, leaf_shapes
+from bestman_bt.world_model.openness import articulation_shapes, handle_shape
 from bestman_bt.world_model.semantic_map import MapFurniture
 from bestman_bt.world_model.world_model import WorldModel
 
@@ -46,7 +46,7 @@ def hollow_furniture(
         errors = min(offset, piece.position_error), min(turn, piece.heading_error)
         bodies = {name: [_grown_box(shape, piece, errors) for shape in piece.shapes]}
         for leaf in piece.leaves:
-            boards = [_grown_box(shape, piece, errors) for shape in leaf_shapes(world_model, piece, leaf)]
+            boards = [_grown_box(shape, piece, errors) for shape in articulation_shapes(world_model, piece, leaf)]
             if world_model.articulations.get(f"{name}/{leaf.name}", 0.0) > 0.0:
                 seen = [handle_shape(belief.handle) for belief in world_model.handles_of(piece, leaf)]
                 boards += [PlacedShape(bar.shape, piece_from_map @ bar.pose) for bar in seen]

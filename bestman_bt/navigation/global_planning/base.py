@@ -51,7 +51,7 @@ class GlobalPlanner(ABC):
         """
 
 
-def told_of_overhang(
+def with_overhang_reason(
     plan: Callable[[Pose2D, Pose2D, Costmap], Path2D | PlanningFailure], start: Pose2D, goal: Pose2D, costmap: Costmap
 ) -> Path2D | PlanningFailure:
     """Return the result of ``plan``; a failure that is only due to the overhang above the base says so."""

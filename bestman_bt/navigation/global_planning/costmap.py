@@ -33,7 +33,7 @@ from bestman_bt.navigation.global_planning.layers import (
     UnseenOutline,
     unseen_outlines,
 )
-from bestman_bt.world_model.openness import open_leaves
+from bestman_bt.world_model.openness import articulation_obstacles
 from bestman_bt.world_model.semantic_map import SemanticMap
 from bestman_bt.world_model.world_model import Obstacle, WorldModel
 
@@ -346,7 +346,7 @@ class LayeredCostmap(Rasterization, CostmapBuilder):
     @override
     def of_world(self, world: WorldModel, footprint: Footprint) -> Costmap:
         """Return the costmap of walls, furniture, room doors, and open doors and drawers."""
-        leaves = open_leaves(world) if self.doors else ()
+        leaves = articulation_obstacles(world) if self.doors else ()
         return Costmap.from_map(world.map, footprint, leaves, self)
 
     @override

@@ -34,7 +34,7 @@ to the cells (N, 2) of a path, rows and columns; None if there is none.
 """
 
 
-def cheapest_way(
+def cheapest_path(
     start: NDArray[np.float64], goal: NDArray[np.float64], costmap: Costmap, lethal_distance: float, slack: float = 0.0
 ) -> NDArray[np.float64] | None:
     """Return the centres (N, 2) of the cells on the cheapest path, metres, or None.
@@ -132,7 +132,7 @@ def shortest_length(start: NDArray[np.float64], goal: NDArray[np.float64], costm
     one.
     """
     plain = replace(costmap, rasterization=replace(costmap.rasterization, cost_weight=0.0))
-    cells = cheapest_way(start, goal, plain, radius)
+    cells = cheapest_path(start, goal, plain, radius)
     if cells is None:
         return math.inf
     return float(np.linalg.norm(np.diff(np.vstack([start, cells[1:-1], goal]), axis=0), axis=1).sum())

@@ -19,7 +19,7 @@ from ompl import base
 
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import Count, NonNegative, Positive, Several
-from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure, told_of_overhang
+from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure, with_overhang_reason
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.grid_search import costs_to
 from bestman_bt.navigation.global_planning.straight_ends import StraightEnds, StraightPieces
@@ -102,7 +102,7 @@ class HybridAStar(StraightPieces, GlobalPlanner):
 
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         """Return a path of curves, or a PlanningFailure; see ``GlobalPlanner.plan``."""
-        return told_of_overhang(self._plan, start, goal, costmap)
+        return with_overhang_reason(self._plan, start, goal, costmap)
 
     def _plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         ends = StraightEnds(costmap, self, clearance=self.clearance).between(start, goal)

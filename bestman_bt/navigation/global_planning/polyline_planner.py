@@ -23,10 +23,10 @@ from bestman_bt.navigation.global_planning.base import (
     GlobalPlanner,
     PlanningFailure,
     PlanningFailureReason,
-    told_of_overhang,
+    with_overhang_reason,
 )
 from bestman_bt.navigation.global_planning.costmap import Costmap
-from bestman_bt.navigation.global_planning.grid_search import cheapest_way
+from bestman_bt.navigation.global_planning.grid_search import cheapest_path
 from bestman_bt.navigation.global_planning.hybrid_astar import HybridAStar
 from bestman_bt.navigation.global_planning.straight_ends import StraightEnds, StraightPieces
 
@@ -63,14 +63,16 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
     """The kinds of free space that are searched, in this order."""
 
     @abstractmethod
-    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
+    def search_path(
+        self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace
+    ) -> NDArray[np.float64] | None:
         """Return points (N, 2), metres, on a path in ``room`` from near ``start`` (2,) to near ``goal`` (2,), or
         None.
         """
 
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         """Return a polyline path, or a PlanningFailure; see ``GlobalPlanner.plan``."""
-        return told_of_overhang(self._plan, start, goal, costmap)
+        return with_overhang_reason(self._plan, start, goal, costmap)
 
     def _plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         turning_distance = costmap.footprint.turning_radius + self.turning_clearance
@@ -82,7 +84,7 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
             return Path2D(np.array([start.xy, goal.xy]), goal)
         for turns_everywhere in self.TURNS_EVERYWHERE:
             room = FreeSpace(costmap, turning_distance, self.slack, turns_everywhere)
-            way = self.way(exit_point, approach, room)
+            way = self.search_path(exit_point, approach, room)
             if way is None:
                 continue
             shares = (0.0,) if turns_everywhere or costmap.tall is None else _ASIDE
@@ -168,9 +170,11 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
 class GridAStar(PolylinePlanner):
     """The cheapest path over the cells, 8-connected (Hart, Nilsson and Raphael 1968); deterministic."""
 
-    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
+    def search_path(
+        self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace
+    ) -> NDArray[np.float64] | None:
         """Return the points (N, 2) of the cheapest grid path, metres, or None."""
-        return cheapest_way(start, goal, room.field, room.lethal_distance, room.lethal_slack)
+        return cheapest_path(start, goal, room.field, room.lethal_distance, room.lethal_slack)
 
 
 def _middle_above(costmap: Costmap) -> float:

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.navigation.global_planning.grid_search import Cell, cheapest_way, search_in_corridor
+from bestman_bt.navigation.global_planning.grid_search import Cell, cheapest_path, search_in_corridor
 from bestman_bt.navigation.global_planning.polyline_planner import FreeSpace, PolylinePlanner
 
 
@@ -22,7 +22,9 @@ from bestman_bt.navigation.global_planning.polyline_planner import FreeSpace, Po
 class ThetaStar(PolylinePlanner):
     """Lazy Theta* on the costmap; deterministic."""
 
-    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace) -> NDArray[np.float64] | None:
+    def search_path(
+        self, start: NDArray[np.float64], goal: NDArray[np.float64], room: FreeSpace
+    ) -> NDArray[np.float64] | None:
         """Return the points (N, 2) of the cheapest any-angle path, metres, or None."""
         lethal = room.lethal_distance, room.lethal_slack
         vertices = search_in_corridor(theta_cells, start, goal, room.field, *lethal)
@@ -32,7 +34,7 @@ class ThetaStar(PolylinePlanner):
         pieces = [vertices[:1]]
         costs = room.segment_costs(vertices[:-1], vertices[1:])
         for (begin, end), cost in zip(pairwise(vertices), costs, strict=True):
-            cells = None if math.isfinite(cost) else cheapest_way(begin, end, room.field, *lethal)
+            cells = None if math.isfinite(cost) else cheapest_path(begin, end, room.field, *lethal)
             pieces += [end[None]] if cells is None else [cells]
         return np.vstack(pieces)
 

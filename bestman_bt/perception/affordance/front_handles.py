@@ -133,7 +133,7 @@ class HandleDetector(ABC):
         """
 
 
-def parted(
+def clipped_at_handles(
     borders: PanelBorders, one: HandleOnFront, others: Iterable[HandleOnFront], beside: float = 0.15
 ) -> PanelBorders:
     """Return ``borders`` of the panel of ``one``, cut so that the panel does not reach ``others`` on the same front.
@@ -211,7 +211,7 @@ class FrontHandles(HandleDetector):
     ) -> Handle:
         frame_from_front = front.frame_from_front
         turn = frame_from_front.rotation
-        borders = parted(self.borders.around(rectified, *one.rectangle, one.borders), one, others)
+        borders = clipped_at_handles(self.borders.around(rectified, *one.rectangle, one.borders), one, others)
         one = one.completed(borders, self.completed_std)
         suggested = self.joint.suggest(one.kind, one.upright, one.centre, borders, (front.low, front.high))
         line = None if suggested.hinge_side is None else self.joint.hinge_line(suggested.hinge_side, one.kind, borders)

@@ -60,7 +60,7 @@ class GrooveSearch:
         """Return the lips of all grooves of a front."""
         found: list[Groove] = []
         for upright in (False, True):
-            lying = LyingFront.of(front, upright)
+            lying = OrientedFront.of(front, upright)
             kinds: tuple[Kind, ...] = ("notch", "slot", "strip") if upright else ("notch", "slot")
             for kind in kinds:
                 for groove in self._components(lying, kind):
@@ -69,7 +69,7 @@ class GrooveSearch:
                             found.append(part)
         return [self._lip(_refined(groove, relief)) for groove in found]
 
-    def _openings(self, lying: LyingFront, kind: Kind) -> NDArray[np.bool_]:
+    def _openings(self, lying: OrientedFront, kind: Kind) -> NDArray[np.bool_]:
         """Return the cells that may be grooves of a kind."""
         if kind == "notch":
             return lying.closed(1, lying.cells(self.notch_length)) & ~lying.shown & lying.open
@@ -81,7 +81,7 @@ class GrooveSearch:
         kernel = np.ones((2 * lying.cells(self.strip_width[1]) + 1, 1), np.uint8)
         return back & (cv2.dilate(lying.shown.astype(np.uint8), kernel) > 0)
 
-    def _components(self, lying: LyingFront, kind: Kind) -> list[Groove]:
+    def _components(self, lying: OrientedFront, kind: Kind) -> list[Groove]:
         mask = self._openings(lying, kind).astype(np.uint8)
         thin = lying.cells(0.5 * self.strip_width[0] if kind == "strip" else 0.4 * self.width[0], 2)
         opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((thin, thin), np.uint8))
@@ -95,7 +95,9 @@ class GrooveSearch:
                 grooves += self._judge(lying, part, (top, left), kind)
         return grooves
 
-    def _judge(self, lying: LyingFront, part: NDArray[np.bool_], corner: tuple[int, int], kind: Kind) -> list[Groove]:
+    def _judge(
+        self, lying: OrientedFront, part: NDArray[np.bool_], corner: tuple[int, int], kind: Kind
+    ) -> list[Groove]:
         cell = lying.cell
         upper, lower = np.argmax(part, axis=0), part.shape[0] - np.argmax(part[::-1], axis=0)
         seen = part.any(axis=0)
@@ -176,7 +178,7 @@ class GrooveSearch:
         short = kind != "notch" or length <= self.notch_length
         return slender and short and (pair or self.width[0] <= width <= self.width[1] + 0.003)
 
-    def _is_opening(self, lying: LyingFront, place: Rectangle) -> bool:
+    def _is_opening(self, lying: OrientedFront, place: Rectangle) -> bool:
         """Return whether something far enough behind the front is seen, and not mainly what hides it."""
         inside = lying.height[place.top : place.bottom, place.start : place.stop]
         known = inside[np.isfinite(inside)]
@@ -249,7 +251,7 @@ class Rectangle:
 
 
 @dataclass(frozen=True, eq=False)
-class LyingFront:
+class OrientedFront:
     """A RectifiedFront. ``upright``: whether rows and columns are exchanged. ``shown``: cells that show the front."""
 
     front: RectifiedFront
@@ -259,7 +261,7 @@ class LyingFront:
     height: NDArray[np.float64]
 
     @classmethod
-    def of(cls, front: RectifiedFront, upright: bool) -> LyingFront:
+    def of(cls, front: RectifiedFront, upright: bool) -> OrientedFront:
         """Turn ``front`` where the grooves are upright."""
         shown = cv2.medianBlur(front.on_front.astype(np.uint8), 3) > 0
         if upright:

@@ -36,7 +36,7 @@ class SurroundLimits:
     seen_through: float = 0.12
 
 
-class Surround:
+class HandleSurroundings:
     """The pixels around a candidate from ``low`` to ``high`` (x, y), ``level`` metres in front of its plane."""
 
     def __init__(
@@ -375,7 +375,7 @@ class ProtrusionSearch:
         if abs(math.atan(slope)) > self.max_slope + 2 * slope_std:
             return None
         middle = centre + 0.5 * (low + high) * along
-        surround = Surround(relief, flat[keep].min(axis=0), flat[keep].max(axis=0), level, self.surround)
+        surround = HandleSurroundings(relief, flat[keep].min(axis=0), flat[keep].max(axis=0), level, self.surround)
         bins = max(3, int(length / max(0.012, 2.5 * relief.pixel_size())))
         where = np.concatenate([s[keep], surround.hidden(middle, along, radius) + 0.5 * (low + high)])
         where = where[(where >= low) & (where <= high)]
@@ -405,7 +405,7 @@ class ProtrusionSearch:
         if not self.knob_radius[0] <= radius <= self.knob_radius[1]:
             return None
         low, high = flat.min(axis=0), flat.max(axis=0)
-        share = Surround(relief, low, high, level, self.surround).knob(0.5 * (low + high), radius)
+        share = HandleSurroundings(relief, low, high, level, self.surround).knob(0.5 * (low + high), radius)
         if share is None:
             return None
         level -= _SEEN_KNOB * radius

@@ -37,7 +37,7 @@ class DepthCalibration:
         ``views``: corners, ``eye_from_board`` computed from them, and the measured depth image (H, W), metres. Raises
         CalibrationError, or DegenerateMotionError if all views have the same distance.
         """
-        pairs = [self.told_and_true(*view, intrinsics) for view in views]
+        pairs = [self.measured_and_true(*view, intrinsics) for view in views]
         usable = np.array([pair for pair in pairs if pair is not None]).reshape(-1, 2)
         if len(usable) < 3:
             raise CalibrationError(
@@ -63,7 +63,7 @@ class DepthCalibration:
             DepthCorrection(scale, offset), float(deviations[0]), float(deviations[1]), true, residuals
         )
 
-    def told_and_true(
+    def measured_and_true(
         self, sighting: BoardSighting, eye_from_board: Pose, depth: NDArray[np.float32], intrinsics: CameraIntrinsics
     ) -> tuple[float, float] | None:
         """Return median measured depth and true depth, metres, over the pixels that show the pattern.

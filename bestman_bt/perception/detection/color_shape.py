@@ -67,7 +67,7 @@ def signature(points: NDArray[np.float64], eye: NDArray[np.float64]) -> NDArray[
 
 
 @dataclass(frozen=True, eq=False)
-class ModelLook:
+class ModelAppearance:
     """The appearance of a model from one elevation, at Y yaws.
 
     ``signatures``: (Y, 7). ``palette``: (K, 3) rgb and ``shares``: (Y, K) of these colours, as in palette_distance.
@@ -86,7 +86,7 @@ class ModelLook:
         return float(np.minimum(np.abs(difference), 4.0).mean(axis=1).min())
 
 
-def model_look(model: ObjectModel, elevation: float, yaws: int = 24, spacing: float = 0.005) -> ModelLook:
+def model_appearance(model: ObjectModel, elevation: float, yaws: int = 24, spacing: float = 0.005) -> ModelAppearance:
     """Return the look of ``model`` from ``elevation`` radians above the horizon, a metre away.
 
     Raises PerceptionError if the model has no shapes.
@@ -114,7 +114,7 @@ def model_look(model: ObjectModel, elevation: float, yaws: int = 24, spacing: fl
             shares.append(np.bincount(color[visible], minlength=len(palette)) / visible.sum())
     if not found_signatures:
         raise PerceptionError(f"model {model.name!r} is too small to be seen: {model.size} m")
-    return ModelLook(np.array(found_signatures), palette, np.array(shares))
+    return ModelAppearance(np.array(found_signatures), palette, np.array(shares))
 
 
 def _visible(
@@ -184,7 +184,7 @@ def _chromaticity(rgb: NDArray[np.float64]) -> NDArray[np.float64]:
 class ColorShape(Naming, Detector):
     """Compares colour and shape first, and registers only models that match the cluster.
 
-    ``max_color``, ``max_shape``: distances of colours (see palette_distance) and shapes (see ModelLook) above which a
+    ``max_color``, ``max_shape``: colour (``palette_distance``) and shape distances (``ModelAppearance``) above which a
     model is not tried. ``color_weight``: weight of colour against shape in the order of the tries. ``first``: number of
     models tried at once if within ``margin`` of the most probable; the others, up to ``most``, are tried one after the
     other until one is confirmed. ``tie``: two confirmed models whose logits of confidence differ by less are
@@ -201,7 +201,7 @@ class ColorShape(Naming, Detector):
     most: int = 4
     tie: float = 1.5
     elevation_step: Annotated[float, "rad"] = math.radians(10.0)
-    _looks: dict[tuple[ObjectModel, int], ModelLook] = field(default_factory=dict, init=False, repr=False)
+    _looks: dict[tuple[ObjectModel, int], ModelAppearance] = field(default_factory=dict, init=False, repr=False)
 
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
@@ -249,9 +249,9 @@ class ColorShape(Naming, Detector):
             found = tied + [hypothesis for hypothesis in found if hypothesis not in tied]
         return tuple(found)
 
-    def _look(self, model: ObjectModel, step: int) -> ModelLook:
+    def _look(self, model: ObjectModel, step: int) -> ModelAppearance:
         if (model, step) not in self._looks:
-            self._looks[model, step] = model_look(model, step * self.elevation_step)
+            self._looks[model, step] = model_appearance(model, step * self.elevation_step)
         return self._looks[model, step]
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError
 
-from bestman_bt.http_client import AnswerRefusedError, NoAnswerError, PostLimits, ask_again, post_json
+from bestman_bt.http_client import AnswerRefusedError, NoAnswerError, PostLimits, post_json, with_retries
 from bestman_bt.messages import RGBDImage
 from bestman_bt.perception.detection.from_image import FromImage, ImageDetection
 from bestman_bt.perception.errors import DetectorReplyError, DetectorUnreachableError
@@ -158,7 +158,7 @@ class RemoteDetector(FromImage):
         limits = PostLimits(self.connect_timeout, self.timeout, self.retries, self.backoff, self.max_reply)
         try:
             # No proxy from the environment: the server stands in the robot's own network.
-            answer = ask_again(lambda: post_json(self.url, body, limits, {}, through_proxy=False), limits)
+            answer = with_retries(lambda: post_json(self.url, body, limits, {}, through_proxy=False), limits)
             if answer.status != 200:
                 raise DetectorReplyError(f"{self.url}: status {answer.status}, 200 is expected")
             return reply_detections(answer.content, image, names)

@@ -29,7 +29,7 @@ from bestman_bt.perception.pose_estimation.model_surface import (
     model_palette,
     model_surface,
 )
-from bestman_bt.perception.pose_estimation.point_to_plane import TurnedSurface, turned_surface
+from bestman_bt.perception.pose_estimation.point_to_plane import YawObservability, yaw_observability
 from bestman_bt.perception.pose_estimation.registration import Fit, Registration, end_aligned_poses, yaw_difference
 from bestman_bt.perception.pose_estimation.yaw_profile import YawSearch
 from bestman_bt.perception.segmentation.base import Cluster, voxel_means
@@ -37,7 +37,7 @@ from bestman_bt.perception.view import View
 
 
 @dataclass(frozen=True)
-class StrayPoints:
+class UnassignedPoints:
     """Finds points near a cluster that belong to the same object.
 
     Lengths in metres.
@@ -111,7 +111,7 @@ class MultiStart(Registration, PoseEstimator):
     hidden_length: Annotated[float, "m"] = 0.008
     confidence: ConfidenceModel = field(default_factory=ConfidenceModel)
     yaw: YawSearch = field(default_factory=YawSearch)
-    strays: StrayPoints = field(default_factory=StrayPoints)
+    strays: UnassignedPoints = field(default_factory=UnassignedPoints)
 
     @cached_property
     def surfaces(self) -> SurfaceStore:
@@ -196,7 +196,7 @@ class MultiStart(Registration, PoseEstimator):
         likelihood = self.yaw.likelihood(turned, points, seen.plane_view, poses, palette, seen.noise)
         best = fits[int(likelihood.argmax())]
         evidence = seen.judge(surface, best)
-        yaws = profile.open_yaws(self.yaw.margin, float(best.pose[2]), best.yaw_std)
+        yaws = profile.plausible_yaws(self.yaw.margin, float(best.pose[2]), best.yaw_std)
         return _Candidate(self.confidence.logit(evidence, color), surface, best, evidence, yaws)
 
 
@@ -252,7 +252,7 @@ class SurfaceStore:
         self._spacing = spacing
         self._tipped = tipped
         self._resting: dict[ObjectModel, tuple[ModelSurface, ...]] = {}
-        self._turned: dict[ModelSurface, TurnedSurface] = {}
+        self._turned: dict[ModelSurface, YawObservability] = {}
 
     def resting(self, model: ObjectModel) -> tuple[ModelSurface, ...]:
         """Return the model standing upright and, if configured, lying on its sides."""
@@ -266,10 +266,10 @@ class SurfaceStore:
             self._resting[model] = tuple(model_surface(model, pose, self._spacing) for pose in orientations)
         return self._resting[model]
 
-    def turned(self, surface: ModelSurface) -> TurnedSurface:
+    def turned(self, surface: ModelSurface) -> YawObservability:
         """Return the surface compared with itself, turned."""
         if surface not in self._turned:
-            self._turned[surface] = turned_surface(surface)
+            self._turned[surface] = yaw_observability(surface)
         return self._turned[surface]
 
 

@@ -190,7 +190,7 @@ class MultiView(MultiViewEstimator):
             return YawSet()
         if profile is None:
             return YawSet(((float(fit.pose[2]), 3.0 * fit.yaw_std),))
-        return profile.open_yaws(self.single.yaw.margin, float(fit.pose[2]), fit.yaw_std)
+        return profile.plausible_yaws(self.single.yaw.margin, float(fit.pose[2]), fit.yaw_std)
 
 
 def _seen_on(plane: SupportPlane, observation: ViewObservation, single: MultiStart) -> SeenCluster:

@@ -93,7 +93,7 @@ WALL = 0.003
 
 
 @dataclass(frozen=True, eq=False)
-class TurnedSurface:
+class YawObservability:
     """A surface compared with itself, rotated by ``angles`` (K,) radians and translated for the best agreement.
 
     ``shifts``: (K, 2), metres: position of the rotated object's origin. ``distances``: (K, N), metres, from each sample
@@ -107,22 +107,22 @@ class TurnedSurface:
     distances: NDArray[np.float64]
 
     @property
-    def telling(self) -> NDArray[np.float64]:
+    def largest_distances(self) -> NDArray[np.float64]:
         """Return for each sample (N,) its largest distance over all rotations, metres."""
         largest: NDArray[np.float64] = self.distances.max(axis=0)
         return largest
 
     def shift(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the shifts (n, 2) of the turns nearest to ``angle`` (n,) radians."""
-        return self.shifts[self.nearest_turn(angle)]
+        return self.shifts[self.nearest_angle(angle)]
 
-    def nearest_turn(self, angle: NDArray[np.float64]) -> NDArray[np.intp]:
+    def nearest_angle(self, angle: NDArray[np.float64]) -> NDArray[np.intp]:
         """Return the indices of the nearest ``angles``."""
         count = len(self.angles)
         return np.rint(angle / (2 * math.pi / count)).astype(np.intp) % count
 
 
-def turned_surface(surface: ModelSurface, count: int = 72) -> TurnedSurface:
+def yaw_observability(surface: ModelSurface, count: int = 72) -> YawObservability:
     """Compare ``surface`` with itself at ``count`` evenly spaced turns."""
     angles = np.asarray(np.arange(count) * (2 * math.pi / count), dtype=np.float64)
     some = surface.points[evenly(len(surface.points), SELF_POINTS)]
@@ -131,13 +131,13 @@ def turned_surface(surface: ModelSurface, count: int = 72) -> TurnedSurface:
     poses = slide(surface, some, starts, SELF_ITERATIONS, SELF_SCALE)
     costs = np.minimum(surface_distances(surface, some, poses), 0.02).mean(axis=1).reshape(2, count)
     poses = poses.reshape(2, count, 3)[costs.argmin(axis=0), np.arange(count)]
-    return TurnedSurface(surface, angles, poses[:, :2], surface_distances(surface, surface.points, poses))
+    return YawObservability(surface, angles, poses[:, :2], surface_distances(surface, surface.points, poses))
 
 
 @cache
-def turned_model(model: ObjectModel, spacing: float = 0.003) -> TurnedSurface:
+def model_yaw_observability(model: ObjectModel, spacing: float = 0.003) -> YawObservability:
     """Compare a standing model's surface, sampled every ``spacing`` metres, with itself at all turns."""
-    return turned_surface(model_surface(model, Pose(), spacing))
+    return yaw_observability(model_surface(model, Pose(), spacing))
 
 
 def slide(

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from bestman_bt.messages import CameraIntrinsics, YawSet
 from bestman_bt.messages.pose import wrap_angle
 from bestman_bt.perception.pose_estimation.model_surface import color_distances
-from bestman_bt.perception.pose_estimation.point_to_plane import TurnedSurface, evenly, slide, surface_distances
+from bestman_bt.perception.pose_estimation.point_to_plane import YawObservability, evenly, slide, surface_distances
 from bestman_bt.perception.view import View
 
 # Does a part of a placed model float where the image shows that nothing is?
@@ -117,7 +117,7 @@ class YawSearch:
 
     def profile(
         self,
-        turned: TurnedSurface,
+        turned: YawObservability,
         points: NDArray[np.float64],
         plane_view: View,
         start: NDArray[np.float64],
@@ -147,7 +147,7 @@ class YawSearch:
 
     def likelihood(
         self,
-        turned: TurnedSurface,
+        turned: YawObservability,
         points: NDArray[np.float64],
         plane_view: View,
         poses: NDArray[np.float64],
@@ -164,13 +164,13 @@ class YawSearch:
 
     def _floating_cost(
         self,
-        turned: TurnedSurface,
+        turned: YawObservability,
         plane_view: View,
         poses: NDArray[np.float64],
         palette: NDArray[np.float64],
         variance: float,
     ) -> NDArray[np.float64]:
-        telling = np.flatnonzero((turned.telling > self.telling) & (turned.surface.points[:, 2] > 0.01))
+        telling = np.flatnonzero((turned.largest_distances > self.telling) & (turned.surface.points[:, 2] > 0.01))
         cost = np.zeros(len(poses))
         if len(telling) == 0:
             return cost
@@ -218,7 +218,7 @@ class YawProfile:
         best_first = sorted(np.flatnonzero(local).tolist(), key=lambda k: -value[k])
         return [np.array([*self.positions[k], self.yaws[k]]) for k in best_first[:limit]]
 
-    def open_yaws(self, margin: float, best: float, best_std: float) -> YawSet:
+    def plausible_yaws(self, margin: float, best: float, best_std: float) -> YawSet:
         """Return the arcs of the yaws within ``margin`` of the best; the first contains the refined yaw ``best`` with
         its error.
         """

@@ -15,7 +15,13 @@ from scipy.spatial.transform import Rotation
 
 from bestman_bt.configuration.checked import numbered, salvage
 from bestman_bt.configuration.document import Document, read_document
-from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector, UnreadError, as_far_as_read
+from bestman_bt.configuration.errors import (
+    ConfigurationError,
+    Problem,
+    ProblemCollector,
+    UnreadError,
+    up_to_unread_field,
+)
 from bestman_bt.configuration.quantity import (
     Angles3,
     Factor,
@@ -185,7 +191,7 @@ def load_dataset(folder: Path) -> Dataset:
     return Dataset(folder, config, document, board)
 
 
-@as_far_as_read
+@up_to_unread_field
 def _view_faults(view: ViewConfig, index: int, document: Document, folder: Path) -> Iterator[Problem]:
     if view.hand is not None and (view.hand.rpy is None) == (view.hand.quaternion is None):
         yield document.problem(("views", index, "hand"), "either 'rpy' or 'quaternion' should be given")

@@ -63,7 +63,7 @@ def solve_intrinsics(dataset: Dataset, method: IntrinsicsCalibration, progress: 
     k = found.intrinsics
     used = tuple(views[index] for index in found.used)
     sightings = tuple(view.sighting for view in used if view.sighting is not None)
-    seen = Seen(used, sightings, k, len(views))
+    seen = BoardViews(used, sightings, k, len(views))
     settings: dict[str, Any] = {
         "width": k.width,
         "height": k.height,
@@ -97,7 +97,7 @@ def solve_head(dataset: Dataset, progress: Progress) -> CalibrationResult:
     seen = seen_views(dataset, chain, progress)
     root = chain.head_root(head)
     joints = [dataset.config.views[view.index].joints for view in seen.views]
-    _, holders = both_ends(dataset, chain, seen)
+    _, holders = chain_ends(dataset, chain, seen)
     views = [
         BoardView(sighting, chain.kinematics.pose(chain.carrier, positions, root), holder)
         for sighting, positions, holder in zip(seen.sightings, joints, holders, strict=True)
@@ -148,7 +148,7 @@ def solve_hand_eye(dataset: Dataset, method: str, progress: Progress) -> Calibra
         raise CalibrationError("a checkerboard looks the same after half a turn; poses need a ChArUco board")
     chain = chain_of(dataset)
     seen = seen_views(dataset, chain, progress)
-    carriers, holders = both_ends(dataset, chain, seen)
+    carriers, holders = chain_ends(dataset, chain, seen)
     in_camera = [board_pose(sighting, seen.intrinsics).eye_from_board for sighting in seen.sightings]
     world_from_carrier = [holder.inverse() @ carrier for holder, carrier in zip(holders, carriers, strict=True)]
     algorithm = ALGORITHMS.resolve(f"calibration/{method}")()
@@ -185,7 +185,7 @@ def _degrees(a: Pose, b: Pose) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class BoardViews:
     """The views that show the board, and their camera; ``left_out``: names of contradicting views."""
 
     views: tuple[RecordedView, ...]
@@ -194,7 +194,7 @@ class Seen:
     recorded: int
     left_out: tuple[str, ...] = ()
 
-    def without(self, indices: Sequence[int]) -> Seen:
+    def without(self, indices: Sequence[int]) -> BoardViews:
         """Return the remaining views; those at ``indices`` are moved to ``left_out``."""
         kept = [index for index in range(len(self.views)) if index not in indices]
         return replace(
@@ -220,7 +220,7 @@ def chain_of(dataset: Dataset) -> RobotChain | None:
     return RobotChain(load_robot_model(dataset.config.robot), dataset.config.camera)
 
 
-def seen_views(dataset: Dataset, chain: RobotChain | None, progress: Progress) -> Seen:
+def seen_views(dataset: Dataset, chain: RobotChain | None, progress: Progress) -> BoardViews:
     """Find the board in all images. Raises ConfigurationError if the camera's intrinsics are not known."""
     views, size = dataset.read(progress)
     intrinsics = dataset.intrinsics(size)
@@ -234,10 +234,10 @@ def seen_views(dataset: Dataset, chain: RobotChain | None, progress: Progress) -
         message = "is missing: without a robot the dataset should state the camera's intrinsics"
         raise ConfigurationError([dataset.document.problem(("intrinsics",), message)])
     with_board = [(view, view.sighting) for view in views if view.sighting is not None]
-    return Seen(tuple(v for v, _ in with_board), tuple(s for _, s in with_board), intrinsics, len(views))
+    return BoardViews(tuple(v for v, _ in with_board), tuple(s for _, s in with_board), intrinsics, len(views))
 
 
-def both_ends(dataset: Dataset, chain: RobotChain | None, seen: Seen) -> tuple[list[Pose], list[Pose]]:
+def chain_ends(dataset: Dataset, chain: RobotChain | None, seen: BoardViews) -> tuple[list[Pose], list[Pose]]:
     """Return base_from_carrier (of the camera) and base_from_holder (of the board) of each view.
 
     Raises ConfigurationError if joint positions or hand poses are missing.
@@ -276,7 +276,7 @@ def both_ends(dataset: Dataset, chain: RobotChain | None, seen: Seen) -> tuple[l
     return carriers, holders
 
 
-def add_depth(seen: Seen, poses: Sequence[Pose], settings: dict[str, Any], figures: dict[str, Any]) -> list[str]:
+def add_depth(seen: BoardViews, poses: Sequence[Pose], settings: dict[str, Any], figures: dict[str, Any]) -> list[str]:
     """Calibrate the depth if the views have it; returns notes on what failed."""
     with_depth = [
         (sighting, pose, view.depth)
@@ -303,7 +303,7 @@ def add_depth(seen: Seen, poses: Sequence[Pose], settings: dict[str, Any], figur
 def result_of(
     kind: str,
     dataset: Dataset,
-    seen: Seen,
+    seen: BoardViews,
     offsets: Sequence[np.ndarray],
     parts: dict[str, dict[str, Any]],
     figures: dict[str, Any],

@@ -17,7 +17,7 @@ from bestman_bt.scene.apartment_generator.options import ApartmentOptions, Apart
 from bestman_bt.scene.floor_grid import FloorGrid
 from bestman_bt.scene.furniture_generator.generate import generate_furniture
 from bestman_bt.scene.furniture_generator.handle_design import HandleOptions
-from bestman_bt.scene.placing import body_outlines, leaf_outlines, standing_outlines
+from bestman_bt.scene.placing import articulation_outlines, body_outlines, standing_outlines
 from bestman_bt.scene.plane_geometry import Points, polygons_overlap, rectangle, wall_rectangle
 from bestman_bt.scene.scene import PlacedFurniture, Wall
 
@@ -28,7 +28,7 @@ _TRIES = 12
 _BEFORE_WALL = 0.092  # half the depth of the frame: the leaf swings before the wall, not in it
 
 
-def hang_doors(
+def place_doors(
     plan: FloorPlan, furniture: Sequence[ApartmentPiece], options: ApartmentOptions, rng: np.random.Generator
 ) -> list[ApartmentPiece] | None:
     """Return a door for each doorway with a door, or None if a leaf has no room."""
@@ -43,11 +43,11 @@ def hang_doors(
             if door is None:
                 return None
             doors.append(door)
-            standing += [*body_outlines(as_standing(door)), *leaf_outlines(as_standing(door))]
+            standing += [*body_outlines(at_nominal_pose(door)), *articulation_outlines(at_nominal_pose(door))]
     return doors
 
 
-def as_standing(piece: ApartmentPiece) -> PlacedFurniture:
+def at_nominal_pose(piece: ApartmentPiece) -> PlacedFurniture:
     """Return the piece exactly at its nominal pose."""
     return PlacedFurniture(piece.name, piece.model, piece.at, piece.at, open=piece.open)
 
@@ -69,7 +69,9 @@ def _hung(
             handle=HandleOptions(kind="bar"),
         )
         door = ApartmentPiece(name, model, Pose2D(*doorway.at, turn), {"door": position})
-        if not any(polygons_overlap(leaf, other) for leaf in leaf_outlines(as_standing(door)) for other in standing):
+        if not any(
+            polygons_overlap(leaf, other) for leaf in articulation_outlines(at_nominal_pose(door)) for other in standing
+        ):
             return door
     return None
 
@@ -122,7 +124,7 @@ def generate_apartment(options: ApartmentOptions, seed: int, passage: float = 0.
         furniture = furnish(plan, options.wall_thickness, rng) if plan is not None else None
         if plan is None or furniture is None:
             continue
-        doors = hang_doors(plan, furniture, options, door_rng)
+        doors = place_doors(plan, furniture, options, door_rng)
         if doors is None:
             continue
         now = moved_doors(doors, options, door_rng)
@@ -155,7 +157,7 @@ def _is_connected(
         depth, width = piece.model.footprint
         grown = (depth + 2 * OFFSET + width * TURN, width + 2 * OFFSET + depth * TURN)
         outlines.append(rectangle(piece.at, grown))
-    outlines += standing_outlines((), map(as_standing, doors))
+    outlines += standing_outlines((), map(at_nominal_pose, doors))
     grid = FloorGrid.of(outlines)
     areas = grid.areas(passage)
     if plan.doorways:

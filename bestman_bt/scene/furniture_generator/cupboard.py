@@ -9,7 +9,7 @@ import numpy as np
 
 from bestman_bt.configuration.quantity import PositiveLength, Torque
 from bestman_bt.scene.furniture_generator.handle_design import HandleOptions, draw_handle
-from bestman_bt.scene.furniture_generator.leaf import GAP, SEAM, Front, LeafDesign, door
+from bestman_bt.scene.furniture_generator.leaf import GAP, SEAM, ArticulationDesign, Front, door
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
 from bestman_bt.scene.furniture_generator.panel import FinishOptions, carcass, draw_finish, model, surface
 from bestman_bt.scene.furniture_generator.solid import block
@@ -85,7 +85,7 @@ def cupboard(name: str, options: CupboardOptions, rng: np.random.Generator) -> F
                 "door" if count == 1 else f"{side}_door",
                 Front((face, y, middle), leaf_width, height - _PLINTH - SEAM),
                 side,
-                LeafDesign(design, finish, thickness, 600.0 if design.kind != "edge" else 300.0, friction),
+                ArticulationDesign(design, finish, thickness, 600.0 if design.kind != "edge" else 300.0, friction),
                 upper=1.7,
             )
         )

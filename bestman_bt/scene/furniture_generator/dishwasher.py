@@ -9,7 +9,7 @@ import numpy as np
 from bestman_bt.configuration.quantity import PositiveLength, Torque
 from bestman_bt.messages import GRAVITY
 from bestman_bt.scene.furniture_generator.handle_design import HandleOptions, draw_handle
-from bestman_bt.scene.furniture_generator.leaf import GAP, SEAM, Front, LeafDesign, door
+from bestman_bt.scene.furniture_generator.leaf import GAP, SEAM, ArticulationDesign, Front, door
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
 from bestman_bt.scene.furniture_generator.panel import FinishOptions, carcass, draw_finish, model, surface
 from bestman_bt.scene.furniture_generator.solid import block
@@ -59,7 +59,7 @@ def dishwasher(name: str, options: DishwasherOptions, rng: np.random.Generator) 
         "door",
         Front((face, 0.0, (bottom + top) / 2), width - SEAM, top - bottom),
         "bottom",
-        LeafDesign(
+        ArticulationDesign(
             design,
             finish,
             thickness,

@@ -8,7 +8,7 @@ import numpy as np
 
 from bestman_bt.configuration.quantity import Force, PositiveLength, WholeNumber
 from bestman_bt.scene.furniture_generator.handle_design import HandleOptions, draw_handle
-from bestman_bt.scene.furniture_generator.leaf import GAP, SEAM, Front, LeafDesign, drawer
+from bestman_bt.scene.furniture_generator.leaf import GAP, SEAM, ArticulationDesign, Front, drawer
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
 from bestman_bt.scene.furniture_generator.panel import FinishOptions, carcass, draw_finish, model, surface
 from bestman_bt.scene.furniture_generator.solid import block
@@ -67,7 +67,7 @@ def drawer_chest(name: str, options: DrawerChestOptions, rng: np.random.Generato
             drawer(
                 f"drawer_{index + 1}",
                 Front((face, 0.0, middle), width - SEAM, pitch - SEAM),
-                LeafDesign(design, finish, panel, 600.0, friction),
+                ArticulationDesign(design, finish, panel, 600.0, friction),
                 depth=box_depth,
                 box_width=width - 2 * _BOARD - 0.016,
                 upper=round(0.8 * box_depth, 3),

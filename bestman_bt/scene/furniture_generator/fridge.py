@@ -9,7 +9,7 @@ import numpy as np
 
 from bestman_bt.configuration.quantity import PositiveLength, Torque
 from bestman_bt.scene.furniture_generator.handle_design import HandleOptions, draw_handle
-from bestman_bt.scene.furniture_generator.leaf import GAP, SEAM, Front, LeafDesign, door
+from bestman_bt.scene.furniture_generator.leaf import GAP, SEAM, ArticulationDesign, Front, door
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
 from bestman_bt.scene.furniture_generator.panel import FinishOptions, carcass, draw_finish, model, surface
 from bestman_bt.scene.furniture_generator.solid import block
@@ -78,7 +78,7 @@ def fridge(name: str, options: FridgeOptions, rng: np.random.Generator) -> Furni
             "door" if count == 1 else f"{which}_door",
             Front((face, 0.0, (low + high) / 2), width, high - low - SEAM),
             hinge,
-            LeafDesign(design, finish, thickness, 250.0, friction),
+            ArticulationDesign(design, finish, thickness, 250.0, friction),
             upper=1.9,
         )
         for which, low, high in zip(("lower", "upper"), borders[:-1], borders[1:], strict=False)

@@ -46,7 +46,7 @@ class Front:
 
 
 @dataclass(frozen=True)
-class LeafDesign:
+class ArticulationDesign:
     """Parameters of the doors and drawers of a piece. ``thickness``: metres of the front. ``density``: kg/m³.
 
     ``friction``: of the joint, N or N m.
@@ -63,7 +63,7 @@ def door(
     name: str,
     front: Front,
     hinge_side: HingeSide,
-    design: LeafDesign,
+    design: ArticulationDesign,
     *,
     upper: float,
     extra: Sequence[Solid] = (),
@@ -95,7 +95,7 @@ def door(
 def drawer(
     name: str,
     front: Front,
-    design: LeafDesign,
+    design: ArticulationDesign,
     *,
     depth: float,
     box_width: float,
@@ -165,7 +165,7 @@ class _LeafJoint:
 
 
 def _articulation(
-    name: str, joint: _LeafJoint, solids: Sequence[Solid], pose: Pose, design: LeafDesign, handle: Handle
+    name: str, joint: _LeafJoint, solids: Sequence[Solid], pose: Pose, design: ArticulationDesign, handle: Handle
 ) -> Articulation:
     placed = [solid.seen_from(pose) for solid in solids]
     return Articulation(

@@ -9,7 +9,7 @@ import numpy as np
 
 from bestman_bt.configuration.quantity import PositiveLength, Torque
 from bestman_bt.scene.furniture_generator.handle_design import HandleOptions, draw_handle
-from bestman_bt.scene.furniture_generator.leaf import GAP, SEAM, Front, LeafDesign, door
+from bestman_bt.scene.furniture_generator.leaf import GAP, SEAM, ArticulationDesign, Front, door
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
 from bestman_bt.scene.furniture_generator.panel import FinishOptions, carcass, draw_finish, model, surface
 from bestman_bt.scene.furniture_generator.solid import block, rod
@@ -87,7 +87,7 @@ def microwave(name: str, options: MicrowaveOptions, rng: np.random.Generator) ->
         "door",
         Front((face, across(leaf / 2), (_FOOT + height) / 2), leaf, height - _FOOT),
         hinge,
-        LeafDesign(design, finish, thickness, 500.0, friction),
+        ArticulationDesign(design, finish, thickness, 500.0, friction),
         upper=1.75,
         extra=[window] if window_width > 0.05 else [],
     )

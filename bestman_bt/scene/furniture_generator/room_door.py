@@ -9,7 +9,7 @@ import numpy as np
 
 from bestman_bt.configuration.quantity import PositiveLength, Torque
 from bestman_bt.scene.furniture_generator.handle_design import HandleOptions, draw_handle
-from bestman_bt.scene.furniture_generator.leaf import GAP, Front, LeafDesign, door
+from bestman_bt.scene.furniture_generator.leaf import GAP, ArticulationDesign, Front, door
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
 from bestman_bt.scene.furniture_generator.panel import FinishOptions, draw_finish, model, surface
 from bestman_bt.scene.furniture_generator.solid import block
@@ -65,7 +65,7 @@ def room_door(name: str, options: RoomDoorOptions, rng: np.random.Generator) -> 
         "door",
         Front((face, 0.0, (_SLIT + height) / 2), width, height - _SLIT),
         hinge,
-        LeafDesign(design, finish, thickness, 220.0, friction),
+        ArticulationDesign(design, finish, thickness, 220.0, friction),
         upper=1.75,
         latch=options.latch,
     )

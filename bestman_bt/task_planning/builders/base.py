@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable
 from typing import Any
 
 from bestman_bt.engine import XmlElement
-from bestman_bt.engine.own_files import defined_at, in_words, signature_fault
+from bestman_bt.engine.own_files import defined_at, describe_error, signature_fault
 from bestman_bt.registry import BUILDERS
 from bestman_bt.task_planning.builders.plan_tree import PlanTree, Writer
 from bestman_bt.task_planning.symbolic.problem import Literal, PlanningError, TaskPlan
@@ -33,7 +33,7 @@ class TreeBuilder(ABC):
         except PlanningError:
             raise
         except Exception as error:  # a user's builder may raise anything; reported with its line
-            raise PlanningError(f"{who} raised {in_words(error)}") from error
+            raise PlanningError(f"{who} raised {describe_error(error)}") from error
         if not isinstance(element, XmlElement):
             place = defined_at(self.root)
             raise PlanningError(f"{who} should return an XmlElement, got {type(element).__name__} (at {place})")
@@ -53,7 +53,7 @@ def made_builder(name: str) -> TreeBuilder:
     try:
         made = found()
     except Exception as error:  # of a third party: whatever it is, it is reported by name
-        raise PlanningError(f"the tree builder {name!r} cannot be made: {in_words(error)}") from error
+        raise PlanningError(f"the tree builder {name!r} cannot be made: {describe_error(error)}") from error
     if not isinstance(made, TreeBuilder):
         raise PlanningError(f"the tree builder {name!r} should be a subclass of TreeBuilder, got {found!r:.100}")
     return made

@@ -161,12 +161,12 @@ class PlanStep:
         return tuple(PlanStep((action,)) for action in self.actions) if len(self.actions) > 1 else ()
 
 
-def steps_one_by_one(plan: TaskPlan) -> tuple[PlanStep, ...]:
+def sequential_steps(plan: TaskPlan) -> tuple[PlanStep, ...]:
     """Return each action as a step."""
     return tuple(PlanStep((action,)) for action in plan.actions)
 
 
-def steps_side_by_side(plan: TaskPlan) -> tuple[PlanStep, ...]:
+def parallel_steps(plan: TaskPlan) -> tuple[PlanStep, ...]:
     """Return steps in which each action is placed after everything that it depends on, as early as possible.
 
     Two actions that depend on each other, or use the same part, keep their order.

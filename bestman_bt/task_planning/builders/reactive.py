@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from bestman_bt.engine import XmlElement
 from bestman_bt.task_planning.builders.base import TreeBuilder
-from bestman_bt.task_planning.builders.plan_tree import Writer, steps_one_by_one, steps_side_by_side
-from bestman_bt.task_planning.builders.regression import staircase
+from bestman_bt.task_planning.builders.plan_tree import Writer, parallel_steps, sequential_steps
+from bestman_bt.task_planning.builders.regression import ready_steps
 from bestman_bt.task_planning.symbolic.problem import Literal, TaskPlan
 
 
@@ -31,10 +31,10 @@ class ReactiveBuilder(TreeBuilder):
     parallel: bool = True
 
     def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
-        """Return retries around rounds; a round is a staircase of IfThenElse that checks the last step first."""
-        steps = steps_side_by_side(plan) if self.parallel else steps_one_by_one(plan)
+        """Return retries around rounds; a round is a chain of IfThenElse nodes that checks the last step first."""
+        steps = parallel_steps(plan) if self.parallel else sequential_steps(plan)
         otherwise = writer.node("AlwaysFailure", "no_step_is_ready")
-        for number, (step, ways) in enumerate(staircase(steps, goal, self.most_ways), 1):
+        for number, (step, ways) in enumerate(ready_steps(steps, goal, self.most_ways), 1):
             if ways:
                 ready = writer.any_of(f"{number}_is_ready", ways)
                 otherwise = writer.node(

@@ -45,7 +45,7 @@ def kernel(step: PlanStep, after: Kernel) -> Kernel:
     return before
 
 
-class Ready(NamedTuple):
+class ReadyStep(NamedTuple):
     """A step, and the alternative conditions ``ways`` under which it leads to the goal."""
 
     step: PlanStep
@@ -56,7 +56,7 @@ class Ready(NamedTuple):
         return any(all(literal.holds_in(state) for literal in way) for way in self.ways)
 
 
-def staircase(steps: Sequence[PlanStep], goal: Iterable[Literal], most_ways: int) -> tuple[Ready, ...]:
+def ready_steps(steps: Sequence[PlanStep], goal: Iterable[Literal], most_ways: int) -> tuple[ReadyStep, ...]:
     """Return when each step leads to the goal if later ones may be left out; the last ready step is the best.
 
     After a step any later one may follow, or the goal: a step with the mug does not depend on a drawer that must be
@@ -69,7 +69,7 @@ def staircase(steps: Sequence[PlanStep], goal: Iterable[Literal], most_ways: int
     follower = {bits.of(goal): 0}  # way → how many steps it leaves out
     followers = [follower]  # of each later step, and of the goal
     later = set(follower)
-    found: list[Ready] = []
+    found: list[ReadyStep] = []
     for step in reversed(alone):
         pre, effects = bits.of(step.pre), bits.of(step.effects)
         ways: dict[int, int] = {}
@@ -81,7 +81,7 @@ def staircase(steps: Sequence[PlanStep], goal: Iterable[Literal], most_ways: int
         best = bits.fewest_left_out(ways, later, most_ways)
         followers.insert(0, dict(best))
         later.update(dict(best))
-        found.insert(0, Ready(step, tuple(bits.kernel(way) for way, _ in best)))
+        found.insert(0, ReadyStep(step, tuple(bits.kernel(way) for way, _ in best)))
     return tuple(found)
 
 

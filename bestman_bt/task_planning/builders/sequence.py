@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from bestman_bt.engine import XmlElement
 from bestman_bt.task_planning.builders.base import TreeBuilder
-from bestman_bt.task_planning.builders.plan_tree import Writer, steps_one_by_one, steps_side_by_side
+from bestman_bt.task_planning.builders.plan_tree import Writer, parallel_steps, sequential_steps
 from bestman_bt.task_planning.builders.regression import kernels
 from bestman_bt.task_planning.symbolic.problem import Literal, TaskPlan
 
@@ -24,7 +24,7 @@ class SequenceBuilder(TreeBuilder):
 
     def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
         """Return a Sequence: check, act, and so on; at last, check the goal."""
-        steps = steps_side_by_side(plan) if self.parallel else steps_one_by_one(plan)
+        steps = parallel_steps(plan) if self.parallel else sequential_steps(plan)
         children: list[XmlElement] = []
         for number, (step, kernel) in enumerate(zip(steps, kernels(steps, goal), strict=False), 1):
             children += [writer.holds(f"{number}_is_ready", kernel), writer.step(number, step)]

@@ -19,9 +19,9 @@ from bestman_bt.http_client import (
     AnswerRefusedError,
     NoAnswerError,
     PostLimits,
-    TryAgainError,
-    ask_again,
+    RetryableError,
     post_json,
+    with_retries,
 )
 from bestman_bt.task_planning.language.chat import ChatEndpoint, ChatReply, ChatRequest, Usage
 from bestman_bt.task_planning.language.errors import (
@@ -223,7 +223,7 @@ class HttpEndpoint(ChatEndpoint):
         """Implement ``ChatEndpoint``; logs seconds, tokens and dollars."""
         body, started = self._body(request), time.monotonic()
         try:
-            completion = ask_again(lambda: self._completion(body), self.limits, self._warn)
+            completion = with_retries(lambda: self._completion(body), self.limits, self._warn)
         except NoAnswerError as error:
             raise EndpointUnreachableError(f"{self._name} {error}") from error
         reply = completion.reply(self._usage(completion, time.monotonic() - started))
@@ -275,8 +275,8 @@ class HttpEndpoint(ChatEndpoint):
         try:
             # A proxy of the environment is the way out of the building, not to this machine.
             return post_json(url, body, self.limits, headers, through_proxy=not address.is_local)
-        except TryAgainError as error:
-            raise TryAgainError(address.key.removed_from(str(error)), error.wait) from None
+        except RetryableError as error:
+            raise RetryableError(address.key.removed_from(str(error)), error.wait) from None
         except AnswerRefusedError as error:
             raise EndpointReplyError(f"{self._name}: {error}") from error
 
@@ -284,7 +284,7 @@ class HttpEndpoint(ChatEndpoint):
         try:
             return read_completion(self._text(answer))
         except ValueError as error:
-            raise TryAgainError(f"the answer breaks the protocol: {error}") from error
+            raise RetryableError(f"the answer breaks the protocol: {error}") from error
 
     def _text(self, answer: Answer) -> str:
         return self.address.key.removed_from(answer.content.decode(errors="replace"))

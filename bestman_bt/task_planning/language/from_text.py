@@ -41,7 +41,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     PlanningProblem,
     TaskPlan,
 )
-from bestman_bt.task_planning.symbolic.search import without_needless
+from bestman_bt.task_planning.symbolic.search import without_unneeded_actions
 
 PlanCheck = Callable[[PlanningProblem, TaskPlan], Sequence[str]]
 """What else is wrong with a plan for a problem, in words; nothing where it may be carried out."""
@@ -259,7 +259,7 @@ def _needed(problem: PlanningProblem, actions: Sequence[Action]) -> tuple[Action
     """Return the steps without those that the goal does not need."""
     grounded = ground(problem)
     numbers = {action: number for number, action in enumerate(grounded.actions)}
-    kept = without_needless(grounded, [numbers[action] for action in actions])
+    kept = without_unneeded_actions(grounded, [numbers[action] for action in actions])
     return tuple(grounded.actions[number] for number in kept)
 
 

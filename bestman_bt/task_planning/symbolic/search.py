@@ -146,7 +146,7 @@ def best_first(
     return Found(None, exhausted=True)
 
 
-def without_needless(problem: GroundProblem, actions: Sequence[int]) -> tuple[int, ...]:
+def without_unneeded_actions(problem: GroundProblem, actions: Sequence[int]) -> tuple[int, ...]:
     """Return the plan without unnecessary actions (action elimination: Nakhost and Müller, 2010)."""
     plan = list(actions)
     number = 0
@@ -208,12 +208,12 @@ class SymbolicPlanner(TaskPlanner):
             raise PlanningError(
                 f"no plan among the first {limit} states, and no proof that there is none; ask for less"
             )
-        best = without_needless(grounded, found.actions)
+        best = without_unneeded_actions(grounded, found.actions)
         for weight in self.weights:
             cost = sum(grounded.actions[number].cost for number in best)
             found = best_first(grounded, weight, self.improvement, bound=cost)
             if found.actions is not None:
-                best = without_needless(grounded, found.actions)
+                best = without_unneeded_actions(grounded, found.actions)
         return TaskPlan(tuple(grounded.actions[number] for number in best))
 
 

@@ -55,7 +55,7 @@ IMPORTED = (".obj", ".stl", ".ply")
 """Meshes that Blender reads itself, with their materials; others are read here, without."""
 
 
-class PaintedRobot:
+class BlenderRobot:
     """A URDF robot: ``urdf`` is its text with absolute mesh paths, ``base_frame`` the link whose pose is given."""
 
     def __init__(self, urdf: str, base_frame: str) -> None:
@@ -139,7 +139,7 @@ Finish = Literal["wall", "furniture", "object", "person"]
 
 
 @dataclass(frozen=True)
-class PaintedBody:
+class BlenderBody:
     """A body of the scene and its finish."""
 
     body: RecordedBody
@@ -147,7 +147,7 @@ class PaintedBody:
 
 
 @dataclass(frozen=True)
-class PaintedFrame:
+class BlenderFrame:
     """``eye``, ``target``: metres, map frame; ``field_of_view``: vertical, degrees. ``file``: the PNG to be written."""
 
     snapshot: RobotSnapshot
@@ -158,12 +158,12 @@ class PaintedFrame:
 
 
 @dataclass(frozen=True)
-class PaintJob:
+class BlenderJob:
     """``hidden``: bodies to leave out, such as walls before the camera. ``samples``: light paths per pixel."""
 
-    robot: PaintedRobot
-    bodies: Sequence[PaintedBody]
-    frames: Sequence[PaintedFrame]
+    robot: BlenderRobot
+    bodies: Sequence[BlenderBody]
+    frames: Sequence[BlenderFrame]
     hidden: frozenset[str] = frozenset()
     width: int = 960
     height: int = 720
@@ -183,7 +183,7 @@ class PaintJob:
             "frames": [self._frame(frame) for frame in self.frames],
         }
 
-    def _frame(self, frame: PaintedFrame) -> dict[str, Any]:
+    def _frame(self, frame: BlenderFrame) -> dict[str, Any]:
         snapshot = frame.snapshot
         return {
             "file": str(frame.file),
@@ -195,7 +195,7 @@ class PaintJob:
         }
 
 
-def _body(painted: PaintedBody) -> dict[str, Any]:
+def _body(painted: BlenderBody) -> dict[str, Any]:
     body = painted.body
     return {
         "name": body.name,
@@ -284,7 +284,7 @@ SCRIPT = Path(__file__).parent / "script" / "paint_scene.py"
 FRAME_DONE = "bestman-bt: painted "
 
 
-def paint(job: PaintJob, python: Path, on_frame: Callable[[Path], None]) -> None:
+def paint(job: BlenderJob, python: Path, on_frame: Callable[[Path], None]) -> None:
     """Render all frames. ``python``: an interpreter with Blender. Raises BlenderError with Blender's last output."""
     with TemporaryDirectory() as name:
         file, errors = Path(name) / "job.json", Path(name) / "errors.txt"

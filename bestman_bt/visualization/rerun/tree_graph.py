@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from bestman_bt.engine.logs.btlog import Transition
 from bestman_bt.engine.status import IDLE
 from bestman_bt.records.nodes import NodeList
-from bestman_bt.records.palette import LOOKS, STATE_NAMES, Color, look_of
+from bestman_bt.records.palette import LOOKS, STATE_NAMES, Color, appearance_of
 from bestman_bt.records.states import NodeStates
 from bestman_bt.visualization.node_labels import node_label
 from bestman_bt.visualization.rerun import entities
@@ -180,7 +180,7 @@ class TreeGraph:
         """Write the colours of this moment, if they differ from those written last."""
         import rerun as rr
 
-        colors = [look_of(states, node.uid).dark for node in self._tree]
+        colors = [appearance_of(states, node.uid).dark for node in self._tree]
         if colors != self._colors:
             self._recording.log(entities.TREE_GRAPH, rr.GraphNodes.from_fields(colors=colors))
             self._colors = colors

@@ -126,20 +126,20 @@ def test_so_many_scans_in_a_row_that_do_not_fit_and_it_no_longer_knows_where_it_
     base = Cycle()
     base.localizer.fits = False
     base.steps(4)
-    assert base.cycle.knows_where
+    assert base.cycle.is_localized
     base.localizer.fits = True
     base.steps(4)
     base.localizer.fits = False
     base.steps(4)
-    assert base.cycle.knows_where, "the one that fitted has made good the one before"
+    assert base.cycle.is_localized, "the one that fitted has made good the one before"
     base.steps(12)
-    assert not base.cycle.knows_where
-    assert "no longer knows where it is (±0.05 m: few hits)" in base.cycle.doubt
+    assert not base.cycle.is_localized
+    assert "no longer knows where it is (±0.05 m: few hits)" in base.cycle.lost_reason
     assert [scan.fits for scan in base.seen] == [False, True, False, False]
     base.cycle.look_again()
-    assert not base.cycle.knows_where
+    assert not base.cycle.is_localized
     base.cycle.look_again(forgive=True)
-    assert base.cycle.knows_where
+    assert base.cycle.is_localized
 
 
 @pytest.mark.parametrize(("std", "knows"), [(0.0999, True), (0.1001, False)])
@@ -147,16 +147,16 @@ def test_an_uncertain_estimate_is_none_to_drive_by(std: float, knows: bool) -> N
     base = Cycle()
     base.localizer.std = std
     base.steps(1)
-    assert base.cycle.knows_where is knows
-    assert ("no longer knows" in base.cycle.doubt) is not knows
+    assert base.cycle.is_localized is knows
+    assert ("no longer knows" in base.cycle.lost_reason) is not knows
 
 
 def test_where_no_scan_has_ever_fitted_what_was_told_is_doubted() -> None:
     base = Cycle()
-    assert "no scan fits where the base was told to be (odometry alone)" in base.cycle.doubt
+    assert "no scan fits where the base was told to be (odometry alone)" in base.cycle.lost_reason
     base.localizer.fits = False
     base.steps(8)
-    assert "no scan fits where the base was told to be (few hits)" in base.cycle.doubt
+    assert "no scan fits where the base was told to be (few hits)" in base.cycle.lost_reason
 
 
 @pytest.mark.parametrize(("std", "lost"), [(0.0999, False), (0.1001, True)])
@@ -176,15 +176,15 @@ def test_told_another_place_it_begins_anew_and_is_lost_until_a_scan_fits_there()
     base.steps(12)
     base.localizer.fits = False
     base.steps(24)
-    assert not base.cycle.knows_where
+    assert not base.cycle.is_localized
     elsewhere = BasePose(Pose2D(5.0, 5.0, 1.0), 0.03, 0.05, 8.0)
     base.cycle.believe(elsewhere)
     assert base.world.base is elsewhere
     assert base.localizer.begun[-1] == (elsewhere.pose, base.odometry, 0.03, 0.05)
     assert base.cycle.lost
     assert not base.cycle.settled
-    assert base.cycle.knows_where, "what did not fit elsewhere counts no longer"
-    assert "no scan fits where the base was told to be" in base.cycle.doubt
+    assert base.cycle.is_localized, "what did not fit elsewhere counts no longer"
+    assert "no scan fits where the base was told to be" in base.cycle.lost_reason
     base.localizer.fits = True
     base.steps(4)
     assert not base.cycle.lost

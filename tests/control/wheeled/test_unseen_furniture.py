@@ -14,7 +14,7 @@ from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
-from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, SemanticMap
+from bestman_bt.world_model.semantic_map import MapArticulation, MapFurniture, SemanticMap
 from bestman_bt.world_model.world_model import Obstacle
 from tests.control.scripted_parts import BASE, CORNERS, ScriptedBase
 
@@ -114,7 +114,7 @@ def test_what_is_lower_than_the_lidar_is_kept_from_the_base_itself():
 def chest(bottom: float) -> MapFurniture:
     """A drawer of 0.2 m from ``bottom`` on, whose handle stands out by 0.06 m; the rest is seen by the lidar."""
     front = PlacedShape(Box((0.02, 1.2, 0.2)), Pose(np.array([-0.39, 0.0, bottom + 0.1])))
-    drawer = MapLeaf("drawer", "prismatic", (0.0, 0.0, 0.0), (-1.0, 0.0, 0.0), 0.4, (front,), handle_depth=0.06)
+    drawer = MapArticulation("drawer", "prismatic", (0.0, 0.0, 0.0), (-1.0, 0.0, 0.0), 0.4, (front,), handle_depth=0.06)
     return replace(piece(0.75, solid=True), leaves=(drawer,))
 
 

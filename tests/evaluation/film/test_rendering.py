@@ -9,7 +9,7 @@ from PIL import Image
 
 from bestman_bt.evaluation.film import rendering
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
-from bestman_bt.evaluation.film.rendering import RenderOptions, paint_job, render, viewpoint
+from bestman_bt.evaluation.film.rendering import RenderOptions, blender_job, render, viewpoint
 from bestman_bt.scene.scene import Wall
 from bestman_bt.visualization.blender.painting import BlenderError
 
@@ -79,7 +79,7 @@ def test_walls_between_camera_and_subject_are_left_out_and_others_stay(run: Film
 
     def hidden(azimuth: float) -> frozenset[str]:
         view = viewpoint(inside, azimuth, 0.5)
-        return paint_job(run, [(snapshot, view)], [tmp_path / "a.png"], (64, 64), 1).hidden
+        return blender_job(run, [(snapshot, view)], [tmp_path / "a.png"], (64, 64), 1).hidden
 
     assert f"wall{west}" in hidden(outward)
     assert f"wall{west}" not in hidden(outward + math.pi)
@@ -89,7 +89,7 @@ def test_blender_is_told_of_all_bodies_and_links_in_each_frame(run: FilmedRun, t
     snapshot = run.motion.at(0.0)
     view = viewpoint(np.array([0.0, 0.0, 0.7]), 0.3, 0.5)
 
-    document = paint_job(run, [(snapshot, view)], [tmp_path / "a.png"], (64, 48), 1).document()
+    document = blender_job(run, [(snapshot, view)], [tmp_path / "a.png"], (64, 48), 1).document()
 
     (frame,) = document["frames"]
     finishes = {body["name"]: body["finish"] for body in document["bodies"]}

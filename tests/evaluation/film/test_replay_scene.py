@@ -10,7 +10,7 @@ from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
 from bestman_bt.evaluation.film.replay_scene import ReplayScene, opening
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.model import GripperModel
-from bestman_bt.visualization.blender.painting import PaintedRobot
+from bestman_bt.visualization.blender.painting import BlenderRobot
 from hal.simulation.bodies import Viewpoint
 
 DOOR = "fridge/upper_door"
@@ -28,7 +28,7 @@ def test_the_robot_stands_where_it_stood_with_its_arm_as_it_was(run: FilmedRun, 
     base = Pose.from_xyz_rpy((1.0, 0.5, 0.0), (0.0, 0.0, 2.0))
     stage.set(dataclasses.replace(start, map_from_base=base, joint_positions=joints))
 
-    links = PaintedRobot(run.robot_model.urdf, run.robot_model.base_frame).link_poses(base, joints)
+    links = BlenderRobot(run.robot_model.urdf, run.robot_model.base_frame).link_poses(base, joints)
 
     hand = next(iter(run.robot_model.of(GripperModel).values())).hand_link
     assert stage.hand() == pytest.approx(links[hand].position, abs=1e-4)

@@ -42,9 +42,9 @@ def test_a_request_with_a_value_that_cannot_travel_is_refused(request_of_one: Ep
 
 
 def test_a_process_with_other_code_refuses_an_episode(request_of_one: EpisodeRequest) -> None:
-    assert replace(request_of_one, code=code_fingerprint()).why_not_here() == ""
-    assert request_of_one.why_not_here() == ""
-    other = replace(request_of_one, code="0ther").why_not_here()
+    assert replace(request_of_one, code=code_fingerprint()).refusal_here() == ""
+    assert request_of_one.refusal_here() == ""
+    other = replace(request_of_one, code="0ther").refusal_here()
     assert f"has other code: {code_fingerprint()}, here 0ther; install the same version of bestman-bt" in other
     with pytest.raises(LauncherLostError, match=r"^node9 has other code"):
         LocalProcesses().take(0, EpisodeAnswer(refused="node9 has other code"))

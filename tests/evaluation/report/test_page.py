@@ -13,7 +13,7 @@ from bestman_bt.engine import load_tree
 from bestman_bt.engine.logs.btlog import Transitions
 from bestman_bt.engine.status import FAILURE, SUCCESS
 from bestman_bt.evaluation.report.page import MAX_BARS, MAX_ROWS, WIDTH, gantt, groups_by_name, report_page
-from bestman_bt.evaluation.report.run_reader import read_story
+from bestman_bt.evaluation.report.run_reader import read_run_report
 from bestman_bt.evaluation.result import Outcome
 from bestman_bt.messages.black_box import BlackBox, PartTrace
 from bestman_bt.records.described_tree import describe_tree
@@ -51,7 +51,7 @@ class _Page(HTMLParser):
 
 
 def _page(*folders: Path) -> _Page:
-    return _Page(report_page([read_story(folder) for folder in folders], NOW))
+    return _Page(report_page([read_run_report(folder) for folder in folders], NOW))
 
 
 def test_nodes_are_named_by_file_and_line_in_tooltips_and_tables(tmp_path: Path) -> None:
@@ -59,12 +59,12 @@ def test_nodes_are_named_by_file_and_line_in_tooltips_and_tables(tmp_path: Path)
     file.write_text(TREE)
     folders = [write_run(tmp_path / name, events=(describe_tree(load_tree(file)),)) for name in ("one", "two")]
 
-    html = report_page([read_story(folders[0])], NOW)
+    html = report_page([read_run_report(folders[0])], NOW)
     assert "<title>second try (mine.xml:7), Sleep</title>" in html
     assert "<title>second try (mine.xml:7), " in html.replace("<title>second try (mine.xml:7), Sleep</title>", "")
     assert "<strong>second try (mine.xml:7)</strong>" in html
     assert "::" not in "".join(re.findall("<title>.*?</title>", html))
-    many = report_page([read_story(folder) for folder in folders], NOW)
+    many = report_page([read_run_report(folder) for folder in folders], NOW)
     assert "<strong>second try (mine.xml:7)</strong>" in many
 
 
@@ -98,7 +98,7 @@ def test_halves_of_characters_are_shown_as_something_that_can_be_written(tmp_pat
     with (folder / "log.jsonl").open("a") as log:
         log.write('{"time": 1.0, "level": "error", "event": "slipped \\udfff", "node": "a"}\n')
 
-    page = report_page([read_story(folder)], NOW)
+    page = report_page([read_run_report(folder)], NOW)
 
     assert "cup ?" in page
     assert "slipped ?" in page
@@ -139,7 +139,7 @@ def test_a_stop_is_drawn_with_what_was_set_and_measured_and_a_damaged_black_box_
     trace = PartTrace(times, values, columns, ((98.0, f"held {HOSTILE}"), (99.0, "")))
     BlackBox(100.0, f"arm: {HOSTILE}", {"arm": trace}).save(folder / "black_box_1.npz")
     (folder / "black_box_2.npz").write_bytes(b"nothing")
-    html = report_page([read_story(folder)], NOW)
+    html = report_page([read_run_report(folder)], NOW)
     page = _Page(html)
     assert "5.0 s before to 0.7 s after it" in page.text
     assert "arm_pan: 9.480 to 10.000 rad, at most 0.020 apart" in page.text
@@ -202,7 +202,7 @@ def test_runs_with_other_algorithms_are_counted_apart_and_named_by_what_differs(
     folders = [_configured(tmp_path / f"a{n}", n, motion_planning="rrt_connect", **same) for n in range(3)]
     folders += [_configured(tmp_path / f"b{n}", n, motion_planning="bit_star", **same) for n in range(2)]
 
-    names = list(groups_by_name([read_story(folder) for folder in folders]).items())
+    names = list(groups_by_name([read_run_report(folder) for folder in folders]).items())
 
     assert [(name, len(runs)) for name, runs in names] == [
         ("fetch_cup · diff_panda · algorithms.motion_planning.algorithm=rrt_connect", 3),
@@ -218,7 +218,7 @@ def test_entries_of_a_suite_are_rows_of_their_own(tmp_path: Path) -> None:
     folders = [_configured(tmp_path / f"a{n}", n, "entry: as_shipped\n", costmap="layered") for n in range(3)]
     folders += [_configured(tmp_path / f"b{n}", n, "entry: again\n", costmap="layered") for n in range(2)]
 
-    names = groups_by_name([read_story(folder) for folder in folders])
+    names = groups_by_name([read_run_report(folder) for folder in folders])
 
     assert list(names) == ["as_shipped · diff_panda", "again · diff_panda"]
 
@@ -229,7 +229,7 @@ def test_settings_that_are_too_long_to_tell_apart_still_count_apart(tmp_path: Pa
         for end in "ab"
     ]
 
-    first, second = groups_by_name([read_story(folder) for folder in folders])
+    first, second = groups_by_name([read_run_report(folder) for folder in folders])
 
     assert second == f"{first} (2)"
 

@@ -9,7 +9,13 @@ import pytest
 from bestman_bt.engine import load_tree
 from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.engine.status import FAILURE, RUNNING, SUCCESS
-from bestman_bt.evaluation.report.run_reader import MAX_BYTES, ReportError, RunReport, folders_to_report, read_story
+from bestman_bt.evaluation.report.run_reader import (
+    MAX_BYTES,
+    ReportError,
+    RunReport,
+    folders_to_report,
+    read_run_report,
+)
 from bestman_bt.evaluation.result import Outcome
 from bestman_bt.records.events import DescribedNode, ImageEvent, LogEvent, StatesEvent, TreeEvent
 from bestman_bt.records.states import NO
@@ -23,7 +29,7 @@ def worked(story: RunReport, uid: int) -> list[tuple[float, float, int]]:
 
 
 def test_a_finished_run_is_told_with_its_times_and_nodes(tmp_path: Path) -> None:
-    story = read_story(write_run(tmp_path / "run", seed=4))
+    story = read_run_report(write_run(tmp_path / "run", seed=4))
 
     assert (story.task, story.seed, story.robot, story.scene) == ("fetch_cup", 4, "diff_panda", "kitchen")
     assert story.outcome == "success"
@@ -45,7 +51,7 @@ def test_a_tree_that_failed_is_told_with_the_condition_that_ended_it(tmp_path: P
         while tree.tick_exactly_once() == RUNNING:
             clock.sleep(0.05)
 
-    story = read_story(tmp_path)
+    story = read_run_report(tmp_path)
 
     ready = next(node for node in story.nodes if node.name == "ready")
     assert worked(story, ready.uid) == [(pytest.approx(0.1), pytest.approx(0.1), FAILURE)]
@@ -54,7 +60,7 @@ def test_a_tree_that_failed_is_told_with_the_condition_that_ended_it(tmp_path: P
 
 
 def test_a_run_without_an_end_was_interrupted(tmp_path: Path) -> None:
-    story = read_story(write_run(tmp_path / "run", killed=True))
+    story = read_run_report(write_run(tmp_path / "run", killed=True))
 
     assert story.outcome == "interrupted"
     assert not story.is_counted
@@ -69,7 +75,7 @@ def test_a_run_whose_log_is_cut_off_anywhere_is_read_to_there(tmp_path: Path) ->
     events = folder / "events.jsonl"
     events.write_bytes(events.read_bytes() + b'{"event":"log","ti')
 
-    story = read_story(folder)
+    story = read_run_report(folder)
 
     assert story.notes == ()
     assert len(story.activities)
@@ -83,16 +89,16 @@ def test_a_run_whose_executor_answers_is_still_running(tmp_path: Path, monkeypat
         server.listen()
         Path("control.sock").symlink_to("served.sock")
 
-        assert read_story(Path()).outcome == "running"
+        assert read_run_report(Path()).outcome == "running"
 
-    assert read_story(Path()).outcome == "interrupted"
+    assert read_run_report(Path()).outcome == "interrupted"
 
 
 def test_a_failure_comes_with_the_picture_of_that_moment(tmp_path: Path) -> None:
     folder = write_run(tmp_path / "run", success=False, events=failure_with_picture())
     picture(folder / "pictures" / "1.jpg")
 
-    (failure,) = read_story(folder).failures
+    (failure,) = read_run_report(folder).failures
 
     assert (failure.time, failure.node, failure.code) == (1.4, f"Grasp {HOSTILE} (my.xml:9)", "no_grasp")
     assert failure.picture is not None
@@ -107,7 +113,7 @@ def test_a_picture_is_unfolded_up_to_a_size(
     folder = write_run(tmp_path / "run", success=False, events=failure_with_picture())
     picture(folder / "pictures" / "1.jpg", 32, 24)
 
-    story = read_story(folder)
+    story = read_run_report(folder)
 
     assert (story.failures[0].picture is not None) is fits
     assert story.notes == (
@@ -123,7 +129,7 @@ def test_of_several_pictures_of_a_node_a_failure_comes_with_the_nearest_one(tmp_
     for _, file in told:
         picture(folder / file)
 
-    shown = [failure.picture for failure in read_story(folder).failures]
+    shown = [failure.picture for failure in read_run_report(folder).failures]
 
     assert [one.caption if one else "" for one in shown] == ["1 at 1.40 s", "3 at 1.60 s", ""]
 
@@ -137,7 +143,7 @@ def test_trees_that_a_leaf_has_ticked_stand_below_that_leaf(tmp_path: Path) -> N
         StatesEvent(0.9, 18, [(2, 3)], tree=1),
     )
 
-    story = read_story(write_run(tmp_path / "run", events=events))
+    story = read_run_report(write_run(tmp_path / "run", events=events))
 
     nodes = list(story.nodes.depth_first())
     under = next(index for index, node in enumerate(nodes) if node.uid == 7)
@@ -152,7 +158,7 @@ def test_a_picture_that_leads_out_of_the_folder_is_left_out(tmp_path: Path, name
     (folder / "pictures").mkdir()
     (folder / "link.png").symlink_to(tmp_path / "secret.png")
 
-    story = read_story(folder)
+    story = read_run_report(folder)
 
     assert story.failures[0].picture is None
     assert any("picture left out" in note for note in story.notes)
@@ -178,7 +184,7 @@ def test_a_damaged_part_is_noted_and_the_others_are_told(tmp_path: Path, file: s
     folder = write_run(tmp_path / "run")
     (folder / file).write_bytes(content)
 
-    story = read_story(folder)
+    story = read_run_report(folder)
 
     assert any(words in note for note in story.notes), story.notes
 
@@ -189,7 +195,7 @@ def test_a_part_that_is_too_large_is_not_read(tmp_path: Path, file: str) -> None
     with (folder / file).open("wb") as part:
         part.truncate(MAX_BYTES[file] + 1)
 
-    assert any(note.startswith(f"{file} was not read") and "at most" in note for note in read_story(folder).notes)
+    assert any(note.startswith(f"{file} was not read") and "at most" in note for note in read_run_report(folder).notes)
 
 
 def test_a_configuration_with_an_alias_bomb_is_refused_at_once(tmp_path: Path) -> None:
@@ -198,7 +204,7 @@ def test_a_configuration_with_an_alias_bomb_is_refused_at_once(tmp_path: Path) -
     bomb += "".join(f"a{n}: &a{n} [{', '.join(9 * [f'*a{n - 1}'])}]\n" for n in range(1, 10))
     (folder / "config.yaml").write_text(f"{bomb}name: *a9\n")
 
-    story = read_story(folder)
+    story = read_run_report(folder)
 
     assert any("it has aliases" in note for note in story.notes)
     assert story.config.startswith("a0:")
@@ -209,7 +215,7 @@ def test_numbers_of_a_configuration_stay_text_however_long_they_are(tmp_path: Pa
     digits = "0x" + 100_000 * "f"
     (folder / "config.yaml").write_text(f"name: [1]\nseed: {digits}\nscene_settings:\n  size: {digits}\n  on: true\n")
 
-    story = read_story(folder)
+    story = read_run_report(folder)
 
     assert (story.notes, story.task, story.seed) == ((), folder.name, 0)
     assert story.scene_and_robot_settings == f"{('scene.size=' + digits)[:200]}, scene.on=true"
@@ -221,7 +227,7 @@ def test_a_log_with_an_entity_bomb_is_refused(tmp_path: Path) -> None:
     head = b"BTCPP4-FileLogger2\x01" + len(xml).to_bytes(4, "little") + xml + bytes(8)
     (folder / "transitions.btlog").write_bytes(head)
 
-    assert any("entity declarations are refused" in note for note in read_story(folder).notes)
+    assert any("entity declarations are refused" in note for note in read_run_report(folder).notes)
 
 
 def test_a_folder_of_nothing_is_refused_in_words(tmp_path: Path) -> None:
@@ -231,7 +237,7 @@ def test_a_folder_of_nothing_is_refused_in_words(tmp_path: Path) -> None:
         folders_to_report(tmp_path)
     (tmp_path / "result.json").write_text("not json")
     with pytest.raises(ReportError, match="result.json was not read to its end"):
-        read_story(tmp_path)
+        read_run_report(tmp_path)
 
 
 def test_the_runs_below_a_folder_are_found_and_links_are_not_followed(tmp_path: Path) -> None:
@@ -244,14 +250,14 @@ def test_the_runs_below_a_folder_are_found_and_links_are_not_followed(tmp_path: 
 
 
 def test_hostile_names_are_kept_as_text(tmp_path: Path) -> None:
-    assert HOSTILE in {node.name for node in read_story(write_run(tmp_path / "run")).nodes}
+    assert HOSTILE in {node.name for node in read_run_report(write_run(tmp_path / "run")).nodes}
 
 
 def test_a_log_alone_and_a_process_of_others_are_titled_by_what_they_are(tmp_path: Path) -> None:
     folder = write_run(tmp_path / "run", killed=True)
     for part in ("config.yaml", "result.json"):
         (folder / part).unlink(missing_ok=True)
-    assert read_story(folder / "transitions.btlog").title == "transitions.btlog"
+    assert read_run_report(folder / "transitions.btlog").title == "transitions.btlog"
     events = folder / "events.jsonl"
     events.write_text(events.read_text().replace('"source":""', '"source":"groot2://127.0.0.1:1667"', 1))
-    assert read_story(folder).title.endswith(", groot2://127.0.0.1:1667")
+    assert read_run_report(folder).title.endswith(", groot2://127.0.0.1:1667")

@@ -86,7 +86,7 @@ def test_a_run_with_another_controller_than_was_signed_is_refused_before_anythin
     command = [sys.executable, "-m", "bestman_bt.cli.main", "run", "pick_place_table", "--robot", "diff_xarm6"]
     command += ["--driver", "hardware", *settings, "--runs", str(tmp_path)]
     before = twin.judge("joints", "arm")["positions"]
-    with subject.left_to_others():
+    with subject.disconnected_robot():
         twin.fault("arm_controller", "other_serial")
         try:
             done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hal.hardware.into_limits import admit_outside, go_back, ways_back
+from hal.hardware.into_limits import admit_outside, execute_return, return_motions
 from hal.parts.stop_latch import StopLatch
 from hal.parts.streamed_joints import StreamedJointGroup
 from tests.hal.parts.test_streamed_joints import MODEL, PERIOD, Joints
@@ -28,10 +28,10 @@ def test_joints_outside_of_their_range_go_back_slowly_and_the_others_stay(place:
     robot: Any = SimpleNamespace(parts={"head": group}, part=lambda name, kind: group, clock=clock)
     admit_outside(robot)
     group.attach()
-    (way,) = ways_back(robot)
+    (way,) = return_motions(robot)
     assert way.there == pytest.approx(end)
     assert str(way).count("from") == 1
-    assert go_back(robot, way) == ""
+    assert execute_return(robot, way) == ""
     assert channel.at == pytest.approx(end)
     assert np.max(np.abs(np.diff([place for place, _ in channel.sent], axis=0))) <= 0.0501 * MODEL.velocity[0] * PERIOD
-    assert list(ways_back(robot)) == []
+    assert list(return_motions(robot)) == []

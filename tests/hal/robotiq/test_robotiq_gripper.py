@@ -209,13 +209,13 @@ def test_a_stop_halts_moving_fingers(bench: Bench) -> None:
 
 
 def test_an_overcurrent_fails_the_motion_with_its_number_and_an_activation_clears_it(bench: Bench) -> None:
-    bench.twin.faults.happen("gripper_jam")
+    bench.twin.faults.trigger("gripper_jam")
     motion = bench.end(bench.gripper.move(0.02))
     assert motion.failure is not None
     assert motion.failure.code is MotionErrorCode.FAULT
     assert motion.failure.vendor_code == "gFLT 14"
     bench.wait_for(lambda: bench.robot.stopped)
-    bench.twin.faults.happen("gripper_free")
+    bench.twin.faults.trigger("gripper_free")
     bench.robot.clear_stop()
     assert bench.end(bench.gripper.move(0.02)).status is MotionStatus.SUCCEEDED
 
@@ -224,9 +224,9 @@ def test_a_gripper_without_power_is_a_fault_and_what_it_may_hold_is_not_dropped_
     bench.fingers.obstacle = 0.03
     bench.end(bench.gripper.close(force=30.0))
     assert bench.gripper.state().object_held
-    bench.twin.faults.happen("power_off")
+    bench.twin.faults.trigger("power_off")
     bench.wait_for(lambda: bench.robot.stopped)
-    bench.twin.faults.happen("power_on")
+    bench.twin.faults.trigger("power_on")
     assert bench.robot.faults[HAND].vendor_code in ("gSTA 0", "")  # over Modbus it is silent
     with pytest.raises(ConnectionFailedError, match="would drop what it may hold"):
         bench.robot.clear_stop()
@@ -236,7 +236,7 @@ def test_a_gripper_without_power_is_a_fault_and_what_it_may_hold_is_not_dropped_
 def test_a_silent_gripper_is_lost_until_it_is_back(bench: Bench) -> None:
     motion = bench.gripper.move(0.0, speed=0.02)
     bench.wait_for(lambda: bench.fingers.width() < bench.gripper.model.max_width - 0.002)
-    bench.twin.faults.happen("drop")
+    bench.twin.faults.trigger("drop")
     since = bench.robot.clock.now()
     bench.end(motion)
     bench.wait_for(lambda: bench.robot.stopped_at is not None)
@@ -247,7 +247,7 @@ def test_a_silent_gripper_is_lost_until_it_is_back(bench: Bench) -> None:
     with pytest.raises(ConnectionFailedError, match=HAND) as refusal:
         bench.robot.clear_stop()
     assert ADDRESS not in str(refusal.value)
-    bench.twin.faults.happen("restore")
+    bench.twin.faults.trigger("restore")
     bench.robot.clear_stop()
     assert bench.end(bench.gripper.open()).status is MotionStatus.SUCCEEDED
 

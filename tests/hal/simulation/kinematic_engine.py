@@ -17,7 +17,7 @@ from bestman_bt.messages import CameraIntrinsics, Pose, Pose2D
 from bestman_bt.robot_model.model import RobotModel, WheeledBaseModel
 from bestman_bt.robot_model.urdf_elements import child_of
 from bestman_bt.scene.scene import World
-from hal.simulation.audit_record import Ledger
+from hal.simulation.audit_record import CallCounter
 from hal.simulation.bodies import BuiltWorld, ContactPoint, LinkMotion, SimulationError, Viewpoint
 from hal.simulation.engine import Engine
 from hal.simulation.robot import SimulatedRobot
@@ -34,7 +34,7 @@ class KinematicEngine(Engine):
     """The robot stands alone on the floor; its joints are numbered as the URDF lists them, and carry the same links."""
 
     def __init__(self, model: RobotModel, world: World) -> None:
-        self.ledger = Ledger()
+        self.ledger = CallCounter()
         self._kinematics, self._where = ForwardKinematics(model), world.robot_start
         joints = ET.fromstring(model.urdf).findall("joint")
         self._names = [str(joint.get("name")) for joint in joints]

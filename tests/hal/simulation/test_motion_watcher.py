@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from bestman_bt.robot_model.model import ArmModel
-from hal.simulation.audit_record import Ledger
+from hal.simulation.audit_record import CallCounter
 from hal.simulation.guards import GuardedEngine, Reader, ReadPurpose
 from hal.simulation.motion_watcher import LIMIT_TOLERANCE, MotionWatcher
 from hal.simulation.observation import SimulationState
@@ -32,7 +32,7 @@ def test_a_joint_beyond_its_limits_is_told_once_whichever_limit_that_is(
 
 
 def test_a_view_of_the_truth_is_free_for_who_has_opened_it_before_it_was_closed() -> None:
-    engine: Any = SimpleNamespace(ledger=Ledger(), built=SimpleNamespace(robot=1), body_pose=lambda body: body)
+    engine: Any = SimpleNamespace(ledger=CallCounter(), built=SimpleNamespace(robot=1), body_pose=lambda body: body)
     engine.ledger.seal()
     early, foreign = (Reader(engine, GuardedEngine(engine), ReadPurpose.SCRIPT, who) for who in (__name__, "other"))
     engine.ledger.close_truth()

@@ -17,14 +17,14 @@ import pytest
 
 from bestman_bt.control.arm.arm_controller import ArmController
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.robot_model.bringup_file import as_brought_up
+from bestman_bt.robot_model.bringup_file import with_bringup_limits
 from bestman_bt.robot_model.compose import load_robot_model
 from hal.api import Arm, CommandRefusedError, MotionErrorCode, MotionStatus
 from hal.hardware.robot import HardwareRobot
 from hal.parts.gate import ToolLimits
 from hal.parts.part_connection import ConnectionFailedError
 from hal.twins.process import TwinProcess
-from hal.xarm.wire import discreet, read_report
+from hal.xarm.wire import read_report, silenced_sdk
 from tests.hal.twinned import twin_settings, wait_for
 
 pytestmark = [pytest.mark.real_time, pytest.mark.slow]
@@ -127,7 +127,7 @@ def test_arms_are_slower_where_safety_says_so(twin: TwinProcess) -> None:
 def test_in_reduced_mode_the_controller_watches_too(twin: TwinProcess) -> None:
     options = {"rate": 100.0, "reduced_mode": True, "collision_sensitivity": 3, "payload": 0.8}
     with connected(twin, connections__arm_controller__options=options) as robot:
-        with discreet():
+        with silenced_sdk():
             other = importlib.import_module("xarm.wrapper").XArmAPI(
                 twin.addresses["arm_controller"], is_radian=True, enable_report=False
             )
@@ -165,7 +165,7 @@ def test_what_the_controller_knows_otherwise_is_told_and_refused_once_the_robot_
             robot.connect()  # the hand may hold something by now: what was found at first still holds
             assert re.search(words, robot.diagnostics()["arm_controller remarks"])
             twin.fault("arm_controller", fault)
-        brought_up, _ = as_brought_up(model)
+        brought_up, _ = with_bringup_limits(model)
         with pytest.raises(ConnectionFailedError, match=words):
             HardwareRobot(brought_up).connect()
         twin.fault("arm_controller", "as_built")

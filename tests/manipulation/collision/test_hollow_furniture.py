@@ -16,7 +16,7 @@ from bestman_bt.scene.furniture_file import read_furniture
 from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.map_of_world import semantic_map
 from bestman_bt.scene.scene import PlacedFurniture, World
-from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap
+from bestman_bt.world_model.semantic_map import MapArticulation, MapFurniture, MapSurface, SemanticMap
 from bestman_bt.world_model.world_model import BasePose, HandleBelief, Obstacle, WorldModel
 
 ROOM = draw_world(load_scene("chest_room"), 0)
@@ -167,7 +167,7 @@ CABINET = MapFurniture(
     ),
     True,
     shapes=(SHELF, SIDE),
-    leaves=(MapLeaf("drawer", "prismatic", (0.0, 0.0, 0.5), (-1.0, 0.0, 0.0), 0.4, (FRONT,)),),
+    leaves=(MapArticulation("drawer", "prismatic", (0.0, 0.0, 0.5), (-1.0, 0.0, 0.0), 0.4, (FRONT,)),),
     position_error=0.01,
     heading_error=math.radians(1.0),
 )

@@ -65,7 +65,7 @@ def test_the_way_in_the_corridor_costs_hardly_more_than_the_cheapest(
         found = []
         for least in (grid_search.LARGE, 10**9):
             monkeypatch.setattr(grid_search, "LARGE", least)
-            cells = grid_search.cheapest_way(np.array(start), np.array(goal), large, 0.376)
+            cells = grid_search.cheapest_path(np.array(start), np.array(goal), large, 0.376)
             assert cells is not None
             found.append(cost_of(cells, large, 0.376))
             monkeypatch.undo()
@@ -92,7 +92,7 @@ def test_there_is_no_length_where_nothing_leads() -> None:
 @pytest.mark.parametrize("shift", np.linspace(0.0, 0.05, 6))
 def test_a_doorway_of_80_cm_is_passed_wherever_it_lies_on_the_grid(shift: float) -> None:
     costmap = Costmap.from_map(rooms(5.0, [2.5 + shift], doorway=0.8), DIFFERENTIAL)
-    cells = grid_search.cheapest_way(np.array([1.0, 4.0]), np.array([7.0, 1.0]), costmap, 0.3761, slack=0.01)
+    cells = grid_search.cheapest_path(np.array([1.0, 4.0]), np.array([7.0, 1.0]), costmap, 0.3761, slack=0.01)
     assert cells is not None
     assert costmap.distance_at(cells).min() > 0.3561
     path = GridAStar().plan(Pose2D(1.0, 4.0, 0.0), Pose2D(7.0, 1.0, 0.0), costmap)

@@ -51,7 +51,7 @@ def test_scale_and_offset_are_recovered():
 def test_the_true_depth_is_that_along_the_rays_of_the_real_lens():
     place = Pose(np.array([0.14, -0.1, 0.45])) @ turned(np.array([0.5, 0.4, 0.0])) @ Pose(-corners().mean(axis=0))
     seen = sighting(place, LENS, np.random.default_rng(5), 0.0)
-    told, true = DepthCalibration().told_and_true(seen, place, plane_depth(place).astype(np.float32), LENS)
+    told, true = DepthCalibration().measured_and_true(seen, place, plane_depth(place).astype(np.float32), LENS)
     assert told == pytest.approx(true, abs=2e-5)
 
 

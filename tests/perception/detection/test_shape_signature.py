@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.rendered_table import known_models, solid
 from bestman_bt.messages import Box, Cylinder, Sphere
-from bestman_bt.perception.detection.color_shape import model_look, signature
+from bestman_bt.perception.detection.color_shape import model_appearance, signature
 
 GREY = (0.6, 0.6, 0.6)
 EYE = np.array([-1.0, 0.0, 1.0])
@@ -42,9 +42,9 @@ def test_each_model_looks_most_like_itself(seen: int) -> None:
         solid("brick", Box((0.06, 0.12, 0.06)), GREY, 2),
         solid("plate", Box((0.15, 0.15, 0.02)), GREY, 4),
     )
-    own = model_look(models[seen], 0.8, yaws=17, spacing=0.004)
+    own = model_appearance(models[seen], 0.8, yaws=17, spacing=0.004)
     distances = [
-        np.mean([model_look(model, 0.8).shape_distance(found) for found in own.signatures]) for model in models
+        np.mean([model_appearance(model, 0.8).shape_distance(found) for found in own.signatures]) for model in models
     ]
     assert int(np.argmin(distances)) == seen
     assert distances[seen] < 0.7
@@ -53,4 +53,4 @@ def test_each_model_looks_most_like_itself(seen: int) -> None:
 
 def test_a_body_of_revolution_has_one_yaw_and_a_box_as_many_as_look_different() -> None:
     cup, _, box, _, cube = known_models(0)
-    assert [len(model_look(model, 0.8).signatures) for model in (cup, box, cube)] == [1, 12, 6]
+    assert [len(model_appearance(model, 0.8).signatures) for model in (cup, box, cube)] == [1, 12, 6]

@@ -7,35 +7,40 @@ import pytest
 
 from bestman_bt.messages import Pose
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
-from bestman_bt.perception.pose_estimation.point_to_plane import TurnedSurface, slide, surface_distances, turned_surface
+from bestman_bt.perception.pose_estimation.point_to_plane import (
+    YawObservability,
+    slide,
+    surface_distances,
+    yaw_observability,
+)
 from bestman_bt.scene.object_file import read_object
 
 
 @pytest.fixture(scope="module")
-def mug() -> TurnedSurface:
-    return turned_surface(model_surface(read_object("mug"), Pose(), 0.003))
+def mug() -> YawObservability:
+    return yaw_observability(model_surface(read_object("mug"), Pose(), 0.003))
 
 
-def handle(mug: TurnedSurface) -> np.ndarray:
+def handle(mug: YawObservability) -> np.ndarray:
     """The body is a lathe part of radius 40 mm about an axis 15 mm beside the origin."""
     return np.hypot(mug.surface.points[:, 0] + 0.015, mug.surface.points[:, 1]) > 0.045
 
 
-def test_only_the_handle_of_a_mug_tells_its_yaw(mug: TurnedSurface) -> None:
-    assert mug.telling[handle(mug)].min() > 0.004
-    assert np.percentile(mug.telling[handle(mug)], 20) > 0.01
-    assert np.percentile(mug.telling[~handle(mug)], 90) < 0.005
+def test_only_the_handle_of_a_mug_tells_its_yaw(mug: YawObservability) -> None:
+    assert mug.largest_distances[handle(mug)].min() > 0.004
+    assert np.percentile(mug.largest_distances[handle(mug)], 20) > 0.01
+    assert np.percentile(mug.largest_distances[~handle(mug)], 90) < 0.005
 
 
-def test_a_turned_mug_is_moved_until_its_body_is_where_it_was(mug: TurnedSurface) -> None:
+def test_a_turned_mug_is_moved_until_its_body_is_where_it_was(mug: YawObservability) -> None:
     half_turn = mug.shift(np.array([math.pi]))[0]
     np.testing.assert_allclose(half_turn, [-0.030, 0.0], atol=0.001)
     np.testing.assert_allclose(mug.shift(np.array([0.0]))[0], [0.0, 0.0], atol=1e-4)
 
 
 def test_a_body_of_revolution_tells_no_yaw() -> None:
-    can = turned_surface(model_surface(read_object("can"), Pose(), 0.003))
-    assert can.telling.max() < 0.005
+    can = yaw_observability(model_surface(read_object("can"), Pose(), 0.003))
+    assert can.largest_distances.max() < 0.005
 
 
 def test_sliding_finds_the_place_and_leaves_the_yaw() -> None:

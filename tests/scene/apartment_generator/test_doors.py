@@ -10,16 +10,16 @@ import pytest
 
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.footprint import Footprint
-from bestman_bt.scene.apartment_generator.generate import Apartment, as_standing, generate_apartment
+from bestman_bt.scene.apartment_generator.generate import Apartment, at_nominal_pose, generate_apartment
 from bestman_bt.scene.apartment_generator.options import ApartmentOptions
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.floor_grid import FloorGrid
 from bestman_bt.scene.load import load_scene
 from bestman_bt.scene.map_of_world import semantic_map
-from bestman_bt.scene.placing import leaf_outlines, standing_outlines
+from bestman_bt.scene.placing import articulation_outlines, standing_outlines
 from bestman_bt.scene.plane_geometry import polygons_overlap, wall_rectangle
 from bestman_bt.scene.scene import Wall, World
-from bestman_bt.world_model.openness import open_leaves
+from bestman_bt.world_model.openness import articulation_obstacles
 from bestman_bt.world_model.world_model import WorldModel
 
 OPTIONS = ApartmentOptions(doors=1.0, half_open=0.5)
@@ -58,12 +58,12 @@ def test_every_doorway_has_a_door_as_wide_as_its_opening_and_some_stand_half_ope
 @pytest.mark.slow
 def test_leaves_stand_in_nothing_and_leave_a_way_into_every_room(apartments: list[Apartment]) -> None:
     for apartment in apartments:
-        walls, doors = walls_of(apartment), [as_standing(door) for door in apartment.doors]
+        walls, doors = walls_of(apartment), [at_nominal_pose(door) for door in apartment.doors]
         for door in doors:
-            for leaf in leaf_outlines(door):
+            for leaf in articulation_outlines(door):
                 assert not any(polygons_overlap(leaf, wall_rectangle(wall)) for wall in walls)
                 assert not any(polygons_overlap(leaf, piece.outline) for piece in apartment.furniture)
-        floor = FloorGrid.of(standing_outlines(walls, [*map(as_standing, apartment.furniture), *doors]))
+        floor = FloorGrid.of(standing_outlines(walls, [*map(at_nominal_pose, apartment.furniture), *doors]))
         points = floor.points(*np.nonzero(floor.largest_area(0.37)))
         for room in apartment.rooms:
             assert sum(room.contains(x, y) for x, y in points[::7]) > 20
@@ -97,10 +97,10 @@ def test_the_robot_believes_doors_to_stand_as_the_map_has_them(world: World) -> 
 def test_the_costmap_has_open_leaves_where_they_stand_and_shut_ones_in_the_doorway(world: World) -> None:
     believed = WorldModel(map=semantic_map(world))
     door = next(piece for piece in world.furniture if piece.model.is_passage)
-    (leaf,) = leaf_outlines(door)
+    (leaf,) = articulation_outlines(door)
 
     def costmap() -> Costmap:
-        return Costmap.from_map(believed.map, BASE, open_leaves(believed))
+        return Costmap.from_map(believed.map, BASE, articulation_obstacles(believed))
 
     assert costmap().distance_at(leaf.mean(axis=0)) < 0.0
     assert costmap().distance_at(door.actual.xy) > 0.3

@@ -14,9 +14,9 @@ from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, NodeRegistry
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.builders.backchain import BackchainBuilder
 from bestman_bt.task_planning.builders.base import TreeBuilder
-from bestman_bt.task_planning.builders.plan_tree import depend, steps_one_by_one, steps_side_by_side, with_replanning
+from bestman_bt.task_planning.builders.plan_tree import depend, parallel_steps, sequential_steps, with_replanning
 from bestman_bt.task_planning.builders.reactive import ReactiveBuilder
-from bestman_bt.task_planning.builders.regression import kernels, staircase
+from bestman_bt.task_planning.builders.regression import kernels, ready_steps
 from bestman_bt.task_planning.builders.sequence import SequenceBuilder
 from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.simulation import SymbolicWorld, dry_run, load_simulated
@@ -129,7 +129,7 @@ def test_a_broken_hold_condition_halts_the_action_that_runs(builder: TreeBuilder
 
 def test_actions_of_different_parts_that_do_not_depend_on_each_other_go_side_by_side() -> None:
     plan = plan_of(kitchen("tucked"), "PickUp(can, table)", "TuckArm()", "GoTo(table)", "PutAt(can, table)")
-    assert [str(step) for step in steps_side_by_side(plan)] == [
+    assert [str(step) for step in parallel_steps(plan)] == [
         "PickUp(can, table)",
         "TuckArm() beside GoTo(table)",
         "PutAt(can, table)",
@@ -138,7 +138,7 @@ def test_actions_of_different_parts_that_do_not_depend_on_each_other_go_side_by_
 
 def test_actions_that_need_what_the_other_changes_stay_in_order() -> None:
     plan = plan_of(kitchen(FETCH_GOAL), *FETCH)
-    assert steps_side_by_side(plan) == steps_one_by_one(plan)
+    assert parallel_steps(plan) == sequential_steps(plan)
 
 
 def test_where_one_of_two_side_by_side_is_undone_only_that_one_is_redone() -> None:
@@ -149,14 +149,14 @@ def test_where_one_of_two_side_by_side_is_undone_only_that_one_is_redone() -> No
 
 def test_kernels_are_what_must_hold_for_the_rest_to_reach_the_goal() -> None:
     problem = kitchen(FETCH_GOAL)
-    table = kernels(steps_one_by_one(plan_of(problem, *FETCH)), problem.goal)
+    table = kernels(sequential_steps(plan_of(problem, *FETCH)), problem.goal)
     assert table[-1] == frozenset(parse_literals(FETCH_GOAL))
     assert table[2] == frozenset(parse_literals("holding(mug) and open(drawer_1)"))
 
 
 def test_a_step_leads_to_the_goal_where_later_ones_may_be_left_out() -> None:
     problem = kitchen(FETCH_GOAL)
-    stairs = staircase(steps_one_by_one(plan_of(problem, *FETCH)), problem.goal, 8)
+    stairs = ready_steps(sequential_steps(plan_of(problem, *FETCH)), problem.goal, 8)
     assert [str(each.step) for each in stairs] == list(FETCH)
     assert [each.holds_in(problem.state) for each in stairs] == [True, False, False, False]
     assert stairs[2].holds_in(facts("holding(mug)", "open(drawer_1)"))
@@ -172,7 +172,7 @@ def test_a_way_in_which_a_later_step_or_the_goal_is_ready_anyhow_is_not_asked_fo
         operator("CloseContainer", DOOR, "not closed({container})", "closed({container}) and not open({container})"),
     ]  # fmt: skip
     problem = replace(problem, operators=(*problem.operators[:2], *half))
-    stairs = staircase(steps_one_by_one(plan_of(problem, *FETCH)), problem.goal, 8)
+    stairs = ready_steps(sequential_steps(plan_of(problem, *FETCH)), problem.goal, 8)
     assert [len(each.ways) for each in stairs] == [1, 1, 1, 1]
     assert stairs[0].ways[0] >= frozenset(parse_literals("on(mug, chest/drawer_1)"))
 
@@ -193,8 +193,8 @@ def test_of_two_things_the_one_that_somebody_has_put_in_its_place_is_left_there(
 
 def test_the_ways_of_a_step_stay_few_however_many_things_may_be_left_out() -> None:
     problem, actions = many_drawers(8)
-    steps = steps_one_by_one(plan_of(problem, *actions))
-    stairs = staircase(steps, problem.goal, most_ways=8)
+    steps = sequential_steps(plan_of(problem, *actions))
+    stairs = ready_steps(steps, problem.goal, most_ways=8)
     assert max(len(each.ways) for each in stairs) == 8
     assert all(kernel in each.ways for kernel, each in zip(kernels(steps, problem.goal), stairs, strict=False))
 
@@ -202,11 +202,11 @@ def test_the_ways_of_a_step_stay_few_however_many_things_may_be_left_out() -> No
 def test_a_plan_that_undoes_its_own_goal_is_refused() -> None:
     problem = kitchen("open(drawer_1)")
     with pytest.raises(PlanningError, match=r"CloseContainer\(drawer_1\) undoes open\(drawer_1\)"):
-        kernels(steps_one_by_one(plan_of(problem, "OpenContainer(drawer_1)", "CloseContainer(drawer_1)")), problem.goal)
+        kernels(sequential_steps(plan_of(problem, "OpenContainer(drawer_1)", "CloseContainer(drawer_1)")), problem.goal)
 
 
 def test_a_step_cannot_come_before_what_needs_the_contrary_of_its_own_condition() -> None:
-    (step,) = steps_one_by_one(plan_of(kitchen("open(drawer_1)"), "OpenContainer(drawer_1)"))
+    (step,) = sequential_steps(plan_of(kitchen("open(drawer_1)"), "OpenContainer(drawer_1)"))
     with pytest.raises(PlanningError, match="not hand_empty and the contrary would have to hold"):
         kernels([step], parse_literals("open(drawer_1) and not hand_empty"))
 
@@ -276,12 +276,12 @@ def test_a_step_is_ready_only_where_it_leads_to_the_goal_and_some_step_is_where_
     plan: TaskPlan, wanted: dict[Fact, bool]
 ) -> None:
     goal = frozenset(Literal(fact, not holds) for fact, holds in wanted.items())
-    steps = steps_one_by_one(plan)
+    steps = sequential_steps(plan)
     try:
         kernel = kernels(steps, goal)
     except PlanningError:
         assume(False)
-    stairs = staircase(steps, goal, 1000)
+    stairs = ready_steps(steps, goal, 1000)
     for state in STATES:
         ready = [each.holds_in(state) for each in stairs]
         leads = [any(reaches(some, state, goal) for some in begun_with(i, plan.actions)) for i in range(len(plan))]
@@ -294,7 +294,7 @@ def test_a_step_is_ready_only_where_it_leads_to_the_goal_and_some_step_is_where_
 @settings(max_examples=80, deadline=None)
 @given(plans())
 def test_steps_keep_the_order_of_what_depends_on_each_other_and_begin_as_early_as_they_can(plan: TaskPlan) -> None:
-    steps = steps_side_by_side(plan)
+    steps = parallel_steps(plan)
     assert sorted(str(action) for step in steps for action in step.actions) == sorted(map(str, plan.actions))
     number = {action: index for index, step in enumerate(steps) for action in step.actions}
     for index, action in enumerate(plan.actions):
@@ -431,7 +431,7 @@ def test_the_staircase_of_a_long_plan_is_made_at_once() -> None:
         for number in range(drawer - 1, 20, 2):
             plan += [f"PickUp(o{number}, chest/drawer_{drawer})", f"PutAt(o{number}, table)"]
         plan.append(f"CloseContainer(drawer_{drawer})")
-    stairs = staircase(steps_one_by_one(plan_of(problem, *plan)), problem.goal, 8)
+    stairs = ready_steps(sequential_steps(plan_of(problem, *plan)), problem.goal, 8)
     assert len(stairs) == 44
     assert stairs[0].holds_in(problem.state)
     assert not any(stair.holds_in(problem.state) for stair in stairs[1:])

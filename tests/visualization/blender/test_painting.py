@@ -14,11 +14,11 @@ from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.visualization.blender import painting
 from bestman_bt.visualization.blender.painting import (
     SCRIPT,
+    BlenderBody,
     BlenderError,
-    PaintedBody,
-    PaintedFrame,
-    PaintedRobot,
-    PaintJob,
+    BlenderFrame,
+    BlenderJob,
+    BlenderRobot,
     blender_python,
     install_blender,
     paint,
@@ -52,11 +52,11 @@ for frame in job["frames"]:
 """
 
 
-def _job(folder: Path, count: int = 2, size: tuple[int, int] = (64, 48)) -> PaintJob:
+def _job(folder: Path, count: int = 2, size: tuple[int, int] = (64, 48)) -> BlenderJob:
     red = RecordedBody("cube", (PlacedShape(Box((0.3, 0.3, 0.3)), Pose()),), ((0.9, 0.05, 0.05, 1.0),), Pose())
     cube = {"cube": Pose(np.array([1.0, 0.0, 0.15]))}
     frames = [
-        PaintedFrame(
+        BlenderFrame(
             RobotSnapshot(0.1 * number, number, Pose(), {"turn": 0.5 * number}, body_poses=cube),
             eye=(1.0, -1.5, 0.8),
             target=(1.0, 0.0, 0.15),
@@ -65,8 +65,8 @@ def _job(folder: Path, count: int = 2, size: tuple[int, int] = (64, 48)) -> Pain
         )
         for number in range(count)
     ]
-    bodies = [PaintedBody(red, "object")]
-    return PaintJob(PaintedRobot(URDF, "base"), bodies, frames, width=size[0], height=size[1], samples=4)
+    bodies = [BlenderBody(red, "object")]
+    return BlenderJob(BlenderRobot(URDF, "base"), bodies, frames, width=size[0], height=size[1], samples=4)
 
 
 @pytest.fixture
@@ -117,7 +117,7 @@ def test_blender_is_ended_when_the_user_gives_up(tmp_path: Path, stand_in: Stand
 def test_links_are_where_the_joints_put_them() -> None:
     base = Pose.from_xyz_rpy((2.0, 0.0, 0.0), (0.0, 0.0, np.pi / 2))
 
-    poses = PaintedRobot(URDF, "base").link_poses(base, {"turn": np.pi / 2})
+    poses = BlenderRobot(URDF, "base").link_poses(base, {"turn": np.pi / 2})
 
     assert poses["arm"].position == pytest.approx([2.0, 0.0, 0.4])
     assert poses["arm"].apply(np.array([[1.0, 0.0, 0.0]]))[0] == pytest.approx([1.0, 0.0, 0.4])

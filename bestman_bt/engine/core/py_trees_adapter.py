@@ -44,7 +44,7 @@ else:
     _Base = object
 
 
-class PyTreesFace(_Base):
+class PyTreesAdapter(_Base):
     """Base of ``Node`` alone. ``_s``: the engine's status; ``status`` is py_trees' view of it.
 
     Attributes that cost time or memory are created on first access.
@@ -101,7 +101,7 @@ class PyTreesFace(_Base):
             node.reset_status()
         if new_status is PyTreesStatus.INVALID:
             for below in self.iterate():
-                if isinstance(below, PyTreesFace):
+                if isinstance(below, PyTreesAdapter):
                     below._s = IDLE
         else:
             self._s = from_py_trees(new_status)

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.furniture.leaf import FurnitureLeaf
+from behaviours.furniture.articulation import FurnitureArticulation
 from behaviours.furniture.opening import Opening
 from bestman_bt.messages import Box, Handle, PlacedShape, Pose, Pose2D, Shape, wrap_angle
 from bestman_bt.world_model.openness import handle_shape
-from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf
+from bestman_bt.world_model.semantic_map import MapArticulation, MapFurniture
 from bestman_bt.world_model.world_model import Obstacle, WorldModel
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def believe_shut_fronts(
     world.map = world.map.with_furniture(placed)
 
 
-def _measured(piece: MapFurniture, leaf: MapLeaf, handle: Handle) -> Pose2D | None:
+def _measured(piece: MapFurniture, leaf: MapArticulation, handle: Handle) -> Pose2D | None:
     """Where the piece stands if the handle is on this leaf and that is shut, or None if it is not, as far as is
     known.
     """
@@ -98,7 +98,7 @@ def _measured(piece: MapFurniture, leaf: MapLeaf, handle: Handle) -> Pose2D | No
     return pose if pose is not None and _explained(piece, pose) else None
 
 
-def _told(piece: MapFurniture, leaf: MapLeaf, handle: Handle) -> Pose2D | None:
+def _told(piece: MapFurniture, leaf: MapArticulation, handle: Handle) -> Pose2D | None:
     """Where the piece would stand if the handle were on this leaf and that shut, or None if the panel is not its
     front.
     """
@@ -135,7 +135,7 @@ def _same(one: Pose2D, other: Pose2D) -> bool:
     return one.distance_to(other) < SAME_PLACE and abs(wrap_angle(one.theta - other.theta)) < 2.0 * HEADING_ERROR
 
 
-def felt_leaf(
+def articulation_from_motion(
     opening: Opening, before: NDArray[np.float64], after: NDArray[np.float64], angle: float, stamp: float
 ) -> Obstacle:
     """Return the leaf with its handle, in the map frame, after the held point moved from ``before`` to ``after``, (3,)
@@ -201,7 +201,7 @@ BOARD_SEEN = 0.25
 """Shares of a board's width and height that have to be seen."""
 
 
-def opening_seen(leaf: FurnitureLeaf, handle: Handle) -> float | None:
+def opening_seen(leaf: FurnitureArticulation, handle: Handle) -> float | None:
     """Return the opening of ``leaf`` if ``handle`` (map frame) is on it, radians or metres, or None if it cannot be.
 
     A door is measured by the direction of its handle, a drawer by its distance; the map's error is tolerated.
@@ -224,7 +224,7 @@ def opening_seen(leaf: FurnitureLeaf, handle: Handle) -> float | None:
     return _rounded(leaf, position)
 
 
-def opening_by_board(leaf: FurnitureLeaf, plane: SupportPlane) -> float | None:
+def opening_by_board(leaf: FurnitureArticulation, plane: SupportPlane) -> float | None:
     """Return the opening of ``leaf``, radians or metres, if ``plane`` (map frame) is a side of its board, or None.
 
     A door seen at a flat angle shows its board where its handle is not recognised.
@@ -248,13 +248,13 @@ def opening_by_board(leaf: FurnitureLeaf, plane: SupportPlane) -> float | None:
     return None
 
 
-def _error(leaf: FurnitureLeaf) -> float:
+def _error(leaf: FurnitureArticulation) -> float:
     """By how much the map may be wrong about how far a leaf is open, radians or metres."""
     piece = leaf.furniture
     return piece.heading_error if leaf.leaf.kind == "revolute" else 1.5 * piece.position_error
 
 
-def _position(leaf: FurnitureLeaf, on_front: NDArray[np.float64], outward: NDArray[np.float64]) -> float | None:
+def _position(leaf: FurnitureArticulation, on_front: NDArray[np.float64], outward: NDArray[np.float64]) -> float | None:
     """Return how far ``leaf`` is open if its front faces ``outward`` and goes through ``on_front``, (3,) each, map
     frame.
 
@@ -276,12 +276,12 @@ def _position(leaf: FurnitureLeaf, on_front: NDArray[np.float64], outward: NDArr
     return position if -error - SHUT[leaf.leaf.kind] <= position <= leaf.leaf.upper + error else None
 
 
-def _rounded(leaf: FurnitureLeaf, position: float) -> float:
+def _rounded(leaf: FurnitureArticulation, position: float) -> float:
     """0 where it counts as shut; no farther than it opens."""
     return 0.0 if position < _error(leaf) + SHUT[leaf.leaf.kind] else min(position, leaf.leaf.upper)
 
 
-def opening_since(leaf: FurnitureLeaf, believed: float, known: Handle, seen: Handle) -> float | None:
+def opening_since(leaf: FurnitureArticulation, believed: float, known: Handle, seen: Handle) -> float | None:
     """Return the opening of ``leaf`` by the motion of its handle since it was ``known`` at opening ``believed``.
 
     Unlike ``opening_seen``, it does not depend on the mapped pose of the piece. Handles are in the map frame; radians

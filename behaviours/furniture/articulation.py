@@ -13,7 +13,7 @@ from behaviours.arm_motion import hand_contacts
 from behaviours.context import DRIVEN, SkillContext
 from behaviours.skill import SkillFailure
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
-from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf
+from bestman_bt.world_model.semantic_map import MapArticulation, MapFurniture
 from bestman_bt.world_model.world_model import BasePose, Obstacle, WorldModel
 
 if TYPE_CHECKING:
@@ -41,12 +41,12 @@ UNKNOWN_ARTICULATION = {"unknown_articulation": "name a door or drawer of the ma
 
 
 @dataclass(frozen=True, eq=False)
-class FurnitureLeaf:
+class FurnitureArticulation:
     """A door or drawer; ``articulation``: its name, ``furniture/leaf``."""
 
     articulation: str
     furniture: MapFurniture
-    leaf: MapLeaf
+    leaf: MapArticulation
 
     def bodies(self) -> list[str]:
         """Return the names of the bodies in the planning scene that the hand works at."""
@@ -83,7 +83,7 @@ class FurnitureLeaf:
         return float(np.linalg.norm(np.cross(axis, position - point)))
 
 
-def find_leaf(skills: SkillContext, articulation: str) -> FurnitureLeaf:
+def find_articulation(skills: SkillContext, articulation: str) -> FurnitureArticulation:
     """Return the door or drawer ``furniture/leaf`` of the map. Raises SkillFailure listing the known ones."""
     known = skills.world.map.furniture
     name, _, part = articulation.partition("/")
@@ -91,12 +91,12 @@ def find_leaf(skills: SkillContext, articulation: str) -> FurnitureLeaf:
     if leaf is None:
         there = ", ".join(f"{piece.name}/{one.name}" for piece in known.values() for one in piece.leaves)
         raise SkillFailure("unknown_articulation", f"no door or drawer {articulation!r} in the map; known: {there}")
-    return FurnitureLeaf(articulation, known[name], leaf)
+    return FurnitureArticulation(articulation, known[name], leaf)
 
 
 def world_at_leaf(
     skills: SkillContext,
-    leaf: FurnitureLeaf,
+    leaf: FurnitureArticulation,
     position: float,
     touching: Touching,
     stand: Pose2D | None = None,
@@ -120,7 +120,7 @@ def world_at_leaf(
 
 def _scene_at_leaf(
     skills: SkillContext,
-    leaf: FurnitureLeaf,
+    leaf: FurnitureArticulation,
     position: float,
     touching: Touching,
     stand: Pose2D | None,
@@ -153,7 +153,7 @@ def _scene_at_leaf(
     ).allowing(*allowed)
 
 
-def _seen_with(world: WorldModel, leaf: FurnitureLeaf, base_from_map: Pose) -> PlacedShape:
+def _seen_with(world: WorldModel, leaf: FurnitureArticulation, base_from_map: Pose) -> PlacedShape:
     """Return a box, base frame, around the believed leaf and its contents, which move along."""
     opened = base_from_map @ leaf.furniture.pose.to_pose() @ world.opening_of(leaf.furniture, leaf.leaf)
     return PlacedShape(leaf.leaf.hull.shape, opened @ leaf.leaf.hull.pose)
@@ -161,7 +161,7 @@ def _seen_with(world: WorldModel, leaf: FurnitureLeaf, base_from_map: Pose) -> P
 
 def free_along(
     skills: SkillContext,
-    leaf: FurnitureLeaf,
+    leaf: FurnitureArticulation,
     positions: Sequence[float],
     touching: Touching,
     stand: Pose2D | None = None,
@@ -193,7 +193,9 @@ ACROSS = np.linspace(-0.5, 0.5, 9)
 """Positions on a front, as fractions of its width, that represent the whole front."""
 
 
-def room_beside(skills: SkillContext, leaf: FurnitureLeaf, positions: Sequence[float]) -> Callable[[Pose2D], bool]:
+def room_beside(
+    skills: SkillContext, leaf: FurnitureArticulation, positions: Sequence[float]
+) -> Callable[[Pose2D], bool]:
     """Return a check whether the base has room at a placement (map frame) and is clear of the leaf at ``positions``.
 
     Body and head may be below or above the leaf; the arm is not checked.
@@ -220,7 +222,7 @@ def room_beside(skills: SkillContext, leaf: FurnitureLeaf, positions: Sequence[f
     return is_free
 
 
-def swept_by(leaf: FurnitureLeaf, positions: Sequence[float]) -> NDArray[np.float64]:
+def swept_by(leaf: FurnitureArticulation, positions: Sequence[float]) -> NDArray[np.float64]:
     """Return the points (N, 2) of the map, metres, over which the front passes."""
     front = leaf.leaf.shapes[0]
     assert isinstance(front.shape, Box)
@@ -229,7 +231,7 @@ def swept_by(leaf: FurnitureLeaf, positions: Sequence[float]) -> NDArray[np.floa
 
 
 @dataclass(frozen=True, eq=False)
-class LeafPath:
+class ArticulationPath:
     """One way to move a leaf: the arm follows ``stations`` from one of ``stands``, both in the map frame.
 
     ``positions``: of the leaf at the stations. ``touching``, ``skip``: as in ``free_along``.
@@ -242,7 +244,9 @@ class LeafPath:
     skip: int = 0
 
 
-def find_stands(skills: SkillContext, leaf: FurnitureLeaf, ways: Iterable[LeafPath]) -> list[PathPlacement]:
+def find_stands(
+    skills: SkillContext, leaf: FurnitureArticulation, ways: Iterable[ArticulationPath]
+) -> list[PathPlacement]:
     """Return the base placements from which the arm follows the whole of one of ``ways``, best first; may be empty.
 
     The arm's reachability map limits the candidates, so that few searches fail.
@@ -250,7 +254,7 @@ def find_stands(skills: SkillContext, leaf: FurnitureLeaf, ways: Iterable[LeafPa
     kinematics, current = skills.kinematics, skills.world.base.pose
     reachability = _reachability(skills)
     found: list[PathPlacement] = []
-    promising: list[LeafPath] = []
+    promising: list[ArticulationPath] = []
     worlds: LeafWorlds = {}
     for batch in BATCHES:
         for way in promising or ways:
@@ -269,8 +273,8 @@ def find_stands(skills: SkillContext, leaf: FurnitureLeaf, ways: Iterable[LeafPa
 
 def stands_along_leaf(
     skills: SkillContext,
-    leaf: FurnitureLeaf,
-    way: LeafPath,
+    leaf: FurnitureArticulation,
+    way: ArticulationPath,
     worlds: LeafWorlds,
     search: PathPlacementPlanner,
     reachability: ReachabilityMap | None = None,

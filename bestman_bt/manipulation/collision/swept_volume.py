@@ -17,7 +17,7 @@ _PER_PIECE = 5
 """Steps in each piece."""
 
 
-class SweptWay:
+class SweptVolume:
     """Pieces of a path, each with the convex hulls of the arm's bodies, in the base frame.
 
     ``path``: (N, n) positions of ``joint_names``. ``others``: positions of all joints, by name; the path overrides its
@@ -47,7 +47,7 @@ class SweptWay:
             since += 1
         return since
 
-    def is_near(self, other: SweptWay, margin: float, since: int = 0) -> bool:
+    def is_near(self, other: SweptVolume, margin: float, since: int = 0) -> bool:
         """Return whether the rest of the path, from sample ``since`` on, comes within ``margin`` metres of another
         arm's path.
         """

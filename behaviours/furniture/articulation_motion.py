@@ -10,8 +10,8 @@ import numpy as np
 from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
 from behaviours.computation import Until
 from behaviours.context import SkillContext
-from behaviours.furniture.leaf import UNKNOWN_ARTICULATION, FurnitureLeaf, world_at_leaf
-from behaviours.furniture.leaf_measurement import grown
+from behaviours.furniture.articulation import UNKNOWN_ARTICULATION, FurnitureArticulation, world_at_leaf
+from behaviours.furniture.articulation_measurement import grown
 from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.messages import Pose
 from bestman_bt.world_model.world_model import Obstacle
@@ -39,7 +39,9 @@ UNSURE = {"revolute": 0.06, "prismatic": 0.015}
 """Uncertainty of an opening that was measured by the hand's path, radians or metres."""
 
 
-def withdraw(skill: Skill, leaf: FurnitureLeaf, posture: str, felt: Obstacle | None = None) -> SkillCoroutine[None]:
+def retreat(
+    skill: Skill, leaf: FurnitureArticulation, posture: str, felt: Obstacle | None = None
+) -> SkillCoroutine[None]:
     """Retreat straight back, then move the arm to the named posture.
 
     ``felt``: the leaf as measured by contact; without it the map counts. The hand may start closer to the leaf than the
@@ -72,7 +74,7 @@ def withdraw(skill: Skill, leaf: FurnitureLeaf, posture: str, felt: Obstacle | N
 
 
 def _around(
-    skills: SkillContext, leaf: FurnitureLeaf, position: float, felt: Obstacle | None
+    skills: SkillContext, leaf: FurnitureArticulation, position: float, felt: Obstacle | None
 ) -> Iterator[CollisionWorld]:
     """Yield collision worlds for the arm's retreat that it is clear of, the leaf with ever less margin.
 
@@ -95,12 +97,12 @@ def _around(
     yield world_at_leaf(skills, leaf, position, "free", ignore=(leaf.articulation,))
 
 
-def withdraw_after(
-    skill: Skill, leaf: FurnitureLeaf, posture: str, failure: Exception, felt: Obstacle | None = None
+def retreat_after_failure(
+    skill: Skill, leaf: FurnitureArticulation, posture: str, failure: Exception, felt: Obstacle | None = None
 ) -> SkillCoroutine[None]:
     """Withdraw after a failure; if that fails as well, raise the first failure."""
     try:
-        yield from withdraw(skill, leaf, posture, felt)
+        yield from retreat(skill, leaf, posture, felt)
     except (SkillFailure, *ALGORITHM_ERRORS) as second:
         skill.explain("not_withdrawn", f"the hand could not be withdrawn: {second}")
         raise failure from second
