@@ -13,6 +13,7 @@ from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.option_values import number, wrong_input
 from bestman_bt.cli.options import Json, Png, grouped_options
 from bestman_bt.configuration.data import data_names, find_data, own_objects
+from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.messages import ObjectModel
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import GripperModel
@@ -99,11 +100,19 @@ def add(
 def list_objects(as_json: Json = False) -> None:
     """List the objects that scenes may use."""
     with json_output(as_json) as write:
-        facts = [_facts(read_object(name), find_data("object", name)) for name in data_names("object")]
-        write({"objects": facts})
+        facts: list[dict[str, Any]] = []
+        broken: dict[str, str] = {}
+        for name in data_names("object"):
+            try:
+                facts.append(_facts(read_object(name), find_data("object", name)))
+            except ConfigurationError as error:
+                broken[name] = str(error)
+        write({"objects": facts} | ({"unavailable": broken} if broken else {}))
         if not as_json:
             for one in facts:
                 _tell(one)
+            for name, why in broken.items():
+                print(f"{name}: not available: {why}")
             print("random_000 to random_999: the random shapes of pybullet_data")
 
 

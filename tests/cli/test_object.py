@@ -129,8 +129,12 @@ def test_an_object_of_ones_own_is_known_by_its_name(
     own = folder / "data/bestman-bt/objects"
     own.mkdir(parents=True)
     (own / "brick.yaml").write_text("mass: 1 kg\ncolor: [1, 0, 0]\ncollision: [{box: [10 cm, 5 cm, 5 cm]}]\n")
-    names = {one["name"] for one in bestman_bt("object", "list", "--json").document["objects"]}
+    (own / "stone.yaml").write_text("mass: 1 kg\ncolor: [1, 0, 0]\ncollision: []\n")
+    listed = bestman_bt("object", "list", "--json").document
+    names = {one["name"] for one in listed["objects"]}
     assert {"brick", "mug", "cup"} <= names
+    assert "stone.yaml:3: collision" in listed["unavailable"]["stone"]
+    assert "\nstone: not available: " in bestman_bt("object", "list").out
     assert bestman_bt("object", "show", "brick").out == (
         "brick: 100 × 50 × 50 mm, 1000 g, symmetry: none, convex parts: 1, grasps: 0\n"
     )
