@@ -64,8 +64,10 @@ def test_stopped_fingers_halt_and_go_on_only_when_they_are_told_to(robot: Simula
 
 def test_a_stop_ends_efforts_and_the_arm_holds(robot: SimulatedRobot) -> None:
     arm = robot.part("arm", Arm)
-    arm.command(efforts=[5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    holding = arm.efforts()  # without them it falls onto the end of a joint's range
+    arm.command(efforts=holding + np.array([5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     robot.clock.sleep(0.1)
+    assert arm.velocities()[0] > 0.3
     robot.stop()
     robot.clock.sleep(0.5)
     assert np.max(np.abs(arm.velocities())) < 0.01
