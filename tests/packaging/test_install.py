@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from shutil import copy
 from types import ModuleType
 
 import pytest
@@ -26,13 +27,14 @@ def install(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return module
 
 
-def run_install_sh(python: str) -> subprocess.CompletedProcess[str]:
+def run_install_sh(python: str, scripts: Path = SCRIPTS) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "PYTHON": python}
-    command = ["sh", str(SCRIPTS / "install.sh")]
+    command = ["sh", str(scripts / "install.sh")]
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
 
 def interpreter(folder: Path, body: str) -> str:
+    folder.mkdir(parents=True, exist_ok=True)
     file = folder / "python"
     file.write_text(f"#!/bin/sh\n{body}\n")
     file.chmod(0o755)
@@ -56,6 +58,21 @@ def test_a_python_without_venv_is_refused(tmp_path: Path) -> None:
     result = run_install_sh(interpreter(tmp_path, 'case "$2" in *ensurepip*) exit 1;; esac'))
     assert result.returncode == 2
     assert "has no venv module" in result.stderr
+
+
+def test_an_environment_keeps_its_python_unless_another_is_named(tmp_path: Path) -> None:
+    scripts = tmp_path / "scripts"
+    scripts.mkdir()
+    copy(SCRIPTS / "install.sh", scripts)
+    first, second = (
+        interpreter(tmp_path / name, f'case "$1" in *install.py) echo by the {name};; esac')
+        for name in ("first", "second")
+    )
+    interpreter(tmp_path / ".venv/bin", f"echo '{first}'")
+    assert run_install_sh("", scripts).stdout == "by the first\n"
+    assert run_install_sh(second, scripts).stdout == "by the second\n"
+    interpreter(tmp_path / ".venv/bin", f"echo '{tmp_path / 'gone'}'")
+    assert "gone" not in run_install_sh("", scripts).stderr
 
 
 def test_uv_takes_its_places_from_the_configuration_that_pip_reports(
