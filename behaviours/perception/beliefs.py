@@ -89,7 +89,7 @@ def believe_objects(
     clusters = [*(found.cluster for found in scene.detections), *things]
     sightings = [_sighting(view, found, surface) for found in scene.detections]
     models = {model.name for model in world.models.values()}
-    sightings += [_thing(view, cluster, surface, models) for cluster in things]
+    sightings += [believed_thing(view, cluster, surface, models) for cluster in things]
     tracked = skills.tracking.update(
         world.objects,
         sightings,
@@ -175,7 +175,7 @@ def _sighting(view: RGBDView, found: Detection, surface: str | None) -> ObjectBe
     )
 
 
-def _thing(view: RGBDView, cluster: Cluster, surface: str | None, models: Collection[str]) -> ObjectBelief:
+def believed_thing(view: RGBDView, cluster: Cluster, surface: str | None, models: Collection[str]) -> ObjectBelief:
     """Return a thing that no model explains, named where a detector has a name for it: its box is its model.
 
     ``models``: their names. What bears one of these and was not fitted has confidence 0.

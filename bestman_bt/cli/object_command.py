@@ -81,9 +81,9 @@ def add(
 
     with json_output(as_json) as write:
         new = described.read()
-        gripper_name, gripper = _gripper(robot)
+        gripper_name, gripper = gripper_of(robot)
         made = import_object(mesh, new, gripper, gripper_name, into or own_objects(), force)
-        facts = _facts(made.model, made.files["object"]) | _why_no_grasps(made.model, robot, gripper)
+        facts = _facts(made.model, made.files["object"]) | why_no_grasps(made.model, robot, gripper)
         facts |= {
             "triangles": made.triangles,
             "watertight": made.watertight,
@@ -132,7 +132,7 @@ def show(
 
             from bestman_bt.runtime.object_picture import object_picture
 
-            gripper = _gripper(robot)[1] if model.grasps else None
+            gripper = gripper_of(robot)[1] if model.grasps else None
             Image.fromarray(object_picture(model, gripper)).save(png)
             facts["picture"] = str(png)
         write(facts)
@@ -153,9 +153,9 @@ def grasps(
 
     with json_output(as_json) as write:
         path = find_data("object", name)
-        gripper_name, gripper = _gripper(robot)
+        gripper_name, gripper = gripper_of(robot)
         found = write_grasps(path, gripper, gripper_name)
-        facts = _facts(found, path) | _why_no_grasps(found, robot, gripper)
+        facts = _facts(found, path) | why_no_grasps(found, robot, gripper)
         write(facts)
         if not as_json:
             _tell(facts)
@@ -175,7 +175,8 @@ def _facts(model: ObjectModel, path: Path | None) -> dict[str, Any]:
     } | ({} if path is None else {"file": str(path)})
 
 
-def _why_no_grasps(model: ObjectModel, robot: str, gripper: GripperModel) -> dict[str, str]:
+def why_no_grasps(model: ObjectModel, robot: str, gripper: GripperModel) -> dict[str, str]:
+    """Return the fact that the gripper cannot grasp the object, and why; nothing if it can."""
     if model.grasps:
         return {}
     narrowest, opening = 1e3 * float(min(model.size)), 1e3 * gripper.max_width
@@ -197,7 +198,8 @@ def _tell(facts: dict[str, Any]) -> None:
         print(f"  {facts['why_no_grasps']}")
 
 
-def _gripper(robot: str) -> tuple[str, GripperModel]:
+def gripper_of(robot: str) -> tuple[str, GripperModel]:
+    """Return the name and the model of the robot's gripper."""
     model = load_robot_model(robot)
     for name, gripper in model.of(GripperModel).items():
         return f"{robot}/{name}", gripper

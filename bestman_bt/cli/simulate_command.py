@@ -68,7 +68,7 @@ def command(  # noqa: PLR0913 - its options, each by its name
             show_in_monitor(page.monitor_port)
             shown = {
                 "clock": WallClock(),
-                "drive": partial(_run_shown, name=tree, seed=seed, period=period, limit=limit),
+                "drive": partial(run_shown, name=tree, seed=seed, period=period, limit=limit),
             }
         package = Package.open(others.paths, shipped_trees())
         path = find_data("tree", tree)
@@ -94,7 +94,7 @@ def command(  # noqa: PLR0913 - its options, each by its name
     sys.exit(1 if outcomes & {"error", "time limit"} or (runs == 1 and outcomes != {"success"}) else 0)
 
 
-def _run_shown(tree: Tree, *, name: str, seed: int, period: float, limit: float) -> tuple[int, int]:
+def run_shown(tree: Tree, *, name: str, seed: int, period: float, limit: float) -> tuple[int, int]:
     """Tick in real time, with the control channel that the live page connects to; the last status, and the ticks."""
     executor = Executor(tree, tree.clock, period=period, time_limit=limit)
     run = RunEvent(

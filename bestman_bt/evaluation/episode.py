@@ -252,13 +252,13 @@ class JudgedSession:
             record = observers.audit_record()
             audited = _audit(setup, observers, record) if record is not None else None
             wall_time = time.perf_counter() - wall_start
-            result = _judge(session, execution, verdict, audited, wall_time, failed.node)
+            result = judged_result(session, execution, verdict, audited, wall_time, failed.node)
             result = replace(
                 result,
                 durations=durations.seconds,
                 interventions=telemetry.interventions,
                 held_at_start=at_start.holds if at_start is not None else None,
-                moved_by_others=_moved_by_others(setup, observers.script, record) if record is not None else [],
+                moved_by_others=moved_by_others(setup, observers.script, record) if record is not None else [],
             )
             result = _pretended(result, pretended)
             if recorded is not None and recorded.why:
@@ -407,7 +407,7 @@ def _picture_of_the_grasp(session: RobotSession, pictures: Pictures) -> Callable
     return after_tick
 
 
-def _moved_by_others(setup: ResolvedConfig, script: Collection[DisturbanceEvent], record: AuditRecord) -> list[str]:
+def moved_by_others(setup: ResolvedConfig, script: Collection[DisturbanceEvent], record: AuditRecord) -> list[str]:
     """What the goal is about, a disturbance moved, and the robot, or what it held, never pressed on."""
     moved = {event.name for event in script}
     touched = {name for contact in record.contacts for name in (contact.first, contact.second, contact.leaf)}
@@ -424,7 +424,7 @@ def _object(setup: ResolvedConfig) -> str | None:
     return setup.goals[0].object if setup.goals else None
 
 
-def _judge(
+def judged_result(
     session: RobotSession,
     execution: Execution,
     verdict: Verdict | None,
@@ -432,6 +432,7 @@ def _judge(
     wall_time: float,
     failed: Node | None = None,
 ) -> RunResult:
+    """Return the result of an execution: by the truth where the task has goals, by the tree's status where not."""
     config = session.setup.config
     failure = _failure(session, execution, verdict, audited, failed)
     holds = verdict.holds if verdict is not None else None

@@ -83,13 +83,14 @@ class Precision:
         """
         done = 0
         while done < most:
-            wanted = min(self._enough(sum(successes[:done]), done), most)
+            wanted = min(self.enough(sum(successes[:done]), done), most)
             if wanted <= done or wanted > len(successes):
                 return wanted
             done = wanted
         return most
 
-    def _enough(self, successes: int, trials: int) -> int:
+    def enough(self, successes: int, trials: int) -> int:
+        """Return the number of trials after which the interval is narrow enough if this share goes on succeeding."""
         rate = successes / trials if trials else 1.0
         enough = max(trials, 1)
         while _half_width(rate, enough) > self.half_width:

@@ -28,10 +28,11 @@ def find_judge(config: RunConfig, known: Collection[Problem] = ()) -> Judge | No
     problems = list(_problems(config, any(one.field.partition("[")[0] in FIELDS_OF_GOALS for one in known)))
     if problems:
         raise ConfigurationError(problems)
-    return _judge if config.task.predicates else None
+    return judge_session if config.task.predicates else None
 
 
-def _judge(session: RobotSession, truth: Truth, clock: Clock | None, driven: float) -> Verdict:
+def judge_session(session: RobotSession, truth: Truth, clock: Clock | None, driven: float) -> Verdict:
+    """Return what the truth says of the task's goals, once all things had time to come to rest."""
     setup = session.setup
     before = {name: truth.object_pose(name).position for name in setup.subjects if name in truth.object_names}
     if clock is not None:

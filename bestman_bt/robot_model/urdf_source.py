@@ -38,7 +38,7 @@ def locate_urdf(source: str, folder: Path) -> Path:
     if not separator:
         path = folder / source
     elif package == EXAMPLE_ROBOTS:
-        path = _example_robots() / inside
+        path = example_robots() / inside
     elif package == "pybullet_data":
         models = pybullet_data()
         if models is None:
@@ -56,7 +56,7 @@ def locate_urdf(source: str, folder: Path) -> Path:
 
 
 @cache
-def _example_robots() -> Path:
+def example_robots() -> Path:
     """Return the folder of robots of the distribution example-robot-data, which is no importable package."""
     try:
         package = distribution("example-robot-data")

@@ -107,7 +107,7 @@ class MotionWatcher:
                 else:
                     self._watch_rest(body, observation.stamp, touched)
             self._watch_joints(before, observation, time)
-        self._watch_limits(observation)
+        self.watch_limits(observation)
         self._before, self._touched_before = observation, touched
         self._wake(observation, robot_forces)
 
@@ -207,7 +207,8 @@ class MotionWatcher:
                 text = f"{self._joint_names[slot]} jumped by {change[0, slot]:.4f}"
                 self.jumps.append(Finding(observation.stamp, text))
 
-    def _watch_limits(self, observation: SimulationState) -> None:
+    def watch_limits(self, observation: SimulationState) -> None:
+        """Note joints that have come beyond a limit since the last call."""
         states = observation.joints[:2]
         beyond = (states < self._least) | (states > self._most)
         if beyond.any():

@@ -117,7 +117,7 @@ def test_a_named_thing_that_its_model_does_not_fit_has_no_confidence_and_one_wit
     cluster = LabelledCluster(points, np.zeros((200, 3), np.uint8), plane, False, name, 0.6)
     in_map = SimpleNamespace(viewpoint=np.zeros(3))
     view: Any = SimpleNamespace(map_from_base=Pose(), in_map=in_map, stamp=skills.clock.now())
-    thing = beliefs._thing(view, cluster, "table", [model.name for model in skills.world.models.values()])
+    thing = beliefs.believed_thing(view, cluster, "table", [model.name for model in skills.world.models.values()])
     assert (thing.confidence, thing.recognised) == (confidence, False)
     skills.after_view = thing
     tree = load(skills, DETECT.replace("cup", name))

@@ -195,7 +195,7 @@ def test_a_simulation_can_be_watched_while_it_runs(
     runs: list[SimulatedRun] = []
     scenario = Scenario.from_mapping({"default": {"result": "SUCCESS", "duration": 30}})
     text = '<root BTCPP_format="4"><BehaviorTree ID="M"><Fly/></BehaviorTree></root>'
-    drive = partial(simulate_command._run_shown, name="m.xml", seed=0, period=0.02, limit=60.0)
+    drive = partial(simulate_command.run_shown, name="m.xml", seed=0, period=0.02, limit=60.0)
     thread = threading.Thread(
         target=lambda: runs.append(simulate(text, scenario=scenario, clock=WallClock(), drive=drive))
     )

@@ -161,13 +161,13 @@ def test_grasps_are_found_anew_and_named_in_the_file(bestman_bt: Command, folder
 
 
 def test_without_grasps_it_is_said_how_far_the_gripper_opens_and_how_wide_the_object_is() -> None:
-    gripper = object_command._gripper("diff_panda")[1]
+    gripper = object_command.gripper_of("diff_panda")[1]
     bowl, can = (replace(read_object(name), grasps=()) for name in ("bowl", "can"))
     opens = "no grasp was found: the gripper of diff_panda opens to 80 mm"
     drum = replace(bowl, collision=(PlacedShape(Cylinder(0.045, 0.09), Pose()),))
-    assert object_command._why_no_grasps(drum, "diff_panda", gripper) == {
+    assert object_command.why_no_grasps(drum, "diff_panda", gripper) == {
         "why_no_grasps": f"{opens}, its sides are 90 mm or more"
     }
-    assert opens in object_command._why_no_grasps(can, "diff_panda", gripper)["why_no_grasps"]
+    assert opens in object_command.why_no_grasps(can, "diff_panda", gripper)["why_no_grasps"]
     held = replace(can, grasps=(ObjectGrasp(Pose(), 0.05, 1.0),))
-    assert object_command._why_no_grasps(held, "diff_panda", gripper) == {}
+    assert object_command.why_no_grasps(held, "diff_panda", gripper) == {}

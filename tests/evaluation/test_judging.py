@@ -96,7 +96,7 @@ def test_what_falls_during_the_rest_time_is_judged_by_where_it_was_before(monkey
     )
     for clock in (Falls(), None):
         slept.clear()
-        judge._judge(SimpleNamespace(setup=setup), Falls(), clock, 1.5)
+        judge.judge_session(SimpleNamespace(setup=setup), Falls(), clock, 1.5)
         np.testing.assert_array_equal(seen[-1].before["cup"], place.position)
         assert (list(seen[-1].before), seen[-1].driven, slept) == (["cup"], 1.5, [0.5] if clock else [])
 
@@ -187,7 +187,7 @@ def test_what_somebody_else_moved_and_the_robot_or_what_it_held_never_touched_is
     setup = prepared(task)
     events = [DisturbanceEvent(1.0, 1.0, "put", name, "") for name in ("cup", "can", DRAWER)]
     record: Any = SimpleNamespace(contacts=(contact,))
-    assert episode._moved_by_others(setup, events, record) == moved
+    assert episode.moved_by_others(setup, events, record) == moved
 
 
 def test_a_tolerance_larger_than_the_scene_is_refused_with_its_line(tmp_path: Path) -> None:
@@ -291,7 +291,7 @@ def test_how_an_execution_ended_decides_the_outcome(ending: TerminationReason, o
     config = load_run("fetch_cup", seed=1)
     session: Any = SimpleNamespace(setup=SimpleNamespace(config=config), skills=SimpleNamespace(failures=[]))
     status = "SUCCESS" if ending is TerminationReason.FINISHED else "IDLE"
-    result = episode._judge(session, Execution(ending, status, 3, 1.0, 2.0, "so it was"), None, None, 2.0)
+    result = episode.judged_result(session, Execution(ending, status, 3, 1.0, 2.0, "so it was"), None, None, 2.0)
     assert (result.outcome, result.success) == (outcome, outcome is Outcome.SUCCESS)
     told = None if result.failure is None else (result.failure.error_code, result.failure.why)
     assert told == (None if ending is TerminationReason.FINISHED else (str(ending), "so it was"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 from itertools import product
 
 import pytest
@@ -60,7 +59,7 @@ def covered(precision: Precision, rate: float) -> float:
     while chances:
         later: Counter[tuple[int, int]] = Counter()
         for (trials, successes), chance in chances.items():
-            wanted = enough(precision, successes, trials)
+            wanted = precision.enough(successes, trials)
             if trials and wanted == trials:
                 low, high = wilson_interval(successes, trials)
                 holds += chance * (low <= rate <= high)
@@ -70,8 +69,3 @@ def covered(precision: Precision, rate: float) -> float:
                     later[wanted, successes + more] += chance * share
         chances = dict(later)
     return holds
-
-
-def enough(precision: Precision, successes: int, trials: int) -> int:
-    step: Callable[[int, int], int] = precision._enough
-    return step(successes, trials)

@@ -124,7 +124,7 @@ def test_the_turn_is_measured_to_the_nearest_pose_that_looks_the_same(
 def test_the_turn_is_the_one_from_the_heading_that_is_asked(sign: float) -> None:
     asked = Pose.from_xyz_rpy((1.0, 2.0, 0.7), (0.0, 0.0, 3.0))
     for order, degrees, error in ((1, 25.0, 25.0), (2, 175.0, 5.0), (4, 50.0, 40.0)):
-        off = Placed._errors(turned(asked, sign * math.radians(degrees)), asked, order)["yaw_error_deg"]
+        off = Placed.errors(turned(asked, sign * math.radians(degrees)), asked, order)["yaw_error_deg"]
         assert off == pytest.approx(error)
 
 

@@ -53,11 +53,11 @@ def test_the_extra_is_named_where_its_package_is_missing(monkeypatch: pytest.Mon
     def missing(name: str) -> None:
         raise PackageNotFoundError(name)
 
-    urdf_source._example_robots.cache_clear()
+    urdf_source.example_robots.cache_clear()
     monkeypatch.setattr(urdf_source, "distribution", missing)
     with pytest.raises(UrdfError, match=r"pip install .*\[robots\]'"):
         locate_urdf("example_robot_data:ur_description/urdf/ur5_robot.urdf", tmp_path)
-    urdf_source._example_robots.cache_clear()
+    urdf_source.example_robots.cache_clear()
 
 
 def test_a_joint_that_is_called_as_a_link_gets_a_name_of_its_own(tmp_path: Path) -> None:

@@ -207,7 +207,7 @@ class BaseController:
     ) -> None:
         self._confirm = confirm
         self._driving, self._rotation = driving, driving.rotation
-        self._base, self._follower = base, follower
+        self._base, self.follower = base, follower
         self.localisation, self.lidar = localisation, localisation.lidar
         self._clock, self._world, self._period = localisation.clock, localisation.world, localisation.period
         localisation.seen = self._observe
@@ -217,7 +217,7 @@ class BaseController:
         self.surroundings: Callable[[], Costmap] | None = None
         self.last_scan: PlacedScan | None = None
         self._timer: Timer | None = None
-        self._own_follower = follower
+        self.own_follower = follower
         self._action: _Action | None = None
         self._gave_up = False
         self._lock = threading.RLock()  # held by each tick, and by any thread that changes what a tick uses
@@ -304,12 +304,12 @@ class BaseController:
         for this path only.
         """
         with self._lock:
-            self._follow_by(follower or self._own_follower)
+            self._follow_by(follower or self.own_follower)
             if costmap is not None:
                 self.layer.use_costmap(costmap)
-            self._follower.reset(path, costmap)
+            self.follower.reset(path, costmap)
             driven = _DrivenPath(path, SweptPath(path), costmap is not None)
-            return self._begin(self._follower, path.goal, driven=driven, known=costmap)
+            return self._begin(self.follower, path.goal, driven=driven, known=costmap)
 
     def rotate_to(self, heading: float) -> Motion[BasePose]:
         """Turn on the spot to ``heading``, radians in the map frame."""
@@ -326,9 +326,9 @@ class BaseController:
         goal = pose @ Pose2D(distance, 0.0, 0.0)
         points = np.array([pose.xy, goal.xy])
         with self._lock:
-            self._follow_by(self._own_follower)
-            self._follower.reset(Path2D(points, goal, np.array([distance < 0.0])))
-            return self._begin(self._follower, goal, speed=speed)
+            self._follow_by(self.own_follower)
+            self.follower.reset(Path2D(points, goal, np.array([distance < 0.0])))
+            return self._begin(self.follower, goal, speed=speed)
 
     def turn(self, angle: float) -> Motion[BasePose]:
         """Turn in place by ``angle``, within ±pi rad, by odometry; also works while the base is lost."""
@@ -354,14 +354,14 @@ class BaseController:
         return None if action is None or action.motion.done else action.driven
 
     def _follow_by(self, follower: PathFollower) -> None:
-        if follower is not self._follower:
+        if follower is not self.follower:
             follower.configure(self.model)
-            self._follower = follower
+            self.follower = follower
 
     def _observe(self, seen: PlacedScan) -> None:
         self.last_scan = seen
         self._gate.observe(seen.scan, self.lidar.base_from_lidar, seen.odometry)
-        self._follower.observe(seen.scan, seen.map_from_lidar)
+        self.follower.observe(seen.scan, seen.map_from_lidar)
         if seen.fits:
             self.layer.update(seen.scan, seen.map_from_lidar)
 

@@ -145,7 +145,7 @@ class Placed(Goal[PlacedFields]):
     def _placed(self, evidence: Evidence, goal: PlaceGoal) -> Verdict:
         tolerances = self.config.task.tolerances
         pose = evidence.truth.object_pose(goal.object)
-        metrics = self._errors(pose, _asked(evidence, goal), self.world_model.models[goal.object].symmetry_order)
+        metrics = self.errors(pose, _asked(evidence, goal), self.world_model.models[goal.object].symmetry_order)
         faults = []
         within = tolerances.position if self.asked.within is None else self.asked.within
         if metrics["place_error_mm"] > 1e3 * within:
@@ -162,7 +162,8 @@ class Placed(Goal[PlacedFields]):
         return Verdict.on(goal.object, faults + rest_faults(evidence, goal.object, goal.surface))
 
     @staticmethod
-    def _errors(pose: Pose, asked: Pose, symmetry_order: int) -> dict[str, float]:
+    def errors(pose: Pose, asked: Pose, symmetry_order: int) -> dict[str, float]:
+        """Return by measure how far a pose is from the one asked for; a symmetric object may be turned."""
         metrics = {
             "place_error_mm": 1e3 * float(np.linalg.norm(pose.position[:2] - asked.position[:2])),
             "tilt_deg": math.degrees(pose.tilt),

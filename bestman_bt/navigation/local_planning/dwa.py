@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.messages.shapes import Count, NonNegative, NotBelow, Positive
@@ -42,13 +43,16 @@ class DWA(ObstacleAwareFollower):
         super().__post_init__()
         self._oscillation: _Oscillation | None = None
 
-    def _begin(self, limits: MobilePart, critics: Critics) -> None:
+    @override
+    def begin(self, limits: MobilePart, critics: Critics) -> None:
         self._base, self._critics = limits, critics
 
-    def _restart(self) -> None:
+    @override
+    def restart(self) -> None:
         self._oscillation = None
 
-    def _choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
+    @override
+    def choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
         base = self._base
         if self._oscillation is None:
             self._oscillation = _Oscillation(self.oscillation_distance, self.oscillation_angle, self.oscillation_time)

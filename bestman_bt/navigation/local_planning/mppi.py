@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.messages.shapes import Count, Fraction, NonNegative, NonNegativeInt, NotBelow, Positive, Several
@@ -46,9 +47,10 @@ class MPPI(ObstacleAwareFollower):
         super().__post_init__()
         at, knots = np.linspace(0.0, self.knots - 1.0, self.steps), np.arange(self.knots)
         self._spread = np.maximum(0.0, 1.0 - np.abs(at[None, :] - knots[:, None])).astype(np.float32)
-        self._restart()
+        self.restart()
 
-    def _begin(self, limits: MobilePart, critics: Critics) -> None:
+    @override
+    def begin(self, limits: MobilePart, critics: Critics) -> None:
         self._base, self._critics = limits, critics
         self._axes = (0, 1, 2) if limits.max_vy else (0, 2)
         self._std = np.array([self.forward_std, self.sideways_std, self.turn_std], dtype=np.float32)
@@ -57,11 +59,13 @@ class MPPI(ObstacleAwareFollower):
         change = np.array([limits.max_acceleration, limits.max_acceleration, limits.max_angular_acceleration])
         self._change = (change * self.step).astype(np.float32)
 
-    def _restart(self) -> None:
+    @override
+    def restart(self) -> None:
         self._rng = np.random.default_rng(self.seed)
         self._plan = np.zeros((3, self.steps), dtype=np.float32)
 
-    def _choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
+    @override
+    def choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
         now = np.array([twist.vx, twist.vy, twist.wz], dtype=np.float32)
         for _ in range(self.iterations):
             controls = self._sampled(now)

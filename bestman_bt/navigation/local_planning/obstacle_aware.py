@@ -43,7 +43,7 @@ differently.
 
 @dataclass(eq=False)
 class ObstacleAwareFollower(PathFollower):
-    """Subclasses choose the velocity in free space: ``_begin`` and ``_choose``.
+    """Subclasses choose the velocity in free space: ``begin`` and ``choose``.
 
     A path without a costmap is followed exactly. Lengths in metres, speeds in m/s, angles in radians, times in seconds.
     ``max_speed``, ``max_turn_rate``: besides the base's own limits. ``margin``: around the outline. ``clearance``:
@@ -77,15 +77,15 @@ class ObstacleAwareFollower(PathFollower):
         self._since_field = 0
 
     @abstractmethod
-    def _begin(self, limits: MobilePart, critics: Critics) -> None:
+    def begin(self, limits: MobilePart, critics: Critics) -> None:
         """A base to drive, and how its drives are judged."""
 
     @abstractmethod
-    def _restart(self) -> None:
+    def restart(self) -> None:
         """What was chosen before says nothing about what comes now."""
 
     @abstractmethod
-    def _choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
+    def choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
         """Return the velocity to head for, from the present pose and commanded ``twist``; zero where nothing is
         free.
         """
@@ -100,7 +100,7 @@ class ObstacleAwareFollower(PathFollower):
         self._footprint = footprint
         self._motion = FootprintMotion(footprint.corners, self.margin)
         self._check = FootprintCheck(footprint)
-        self._begin(limits, Critics(self.critics, footprint, limits.max_vy > 0.0))
+        self.begin(limits, Critics(self.critics, footprint, limits.max_vy > 0.0))
 
     @override
     def observe(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
@@ -123,7 +123,7 @@ class ObstacleAwareFollower(PathFollower):
         self._smooth.reset(Twist2D())
         self._fresh = True
         self._to_go = None  # it led along the path before
-        self._restart()
+        self.restart()
         self._progress = PathProgress(path.points[self._backwards :])
         self._all_exactly = costmap is None or self._progress.remaining <= self.hand_over
         if self._all_exactly:
@@ -185,13 +185,13 @@ class ObstacleAwareFollower(PathFollower):
                 return turn
         elif self._turning:
             self._turning = False
-            self._restart()
+            self.restart()
         start = np.array([[pose.x], [pose.y], [pose.theta]], dtype=np.float32)
         here = float(self._check.clearance(self.obstacles.distance, *start)[0])
         # Who stands closer to something than the margin must be able to leave.
         margin = min(self.margin, here - 0.01)
         around = Surroundings(self.obstacles.distance, to_go, self.obstacles.moving.obstacles, margin)
-        wanted = self._choose(pose, self._smooth.twist, around, dt)
+        wanted = self.choose(pose, self._smooth.twist, around, dt)
         return self._slow_before_the_end(wanted)
 
     def _field(self, pose: Pose2D) -> CostToGo:

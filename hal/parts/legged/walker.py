@@ -137,17 +137,17 @@ class TrotGait:
 
     def __post_init__(self) -> None:
         part = self.base.part
-        self._kinematics = LegKinematics(self.base)
+        self.kinematics = LegKinematics(self.base)
         self._efforts = np.array(part.limits.effort).reshape(-1, 3)
-        self._height = part.stand_height - part.foot_radius  # of the trunk's frame above the centres of the feet
+        self.height = part.stand_height - part.foot_radius  # of the trunk's frame above the centres of the feet
         self.attitude = Attitude()
         self.odometry = LegOdometry()
-        below_body = self._kinematics.below_hips(self._height)
+        below_body = self.kinematics.below_hips(self.height)
         below_body[:, :2] += self.body.centre[:2]
         self.trot = Trot(below_body)
-        self._wanted_angles: Array | None = None
+        self.wanted_angles: Array | None = None
         self._window: deque[Array] = deque()
-        self._correction = np.zeros(3)
+        self.correction = np.zeros(3)
 
     @property
     def velocity(self) -> Array:
@@ -163,9 +163,9 @@ class TrotGait:
         attitude, trot = self.attitude, self.trot
         attitude.update(turning, specific_force, period, standing=not trot.walking)
         level = attitude.level_from_trunk
-        feet, jacobians = self._kinematics.feet(angles), self._kinematics.jacobians(angles)
+        feet, jacobians = self.kinematics.feet(angles), self.kinematics.jacobians(angles)
         moving = np.einsum("nij,nj->ni", jacobians, speeds) + np.cross(attitude.rate, feet)
-        rolling = self._kinematics.rolling(angles, speeds, attitude.rate, level[2])
+        rolling = self.kinematics.rolling(angles, speeds, attitude.rate, level[2])
         firm = trot.stance & (trot.landed_for >= self.settled)
         smoothing = self.smoothing if trot.walking else self.standing_smoothing
         self.odometry.update(((rolling - moving) @ level.T)[firm], attitude.heading, period, smoothing)
@@ -173,9 +173,9 @@ class TrotGait:
         self._window.append(np.array([*self.odometry.velocity[:2], attitude.rate[2]]))
         while len(self._window) > trot.period / period * (1.0 if trot.walking else 0.1):
             self._window.popleft()
-        wanted = self._kinematics.angles(trot.feet @ level)
-        before = wanted if self._wanted_angles is None else self._wanted_angles
-        self._wanted_angles = wanted
+        wanted = self.kinematics.angles(trot.feet @ level)
+        before = wanted if self.wanted_angles is None else self.wanted_angles
+        self.wanted_angles = wanted
         torques = self.joint_gain * (wanted - angles) + self.joint_damping * ((wanted - before) / period - speeds)
         forces = self._floor_forces(command, feet @ level.T, level)
         torques -= np.einsum("nji,nj->ni", jacobians, forces @ level)
@@ -184,15 +184,15 @@ class TrotGait:
     def _corrected(self, command: Array, period: float) -> Array:
         """Return the corrected command that brings the mean velocity to ``command``."""
         if not self.trot.walking or not command.any():
-            self._correction = np.zeros(3)
+            self.correction = np.zeros(3)
             return command
         gains, most = (
             np.array([self.speed_integral, self.speed_integral, self.turn_integral]),
             np.array(self.most_correction),
         )
         step = gains * (command - self.velocity) * period
-        self._correction = np.clip(self._correction + step, -most, most)
-        return command + self._correction
+        self.correction = np.clip(self.correction + step, -most, most)
+        return command + self.correction
 
     def _floor_forces(self, command: Array, feet: Array, level: Array) -> Array:
         """Return the desired floor forces on the feet, (4, 3) newtons in the trunk's level frame."""
@@ -206,7 +206,7 @@ class TrotGait:
                 speed_gain * (command[0] - velocity[0]),
                 speed_gain * (command[1] - velocity[1]),
                 self.body.mass * GRAVITY
-                + self.height_gain * (self._height - height)
+                + self.height_gain * (self.height - height)
                 - self.height_damping * velocity[2],
             ]
         )

@@ -49,17 +49,17 @@ def test_a_path_that_is_cleared_is_driven_to_its_end(kitchen) -> None:
 
 def test_a_named_controller_drives_this_path_and_none_after_it(kitchen) -> None:
     session, _ = kitchen()
-    own = type(session.skills.base._own_follower).__name__
+    own = type(session.skills.base.own_follower).__name__
     tree = session.load(tree_of(FOLLOW))
     tree.blackboard.set("controller", "dwa")
     goal = Pose2D(-0.6, -0.3, 0.0)
     tree.blackboard.set("path", straight(base_pose(session), goal))
     tick(tree, 5)
-    assert type(session.skills.base._follower).__name__ == "DWA"
+    assert type(session.skills.base.follower).__name__ == "DWA"
     assert tick(tree, 400) == SUCCESS
     assert base_pose(session).distance_to(goal) < 0.02
     session.skills.base.drive(-0.1)
-    assert type(session.skills.base._follower).__name__ == own
+    assert type(session.skills.base.follower).__name__ == own
 
 
 def test_no_path_and_an_unknown_controller_are_told(driver) -> None:

@@ -137,7 +137,7 @@ def gait() -> TrotGait:
 
 def torques(gait: TrotGait, command: tuple[float, float, float], times: int, off: float = 0.0) -> np.ndarray:
     """The joint torques (4, 3) after ``times`` periods of readings at home, upright, thighs ``off`` radians away."""
-    angles = gait._kinematics.angles(gait._kinematics.below_hips(gait._height)) + np.array([0.0, off, 0.0])
+    angles = gait.kinematics.angles(gait.kinematics.below_hips(gait.height)) + np.array([0.0, off, 0.0])
     force = np.array([0.0, 0.0, GRAVITY])
     for _ in range(times):
         found = gait.update(np.array(command), angles, np.zeros((4, 3)), np.zeros(3), force, PERIOD)
@@ -145,11 +145,11 @@ def torques(gait: TrotGait, command: tuple[float, float, float], times: int, off
 
 
 def test_standing_legs_carry_the_weight_without_pushing_aside(gait: TrotGait) -> None:
-    angles = gait._kinematics.angles(gait._kinematics.below_hips(gait._height))
-    jacobians = gait._kinematics.jacobians(angles)
+    angles = gait.kinematics.angles(gait.kinematics.below_hips(gait.height))
+    jacobians = gait.kinematics.jacobians(angles)
     carried = torques(gait, (0.0, 0.0, 0.0), 1)
-    assert gait._wanted_angles is not None
-    carried = carried - gait.joint_gain * (gait._wanted_angles - angles)  # of the joints, towards the centre of mass
+    assert gait.wanted_angles is not None
+    carried = carried - gait.joint_gain * (gait.wanted_angles - angles)  # of the joints, towards the centre of mass
     forces = np.linalg.solve(jacobians.transpose(0, 2, 1), -carried[:, :, None])[:, :, 0]
     assert forces.sum(axis=0)[2] == pytest.approx(gait.body.mass * GRAVITY, rel=0.2)
     assert (np.linalg.norm(forces[:, :2], axis=1) <= gait.friction * forces[:, 2] + 1e-6).all()
@@ -163,6 +163,6 @@ def test_no_joint_of_a_leg_gets_more_than_its_effort(gait: TrotGait) -> None:
 @pytest.mark.slow
 def test_what_the_legs_lack_of_the_velocity_is_made_up_for_within_bounds_and_forgotten_at_rest(gait: TrotGait) -> None:
     torques(gait, (0.3, 0.0, -0.4), 480)  # legs that do not move
-    assert gait._correction[[0, 2]] == pytest.approx([gait.most_correction[0], -gait.most_correction[2]])
+    assert gait.correction[[0, 2]] == pytest.approx([gait.most_correction[0], -gait.most_correction[2]])
     torques(gait, (0.0, 0.0, 0.0), 1)
-    assert gait._correction == pytest.approx(np.zeros(3))
+    assert gait.correction == pytest.approx(np.zeros(3))

@@ -27,7 +27,7 @@ def test_a_joint_beyond_its_limits_is_told_once_whichever_limit_that_is(
         joints = simulation.joint_states().copy()
         joints[0, slot] = limit + side * beyond * LIMIT_TOLERANCE
         joints[1, slot] = (1.0 + 0.1 * (beyond > 1.0)) * speed
-        watcher._watch_limits(SimulationState(0.0, {}, [], joints, {}))
+        watcher.watch_limits(SimulationState(0.0, {}, [], joints, {}))
         assert (len(watcher.joint_limits), len(watcher.velocity_limits)) == (count, count)
 
 

@@ -75,7 +75,7 @@ def test_paths_keep_the_limits_the_world_and_the_constraint(planner):
     plan = planner.plan(np.array([1.0, -0.9]), goals, WALL, TWO, np.random.default_rng(1), ceiling)
     assert plan.goal_index == 2
     assert np.array_equal(plan.path[-1], goals[2])
-    assert all(WALL._free(q) and ceiling.satisfied(q) for q in dense_points(plan.path, 0.01))
+    assert all(WALL.is_free(q) and ceiling.satisfied(q) for q in dense_points(plan.path, 0.01))
     assert np.all((plan.path >= TWO.lower) & (plan.path <= TWO.upper))
 
 
@@ -99,7 +99,7 @@ def test_a_straight_way_is_checked_finely():
     post = JointWorld(lambda q: not 0.005 < q[0] < 0.025 or q[1] > 0.5)
     plan = RRTConnect().plan(START, [np.array([-0.52, 0.0])], post, TWO, np.random.default_rng(0))
     assert len(plan.path) > 2
-    assert all(post._free(q) for q in dense_points(plan.path, 0.005))
+    assert all(post.is_free(q) for q in dense_points(plan.path, 0.005))
 
 
 def test_a_search_is_bounded_by_its_checks_and_every_attempt_is_made():

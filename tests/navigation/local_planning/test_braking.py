@@ -35,13 +35,13 @@ class Straight(ObstacleAwareFollower):
         self.chosen = AHEAD
         self.moving: list = []
 
-    def _begin(self, limits: MobilePart, critics: Critics) -> None:
+    def begin(self, limits: MobilePart, critics: Critics) -> None:
         return
 
-    def _restart(self) -> None:
+    def restart(self) -> None:
         return
 
-    def _choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
+    def choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
         self.moving = around.moving
         return self.chosen
 

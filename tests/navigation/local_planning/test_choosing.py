@@ -47,7 +47,7 @@ def test_it_drives_towards_a_place_ahead_and_turns_to_its_side(planner, side, fo
     follower.configure(limits(footprint))
     around, twist = towards(POSE.apply([1.5, 0.9 * side])), Twist2D(0.2)
     for _ in range(4):
-        twist = follower._choose(POSE, twist, around, DT)
+        twist = follower.choose(POSE, twist, around, DT)
     assert twist.vx > 0.2
     assert math.copysign(1.0, twist.wz) == side
     assert abs(twist.wz) > 0.1
@@ -63,7 +63,7 @@ def test_with_something_right_before_it_it_stands_and_with_a_walker_there_as_wel
     for around in (towards(place, wall), towards(place, moving=[person])):
         follower = planner()
         follower.configure(limits(footprint))
-        chosen = follower._choose(POSE, Twist2D(0.5), around, DT)
+        chosen = follower.choose(POSE, Twist2D(0.5), around, DT)
         assert chosen.vx <= 0.0
 
 
@@ -73,7 +73,7 @@ def test_a_velocity_that_cannot_be_stopped_in_time_is_not_admissible(footprint):
     follower.configure(limits(footprint))
     for gap, least, most in ((1.2, 0.59, 0.6), (0.30, 0.0, 0.55), (0.12, 0.0, 0.35)):
         wall = POSE.apply(np.column_stack([np.full(61, 0.28 + 0.05 + gap), np.linspace(-0.8, 0.8, 61)]))
-        chosen = follower._choose(POSE, Twist2D(0.55), towards(POSE.apply([2.5, 0.0]), wall), DT)
+        chosen = follower.choose(POSE, Twist2D(0.55), towards(POSE.apply([2.5, 0.0]), wall), DT)
         assert least <= chosen.vx <= most + 1e-6
 
 
@@ -83,11 +83,11 @@ def test_a_turn_that_has_changed_its_side_keeps_it_until_the_base_got_on(footpri
     def after(pose: Pose2D, dt: float, restarted: bool = False) -> float:
         follower = DWA()
         follower.configure(limits(footprint))
-        assert follower._choose(POSE, Twist2D(), left, DT).wz > 0.05
-        assert follower._choose(POSE, Twist2D(), right, DT).wz < -0.05
+        assert follower.choose(POSE, Twist2D(), left, DT).wz > 0.05
+        assert follower.choose(POSE, Twist2D(), right, DT).wz < -0.05
         if restarted:
-            follower._restart()
-        return follower._choose(pose, Twist2D(), left, dt).wz
+            follower.restart()
+        return follower.choose(pose, Twist2D(), left, dt).wz
 
     assert after(POSE, DT) <= 0.0
     assert after(POSE @ Pose2D(0.04, 0.0, 0.0), DT) <= 0.0
@@ -100,7 +100,7 @@ def test_a_turn_that_has_changed_its_side_keeps_it_until_the_base_got_on(footpri
 def test_a_base_that_can_goes_sideways_and_no_faster_than_in_its_window(footprint):
     follower = DWA()
     follower.configure(limits(footprint, 0.6))
-    chosen = follower._choose(POSE, Twist2D(0.0, 0.1, 0.0), towards(POSE.apply([0.0, 1.5])), DT)
+    chosen = follower.choose(POSE, Twist2D(0.0, 0.1, 0.0), towards(POSE.apply([0.0, 1.5])), DT)
     assert chosen.vy == pytest.approx(0.1 + 0.6 * 0.3, abs=1e-6)
     assert math.hypot(chosen.vx, chosen.vy) <= 0.6 + 1e-6
 
