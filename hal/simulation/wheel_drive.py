@@ -186,7 +186,7 @@ class WheelDrive(SimulatedChannel, BaseChannel):
         self._odometry = Odometry(self._believed, motors.angles)
         self._sent, self._still_for, self._parked = STILL, 0.0, True
         motors.park()
-        simulation.controls.append(self._watch)
+        simulation.controls.append(self.watch)
 
     @override
     def detach(self) -> None:
@@ -223,7 +223,8 @@ class WheelDrive(SimulatedChannel, BaseChannel):
             raise NotConnectedError("the robot is not connected; call connect()")
         return self._attached_motors
 
-    def _watch(self) -> None:
+    def watch(self) -> None:
+        """Count the wheels' turns, and hold the wheels once they have stood for a while."""
         motors = self._motors
         motors.count()
         with contextlib.suppress(NoDataError):

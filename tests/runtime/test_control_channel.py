@@ -58,6 +58,7 @@ class Served:
 
     executor: Executor
     channel: ControlChannel
+    telemetry: Telemetry
     socket: Path
     folder: Path
     stops: list[float] = field(default_factory=list)
@@ -100,7 +101,7 @@ def served(tmp_path: Path) -> Iterator[Served]:
     executor.watchers.append(speed)
     channel = ControlChannel(executor, lambda: stops.append(clock.now()), telemetry, speed=speed)
     with telemetry, channel.serving(tmp_path) as path:
-        served = Served(executor, channel, path, tmp_path, stops, speeds)
+        served = Served(executor, channel, telemetry, path, tmp_path, stops, speeds)
 
         def run() -> None:
             served.execution = executor.run()
@@ -209,11 +210,10 @@ def test_stop_reaches_the_robot_while_a_tick_goes_on_and_also_when_nothing_runs_
 
 
 def test_what_is_set_and_forced_by_hand_is_noted_for_the_result(served: Served) -> None:
-    telemetry = served.channel._telemetry
     served.channel.answer({"do": "pause"})
     assert served.channel.answer({"do": "set", "key": "speed", "value": 3})["ok"]
     assert served.channel.answer({"do": "force", "node": 2, "result": "SUCCESS"})["ok"]
-    assert [mark.partition(" s: ")[2] for mark in telemetry.interventions] == [
+    assert [mark.partition(" s: ")[2] for mark in served.telemetry.interventions] == [
         "speed was set to 3",
         "2 was forced to return SUCCESS",
     ]
@@ -537,7 +537,7 @@ def test_what_was_refused_because_the_tree_did_not_tick_is_not_done_later(monkey
 
 
 def test_who_has_gone_is_told_nothing_more(served: Served) -> None:
-    telemetry = served.channel._telemetry
+    telemetry = served.telemetry
     with connect(served.socket) as connection:
         connection.sendall(b'{"do": "subscribe", "topics": []}\n')
         assert json.loads(connection.makefile("rb").readline())["ok"]

@@ -76,7 +76,7 @@ class LocalisationCycle:
     ) -> None:
         self.clock, self.lidar, self.world, self.seen = clock, lidar, world, seen
         self.period = 1.0 / localising.rate  # seconds of a control tick
-        self._odometer = odometer
+        self.odometer = odometer
         self.localizer = localizer  # who puts another one here tells it where to begin, see ``believe``
         self._localising = localising
         self._ticks = self._scans_at_rest = self._refused_scans = self._left_out = 0
@@ -112,7 +112,7 @@ class LocalisationCycle:
     def begin(self) -> None:
         """Start at the believed ``world.base``."""
         believed = self.world.base
-        self._odometer.begin()
+        self.odometer.begin()
         self._odometries.clear()
         self._latest = None
         self._reset(believed)
@@ -120,7 +120,7 @@ class LocalisationCycle:
 
     def end(self) -> None:
         """Stop localising."""
-        self._odometer.end()
+        self.odometer.end()
 
     def believe(self, believed: BasePose) -> None:
         """Continue from another pose; the base is lost until a scan fits there."""
@@ -136,7 +136,7 @@ class LocalisationCycle:
 
     def scan(self) -> OdometryScan:
         """Return the latest scan and its odometry pose. Raises NotConnectedError or NoDataError."""
-        self._odometries.add(self.clock.now(), self._odometer.pose())
+        self._odometries.add(self.clock.now(), self.odometer.pose())
         try:
             return self._taken()
         except NotRecordedError as error:
@@ -153,14 +153,14 @@ class LocalisationCycle:
             odometry = self._odometries.at(stamp)
         except NotRecordedError:  # a busy machine holds ``step`` up: the present odometry covers the time since
             with contextlib.suppress(*READING_ERRORS):
-                self._odometries.add(self.clock.now(), self._odometer.pose())
+                self._odometries.add(self.clock.now(), self.odometer.pose())
             odometry = self._odometries.at(stamp)
         return believed @ self.odometry.inverse() @ odometry
 
     def step(self) -> None:
         """Run one control tick. Raises NotConnectedError or NoDataError."""
         p = self._localising
-        odometry = self._odometer.pose()
+        odometry = self.odometer.pose()
         moved = self.odometry.inverse() @ odometry
         self.odometry = odometry
         self._odometries.add(self.clock.now(), odometry)
@@ -221,7 +221,7 @@ class LocalisationCycle:
         return self._latest
 
     def _reset(self, believed: BasePose) -> None:
-        self.odometry = self._odometer.pose()
+        self.odometry = self.odometer.pose()
         self._odometries.add(self.clock.now(), self.odometry)
         self.estimate = self.localizer.start(believed.pose, self.odometry, believed.position_std, believed.heading_std)
         self._confirmed = False

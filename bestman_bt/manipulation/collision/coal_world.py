@@ -111,7 +111,8 @@ class CoalCollisionModel(CollisionModel):
         return build_model(self.robot)
 
     @cached_property
-    def _geometry(self) -> pinocchio.GeometryModel:
+    def geometry(self) -> pinocchio.GeometryModel:
+        """The shapes of the robot's links; meshes are replaced by their convex hulls."""
         geometry = pinocchio.buildGeomFromUrdfString(self._model, self.robot.urdf, pinocchio.GeometryType.COLLISION)
         for body in geometry.geometryObjects:
             if isinstance(body.geometry, coal.BVHModelBase):
@@ -128,7 +129,7 @@ class CoalCollisionModel(CollisionModel):
             scene = self._disproved(scene)
         lock = joints_to_lock(self._model, arm_model)
         reduced, geometry = pinocchio.buildReducedModel(
-            self._model, self._geometry, lock, configuration(self._model, scene.positions)
+            self._model, self.geometry, lock, configuration(self._model, scene.positions)
         )
         others = frozenset().union(*(links for name, links in self._arm_links.items() if name != arm))
         return CoalCollisionWorld(reduced, geometry, arm_model, self.robot, scene, others)
@@ -139,13 +140,13 @@ class CoalCollisionModel(CollisionModel):
         model, links = self._model, {}
         for name, arm in self.robot.of(ArmModel).items():
             joints = set(model.subtrees[model.getJointId(arm.joint_names[0])])
-            bodies = (body for body in self._geometry.geometryObjects if body.parentJoint in joints)
+            bodies = (body for body in self.geometry.geometryObjects if body.parentJoint in joints)
             links[name] = frozenset(model.frames[body.parentFrame].name for body in bodies)
         return links
 
     def _disproved(self, scene: PlanningScene) -> PlanningScene:
         """Return the scene without the voxels where the robot, or what it holds, is now."""
-        model, geometry = self._model, self._geometry
+        model, geometry = self._model, self.geometry
         data, geometry_data = model.createData(), pinocchio.GeometryData(geometry)
         pinocchio.updateGeometryPlacements(model, data, geometry, geometry_data, configuration(model, scene.positions))
         pinocchio.updateFramePlacements(model, data)

@@ -140,7 +140,7 @@ class OnnxPolicy(Policy):
         features = feature_vector(observation, self.card.features)
         if features.shape != norm.input_mean.shape:
             raise PolicyModelError(f"{self._path} takes {norm.input_mean.shape} features, these are {features.shape}")
-        raw = self._run(((features - norm.input_mean) / norm.input_scale).astype(np.float32)[None])
+        raw = self.run(((features - norm.input_mean) / norm.input_scale).astype(np.float32)[None])
         chunk = (raw * norm.output_scale + norm.output_mean).reshape(spec.horizon, -1)
         joints, space = len(spec.joint_names), ActionSpace(spec.space)
         if not spec.moves_gripper:
@@ -148,7 +148,8 @@ class OnnxPolicy(Policy):
         widths = np.where(chunk[:, joints] > 0.0, spec.open_width, 0.0)
         return ActionChunk(chunk[:, :joints], spec.dt, space, widths)
 
-    def _run(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
+    def run(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Return the network's outputs for normalized ``features`` (1, n); raises as ``act`` does."""
         session = self._session
         try:
             outputs = session.run(None, {session.get_inputs()[0].name: features})

@@ -159,11 +159,11 @@ class OpenpiPolicy(Policy):
 
     def act(self, observation: Observation) -> ActionChunk:
         """Query the server for a chunk; raises as the class does."""
-        question = pack(self._question(observation))
+        question = pack(self.question(observation))
         reason = ""
         for _ in range(self.retries + 1):
             try:
-                return self._chunk(self._ask(question))
+                return self._chunk(self.ask(question))
             except _ConnectionLostError as error:
                 self.close()
                 reason = str(error)
@@ -177,7 +177,8 @@ class OpenpiPolicy(Policy):
         self._server.connection = None
         self._server.open.close()
 
-    def _question(self, observation: Observation) -> dict[str, Any]:
+    def question(self, observation: Observation) -> dict[str, Any]:
+        """Return what the server is sent for an observation."""
         question: dict[str, Any] = {"prompt": self.prompt} if self.prompt else {}
         if self.joint_key:
             question[self.joint_key] = observation.joint_positions.astype(np.float32)
@@ -194,7 +195,8 @@ class OpenpiPolicy(Policy):
             question[key] = resize_with_pad(observation.images[camera], self.image_size)
         return question
 
-    def _ask(self, question: bytes) -> dict[str, Any]:
+    def ask(self, question: bytes) -> dict[str, Any]:
+        """Return the server's answer to a packed question; raises as the class does."""
         connection = self._connected(time.monotonic() + self.connect_timeout)
         deadline = time.monotonic() + self.timeout
         try:

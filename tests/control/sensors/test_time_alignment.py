@@ -87,7 +87,7 @@ def test_an_image_of_a_time_that_nothing_tells_of_is_none(simulate, monkeypatch)
     assert sensor.capture().stamp > it.robot.clock.now() - 0.2, "held up for a second, it reads the odometry"
     it.base.localisation.begin()
     it.robot.clock.sleep(1.0)
-    monkeypatch.setattr(it.base.localisation._odometer, "pose", silent)
+    monkeypatch.setattr(it.base.localisation.odometer, "pose", silent)
     with pytest.raises(CameraError, match="nothing tells where the robot was when head_camera took its image") as error:
         sensor.capture()
     assert error.value.code is CameraErrorCode.STALE

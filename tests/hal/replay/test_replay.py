@@ -134,10 +134,11 @@ def test_what_nobody_has_read_and_what_came_after_the_end_is_missing(replay: Rep
             replay.part("arm", Arm).positions()
 
 
-def test_a_recording_of_another_robot_or_none_is_refused(replay: ReplayRobot, tmp_path: Path) -> None:
-    recording = replay._recording
+def test_a_recording_of_another_robot_or_none_is_refused(
+    recorded: tuple[Path, Story], replay: ReplayRobot, tmp_path: Path
+) -> None:
     with pytest.raises(ConnectionFailedError, match="'diff_panda', not of 'diff_ur5'"):
-        ReplayRobot(load_robot_model("diff_ur5"), recording=recording).connect()
+        ReplayRobot(load_robot_model("diff_ur5"), recording=recorded[0]).connect()
     with pytest.raises(ConnectionFailedError, match="--record"):
         ReplayRobot(replay.model, recording=tmp_path).connect()
     (tmp_path / TAPE_NAME).write_bytes(b"nothing of the kind")

@@ -83,9 +83,9 @@ def test_wheels_are_held_once_they_have_stood_for_a_while_without_a_break(monkey
     long_enough = round(PARK_AFTER / parameters.control_period)
     for _ in range(4 * long_enough):  # it stands for a moment, again and again: it rocks to rest
         motors.speeds = 0.5 - motors.speeds
-        drive._watch()
+        drive.watch()
     assert not held
     motors.speeds = np.zeros(2)
     for _ in range(long_enough + 1):
-        drive._watch()
+        drive.watch()
     assert held == [True]

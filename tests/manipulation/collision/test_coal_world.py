@@ -55,7 +55,7 @@ def test_the_hull_of_a_link_holds_all_its_vertices(panda):
 
     model = pinocchio.buildModelFromXML(panda.urdf)
     meshes = pinocchio.buildGeomFromUrdfString(model, panda.urdf, pinocchio.GeometryType.COLLISION)
-    hulls = CoalCollisionModel(panda)._geometry
+    hulls = CoalCollisionModel(panda).geometry
     probe = coal.Sphere(1e-4)
     for mesh, hull in zip(meshes.geometryObjects, hulls.geometryObjects, strict=True):
         for vertex in mesh.geometry.vertices()[::7]:

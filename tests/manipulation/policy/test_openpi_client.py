@@ -107,7 +107,7 @@ def test_arrays_that_are_no_numbers_are_neither_sent_nor_accepted(dtype: str) ->
 
 def test_pictures_go_out_as_large_as_the_server_wants_them(serve: Callable[[str], OpenpiPolicy]) -> None:
     policy = serve("good")
-    answer = policy._ask(pack(policy._question(observation())))
+    answer = policy.ask(pack(policy.question(observation())))
     policy.close()
     assert answer["state"] == {"image_shape": [224, 224, 3], "brightest": 90, "prompt": "reach the red cup"}
 

@@ -69,7 +69,7 @@ def test_demonstrations_end_where_they_were_to_end(demonstrations: list[Demonstr
 def test_the_written_network_computes_what_was_trained(briefly_trained: Path, briefly_cloned: ClonedPolicy) -> None:
     policy = load_policy(briefly_trained)
     assert policy.specification == briefly_cloned.card.specification
-    raw = policy._run(np.full((1, 20), 0.3, dtype=np.float32))
+    raw = policy.run(np.full((1, 20), 0.3, dtype=np.float32))
     value = np.full((1, 20), 0.3, dtype=np.float32)
     for weight, bias in briefly_cloned.layers[:-1]:
         value = value @ weight + bias
