@@ -72,7 +72,7 @@ def move_free(
 
 
 def with_held_margin(scene: PlanningScene, held: HeldObject, parameters: ArmMotionParameters) -> PlanningScene:
-    """Return the scene with an enlarged held object: it may sag and sway on the way."""
+    """Return the scene with an enlarged held object, which may sag and sway during motion."""
     assert scene.attached is not None
     reach = float(np.linalg.norm(held.tool_from_object.position)) + max(held.model.size) / 2
     return scene.holding(replace(scene.attached, padding=max(parameters.held_clearance, parameters.held_sag * reach)))

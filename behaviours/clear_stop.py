@@ -10,7 +10,7 @@ from bestman_bt.messages.shapes import Count, NonNegative
 
 
 class ClearStop(Skill):
-    """Clear the robot's stop, so that the tree can retry what the stop has ended; nothing moves by itself.
+    """Clear the robot's stop, so that the tree can retry interrupted actions; no motion is started.
 
     It is meant for stops caused by a controller: a lost connection, a program that has ended. A protective stop waits
     for a person (``bestman-bt robot release NAME``), an emergency button is released at the robot. A stop requested by

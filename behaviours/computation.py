@@ -18,7 +18,7 @@ class Computation(ABC):
 
     @abstractmethod
     def submit(self, work: Callable[[], Result], cost: float) -> Motion[Result]:
-        """Start ``work``; ``cost``: seconds that it takes on the robot's computer, for simulated time.
+        """Start ``work``. ``cost``: its duration on the robot's computer, simulated seconds.
 
         If ``work`` raises, reading the ``result`` raises the same error.
         """

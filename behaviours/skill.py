@@ -237,7 +237,7 @@ class Skill(ErrorReporting, StatefulAction):
 
     @contextmanager
     def touching(self, *contacts: Contact) -> Iterator[None]:
-        """Declare contacts for the duration of the block, before they occur; all others count as collisions.
+        """Declare intended contacts for the duration of the block; all others count as collisions.
 
         A contact that began within the block may continue after it: a grasped object stays in the hand. Raises
         NodeError for an unknown object, door or drawer, or more than ``MOST_FORCE``.
@@ -368,7 +368,7 @@ class InstantSkill(ErrorReporting, SyncAction, ABC):
 
     @abstractmethod
     def act(self) -> None:
-        """Do the work."""
+        """Perform the action."""
 
     def on_tick(self) -> int:
         """Return SUCCESS if ``act`` succeeds."""

@@ -60,7 +60,7 @@ def install_command(extra: str) -> str:
 
 
 def missing_extra(what: str, extra: str) -> MissingExtraError:
-    """Return the error that says that ``what`` needs ``extra``."""
+    """Return an error stating that ``what`` needs ``extra``."""
     package = PACKAGE_OF_EXTRA[extra]
     if extra == "sim" and not PYBULLET_HAS_WHEELS:
         why = f"which has wheels for Python 3.11 only; this is Python {sys.version_info[0]}.{sys.version_info[1]}"
@@ -69,7 +69,7 @@ def missing_extra(what: str, extra: str) -> MissingExtraError:
 
 
 def require_extra(what: str, extra: str) -> None:
-    """Raise MissingExtraError if ``what`` cannot work because the package of ``extra`` is not installed."""
+    """Raise MissingExtraError if a package of ``extra``, which ``what`` needs, is not installed."""
     if not is_installed(extra):
         raise missing_extra(what, extra)
 
@@ -98,7 +98,7 @@ def hiding_files() -> list[str]:
 
 
 def hides(file: str) -> str:
-    """Return the message for such a file."""
+    """Return the error message for a ``file`` that hides a package."""
     return f"{file} hides the package '{Path(file).stem}' of bestman-bt, which robots and skills need: rename that file"
 
 

@@ -89,7 +89,7 @@ class Registry:
 
 @contextmanager
 def undone(*registries: Registry) -> Iterator[None]:
-    """Undo, at the end of the block, what was added to the registries in it: for tests of plug-ins."""
+    """Remove everything that the block added to the registries at its end; for tests of plug-ins."""
     before = [{name: registry._entries[name] for name in registry.names()} for registry in registries]
     try:
         yield

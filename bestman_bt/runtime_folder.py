@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def runtime_folder() -> Path:
-    """Return the folder, of mode 0700, for this boot of the machine.
+    """Return the user's folder for sockets and locks, mode 0700; created if missing.
 
     Raises PermissionError if another user owns its name.
     """

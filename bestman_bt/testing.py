@@ -75,7 +75,8 @@ class TreeTester:
 
 
 def assert_order(run: SimulatedRun, *paths: str) -> None:
-    """Raise AssertionError unless nodes with these paths or names began in this order; others may begin in between."""
+    """Raise AssertionError unless nodes with these paths or names started in this order; others may start in
+    between."""
     order = run.order
     position = 0
     for wanted in paths:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def tare_wrist(skill: Skill) -> SkillCoroutine[None]:
     """Measure the wrist sensor's offset with the hand at rest and without contact; do nothing without such a sensor.
 
-    It ends when the readings are collected; if the hand was not still, the previous offset remains.
+    Ends when the readings are collected; if the hand moved, the previous offset is kept.
     """
     wrist = skill.skills.wrist_wrench
     if wrist is not None:
@@ -100,7 +100,7 @@ def _around(
 def retreat_after_failure(
     skill: Skill, leaf: FurnitureArticulation, posture: str, failure: Exception, felt: Obstacle | None = None
 ) -> SkillCoroutine[None]:
-    """Withdraw after a failure; if that fails as well, raise the first failure."""
+    """Retreat after a failure; if that fails as well, raise the first failure."""
     try:
         yield from retreat(skill, leaf, posture, felt)
     except (SkillFailure, *ALGORITHM_ERRORS) as second:

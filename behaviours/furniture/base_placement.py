@@ -93,7 +93,7 @@ BEARINGS = tuple(math.radians(degrees) for degrees in range(-75, 76, 15))
 
 
 class FindLookStand(Skill):
-    """Choose where to stand to see the front of a door or drawer of the map, and where to look from there."""
+    """Choose a base pose that sees the front of a mapped door or drawer, and a point to look at."""
 
     REQUIRES = ("base", "lidar")
     articulation = In[str](ArticulationName, "furniture/leaf of the map")
@@ -110,7 +110,7 @@ class FindLookStand(Skill):
         self._asked, self._position = 0, math.nan
 
     def execute(self) -> SkillCoroutine[None]:
-        """Return the first distance with room for the base; each further call gives another side, in turn.
+        """Return a base pose with free space; each further call starts at the next bearing.
 
         If the believed opening has changed, it starts straight in front again.
         """

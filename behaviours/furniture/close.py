@@ -125,7 +125,7 @@ class FrontPush:
         return JointAxis("revolute", point, -direction, self.lever, 0.0)
 
     def opening(self, tip: NDArray[np.float64]) -> float:
-        """Return how far the leaf is open, radians or metres, with the finger tips (3,), map frame, at its front."""
+        """Return the opening, radians or metres, at which the front touches the finger tips (3,), map frame."""
         axis = self.axis()
         if axis.kind == "prismatic":
             return axis.travelled(tip, self.at(0.0))

@@ -36,7 +36,7 @@ class BelieveLocked(_OfContainer):
     """Remember that a door or drawer did not open, so that no plan relies on opening it."""
 
     def act(self) -> None:
-        """Set the belief; nothing moves."""
+        """Set the belief; no motion."""
         self.skills.world.locked.add(find_articulation(self.skills, self.container).articulation)
 
 
@@ -47,7 +47,7 @@ class BelieveStuck(_OfContainer):
     """
 
     def act(self) -> None:
-        """Set the belief; nothing moves."""
+        """Set the belief; no motion."""
         self.skills.world.blocked.add(find_articulation(self.skills, self.container).articulation)
 
 

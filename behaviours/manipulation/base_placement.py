@@ -49,7 +49,7 @@ class StandTarget:
 
 
 class FindBasePlacement(ArmNode, Skill, ABC):
-    """Base of the skills that choose where the base stands for the arm to work; each call gives another placement."""
+    """Base class of skills that choose a base placement for the arm; each call returns another one."""
 
     REQUIRES = ("base", "lidar", "arm", "gripper")
     stand = Out(Pose2D, "where to stand, in the map frame", required=True)
@@ -59,7 +59,7 @@ class FindBasePlacement(ArmNode, Skill, ABC):
         self._tried: list[Pose2D] = []
 
     def execute(self) -> SkillCoroutine[None]:
-        """Return the best placement that has not been given yet."""
+        """Return the best placement that has not been returned yet."""
         best = yield from self._best()
         self._tried.append(best)
         self.stand = best
@@ -74,7 +74,7 @@ class FindBasePlacement(ArmNode, Skill, ABC):
 
 
 class FindStandAtFurniture(FindBasePlacement):
-    """Base of the skills that stand at the furniture of a surface; subclasses say what the hand has to reach there."""
+    """Base class of skills that place the base at the furniture of a surface; subclasses define the poses to reach."""
 
     USES = ("wrist_camera",)
     surface = In[str](SurfaceName, "the surface to stand at, such as table")

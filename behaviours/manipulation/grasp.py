@@ -197,7 +197,7 @@ class Grasp(ArmNode, Skill):
         self._last_failure: Exception | None = None
 
     def execute(self) -> SkillCoroutine[None]:
-        """Open, approach, close, lift."""
+        """Open the hand, approach, close and lift."""
         name: str = self.object
         grasps: list[PlannedGrasp] = self.grasps
         if not grasps:

@@ -160,7 +160,7 @@ class MoveArm(ArmNode, Skill):
     DECLARATION = Declaration(effects=("posture({posture})",))
 
     def execute(self) -> SkillCoroutine[None]:
-        """Plan and follow; succeed at once if the arm is there already."""
+        """Plan and follow a path; succeed immediately if the arm is already at the goal."""
         place: Pose | None = self.sight
         sight = None if place is None else self.skills.map_from_base.inverse().apply(place.position[None])[0]
         yield from _move_to(self, _postures(self, self.posture, sight))
@@ -180,7 +180,7 @@ class Retreat(ArmNode, Skill):
     DECLARATION = Declaration(effects=("posture({posture})",))
 
     def execute(self) -> SkillCoroutine[None]:
-        """Move back along the hand's axis as far as it is free, then plan on; also with an object in a level hand.
+        """Move back along the hand's axis as far as it is free, then to the posture by a planned path.
 
         An object grasped from the side may have been between boards.
         """

@@ -205,7 +205,7 @@ class RunPolicy(ArmNode, Skill):
     """The motion that runs while the skill is active, for recorders."""
 
     def execute(self) -> SkillCoroutine[None]:
-        """Query, check, move, and look again during the motion."""
+        """Query the policy, check each chunk, execute it, and monitor the result during the motion."""
         policy = self.skills.policies(self.policy, self.folders)
         try:
             timeout, goal = self.timeout, self._goal()

@@ -57,8 +57,8 @@ class PushPlan:
 class Push(ArmNode, Skill):
     """Push a located object straight to a goal on its surface; the wrist sensor detects obstacles.
 
-    The real displacement is determined by the next look. Remedies: ``no_approach``: another base placement;
-    ``blocked``: look again, an unseen obstacle is in the path; ``not_found``: detect the object first.
+    The next observation of the object determines the real displacement. Remedies: ``no_approach``: another base
+    placement; ``blocked``: look again, an unseen obstacle is in the path; ``not_found``: detect the object first.
     """
 
     REQUIRES = ("arm", "gripper")

@@ -168,7 +168,7 @@ class UndockRobot(Nav2Errors, Skill):
     FAILS: ClassVar = DRIVING_FAILS
 
     def execute(self) -> SkillCoroutine[None]:
-        """Drive back."""
+        """Drive back from the dock."""
         self.success = False
         yield self.skills.base.drive(-UNDOCKING)
         self.success = True

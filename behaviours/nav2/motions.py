@@ -1,4 +1,4 @@
-"""Small motions, mainly for recovery: Spin, BackUp, DriveOnHeading, Wait."""
+"""Small motions, mainly for recovery: Spin, BackUp, DriveOnHeading, Wait for the duration."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Spin(_Motion):
     spin_dist = In[float](Turns, "radians, to the left", default=1.57)
 
     def execute(self) -> SkillCoroutine[None]:
-        """Turn, a quarter at a time."""
+        """Turn in steps of at most 90°."""
         left, end = self.spin_dist, self.end()
         while left:
             step = math.copysign(min(abs(left), TURN_AT_ONCE), left)
@@ -84,7 +84,7 @@ class DriveOnHeading(_Motion):
         return f"dist_to_travel is {distance} m and speed {speed} m/s; they should have the same sign"
 
     def execute(self) -> SkillCoroutine[None]:
-        """Drive."""
+        """Drive the distance."""
         if words := self._of_two_signs():
             raise SkillFailure("bad_input", words)
         distance, speed = self.dist_to_travel, abs(self.speed)
@@ -99,18 +99,18 @@ class BackUp(_Motion):
     backup_speed = In[float](Moving, "m/s", default=0.025)
 
     def execute(self) -> SkillCoroutine[None]:
-        """Drive."""
+        """Drive the distance."""
         distance, speed = abs(self.backup_dist), abs(self.backup_speed)
         yield from self.in_time(self.skills.base.drive(-distance, speed), self.end())
 
 
 class Wait(Nav2Errors, Skill):
-    """Let time pass."""
+    """Wait for a duration."""
 
     INPUT_PORTS: ClassVar = {**SERVER}
     wait_duration = In[float](NonNegative, "seconds", default=1.0)
 
     def execute(self) -> SkillCoroutine[None]:
-        """Wait."""
+        """Wait for the duration."""
         duration = self.wait_duration
         yield self.skills.computation.submit(lambda: None, duration)

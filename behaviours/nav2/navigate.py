@@ -69,7 +69,7 @@ class ComputePathToPose(_ComputePath):
     use_start = In(bool, "false: start at the current base pose in any case", required=False)
 
     def execute(self) -> SkillCoroutine[None]:
-        """Plan."""
+        """Plan the path and write it to the port."""
         start: Pose2D | None = self.start
         use_start = self.use_start
         if use_start is not None and not use_start:
@@ -87,7 +87,7 @@ class ComputePathThroughPoses(_ComputePath):
     FAILS: ClassVar = {"no_goals": "give a pose"}
 
     def execute(self) -> SkillCoroutine[None]:
-        """Plan."""
+        """Plan the path and write it to the port."""
         goals: Goals = self.goals
         if not goals:
             self.path_ = None
@@ -181,7 +181,7 @@ class NavigateThroughPoses(Nav2Errors, NavigateTo):
     DECLARATION = Declaration()
 
     def execute(self) -> SkillCoroutine[None]:
-        """Drive to each pose."""
+        """Drive to each pose in order."""
         goals: Goals = self.goals
         if not goals:
             raise SkillFailure("no_goals", "there is no pose to drive to")

@@ -264,7 +264,7 @@ class GoalUpdater(Decorator):
     output_goals = Out(Goals, "the newer goals")
 
     def on_tick(self) -> int:
-        """Choose, then tick the child."""
+        """Choose the goal, then tick the child."""
         for what in ("goal", "goals"):
             given, update = self.get_input(f"input_{what}"), self.get_input(f"{what}_update")
             chosen = update if update is not None and self._is_newer(what) else given

@@ -22,7 +22,7 @@ NO_PATH = {"no_path": "ComputePathToPose first"}
 
 
 def needed(path: Path2D | None) -> Path2D:
-    """Return a path. Raises SkillFailure (``no_path``) if there is none."""
+    """Return ``path`` unless it is None. Raises SkillFailure (``no_path``) otherwise."""
     if path is None:
         raise SkillFailure("no_path", "there is no path yet")
     return path
@@ -91,7 +91,7 @@ class SmoothPath(Nav2Errors, InstantSkill):
     was_completed = Out(bool, "false: the path is unchanged")
 
     def act(self) -> None:
-        """Smooth."""
+        """Write the smoothed path to the port."""
         from bestman_bt.navigation.path_pieces import PathSmoother
 
         _ = self.smoother_id  # read to be checked where it is an entry: it must name what there is
@@ -111,7 +111,7 @@ class ConcatenatePaths(InstantSkill):
     FAILS: ClassVar = NO_PATH
 
     def act(self) -> None:
-        """Join."""
+        """Write the concatenated path to the port."""
         from bestman_bt.navigation.path_pieces import joined
 
         paths = [path for path in (self.input_path1, self.input_path2) if path is not None]

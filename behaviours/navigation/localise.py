@@ -47,7 +47,7 @@ class Relocalise(Skill):
     DECLARATION = Declaration(effects=("localised",))
 
     def execute(self) -> SkillCoroutine[None]:
-        """Look, search, turn; then let the tracking converge on the result."""
+        """Take a scan, search for the pose, turn if it is ambiguous, and wait for the tracking to converge."""
         skills = self.skills
         looks, certainty = self.looks, self.certainty
         scans: list[OdometryScan] = []

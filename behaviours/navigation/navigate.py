@@ -36,7 +36,7 @@ class BelieveBlocked(InstantSkill):
     FAILS: ClassVar = UNKNOWN_SURFACE
 
     def act(self) -> None:
-        """Set the belief; nothing moves. The next motion of the door or drawer clears it."""
+        """Set the belief; no motion. The next motion of the door or drawer clears it."""
         world = self.skills.world
         furniture, surface = find_surface(self.skills, self.surface)
         place = f"{furniture.name}/{surface.name}"
@@ -52,7 +52,7 @@ class ForgetBlocked(InstantSkill):
     forgotten = Out(int, "number of forgotten surfaces")
 
     def act(self) -> None:
-        """Set the belief; nothing moves."""
+        """Clear the belief; no motion."""
         world = self.skills.world
         in_part = {place for _, place in world.searched_in_part}
         blocked = world.blocked | {place for _, place in world.in_the_way}
@@ -82,8 +82,8 @@ DRIVING_FAILS = {
 class NavigateTo(Skill):
     """Drive to a pose in the map frame, around obstacles that the map does not contain.
 
-    Five times a second the path is checked against the lidar; if it is no longer free, another one is driven. If there
-    is none, the base waits. A failed drive is retried after a recovery: back up, forget the seen obstacles.
+    The path is checked against the lidar five times a second. If it is blocked, the base follows another one; if there
+    is none, it waits. A failed drive is retried after a recovery: back up, forget the seen obstacles.
     """
 
     REQUIRES = ("base", "lidar")
@@ -99,7 +99,7 @@ class NavigateTo(Skill):
     _moving_obstacle_seen = False
 
     def execute(self) -> SkillCoroutine[None]:
-        """Drive there."""
+        """Drive to the pose."""
         yield from self.drive_to(self.goal)
 
     def drive_to(self, goal: Pose2D) -> SkillCoroutine[None]:

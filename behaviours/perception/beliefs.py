@@ -71,7 +71,8 @@ THING_DENSITY = 400.0
 
 
 def believe_surface(skills: SkillContext, surface: str, view: RGBDView, scene: DetectedScene) -> tuple[str, ...]:
-    """Add a measured surface and the objects on it to the belief; returns as ``believe_objects`` does."""
+    """Add a measured surface and the objects on it to the belief. Returns their identities, as ``believe_objects``
+    does."""
     skills.world.obstacles[f"{surface}/surface"] = measured_surface(skills, surface, view, scene.plane)
     return believe_objects(skills, view, scene, surface)
 

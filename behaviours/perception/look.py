@@ -121,7 +121,7 @@ class LookAt(Skill):
             raise ValueError("it has nothing to look at: give a point, an object or a surface")
 
     def execute(self) -> SkillCoroutine[None]:
-        """Turn and settle."""
+        """Turn the head to the target and wait until it is at rest."""
         point = self._target()
         base_from_point = self.skills.map_from_base.inverse().apply(point.position)
         yield self.skills.head.look_at(base_from_point)

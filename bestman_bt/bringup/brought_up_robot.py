@@ -85,7 +85,7 @@ class BroughtUpRobot:
         return self.kinematics.pose(frame, {**self.joint_positions(), **(moved or {})}, reference)
 
     def finish(self, motion: Motion[Any]) -> str:
-        """Wait for the end; why it did not succeed, or nothing."""
+        """Wait for the end of ``motion``. Returns why it failed, or an empty text."""
         while not motion.done:
             self.robot.clock.sleep(POLL)
         return "" if motion.status is MotionStatus.SUCCEEDED else str(motion.failure or motion.status)

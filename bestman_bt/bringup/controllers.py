@@ -108,7 +108,7 @@ def model_tool_pose(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Pose:
 
 
 def turn_between(one: Pose, other: Pose) -> float:
-    """Return the angle, radians."""
+    """Return the angle between two rotations, radians."""
     trace = float(np.trace(one.rotation.T @ other.rotation))
     return math.acos(float(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))
 

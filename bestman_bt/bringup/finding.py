@@ -49,10 +49,10 @@ class StepResult:
 
     @property
     def text(self) -> str:
-        """The findings in words."""
+        """All findings as text."""
         return "; ".join(f"{finding.subject}: {finding.text}" for finding in self.findings)
 
     @property
     def measured(self) -> dict[str, dict[str, float | str]]:
-        """The figures by subject."""
+        """Measured values: subject → name → value."""
         return {finding.subject: dict(finding.measured) for finding in self.findings if finding.measured}

@@ -54,7 +54,7 @@ class Mover:
         threading.Thread(target=self._listen, daemon=True).start()
 
     def wait_until_it_moves(self) -> None:
-        """Raises RobotError if it does not."""
+        """Wait until the part moves. Raises RobotError if it does not."""
         deadline = time.monotonic() + START_TIME
         while self.at is None or self._begin is None or float(np.max(np.abs(self.at - self._begin))) < SET_OUT:
             if time.monotonic() > deadline or self._process.poll() is not None:
@@ -95,9 +95,10 @@ def _children(pid: int) -> list[int]:
 
 
 def kill(subject: BroughtUpRobot, part: str, process: str) -> tuple[NDArray[np.float64], list[str]]:
-    """Return where the part was when a process of a program that moved it was killed, and which processes there were.
+    """Kill ``process`` of a program that moves ``part``. Returns the part's position (n,) at that moment and the names
+    of the program's processes.
 
-    The robot is connected again afterwards.
+    Reconnects the robot afterwards.
     """
     with subject.disconnected_robot():
         mover = Mover(subject, part)
@@ -115,7 +116,7 @@ def kill(subject: BroughtUpRobot, part: str, process: str) -> tuple[NDArray[np.f
 
 
 def killed_processes(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
-    """Each of the processes of a run, while joints move."""
+    """Kill each process of a run in turn while joints move, and yield whether the robot stops."""
     group = next(iter((subject.arms or subject.joint_groups).items()), None)
     if group is None:
         yield not_applicable(subject.model.name, "no joints are behind a connection")

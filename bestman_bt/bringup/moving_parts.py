@@ -155,7 +155,8 @@ WATCHED, PERIOD, PATIENCE = 1.0, 0.004, 5.0
 
 @dataclass(frozen=True)
 class Stop:
-    """One stop. ``speed``: at the stop, per second. ``latency``, ``rest``: seconds until it slowed down, and stood.
+    """One measured stop. ``speed``: at the stop command, ``unit`` per second. ``latency``, ``rest``: seconds from the
+    command until the part slows down, and until it is at rest.
 
     ``way``: the stopping distance in ``unit``, rad or m.
     """
@@ -186,7 +187,7 @@ class Stop:
 
 
 def stopping(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
-    """The first joint of each arm swings, each base drives ahead, and the robot is stopped."""
+    """Swing the first joint of each arm, drive each base ahead, stop the robot, and yield the measured stops."""
     bases = subject.parts(MobileBase)
     if not subject.arms and not bases:
         yield not_applicable(subject.model.name, "no arm or base is behind a connection")

@@ -181,7 +181,7 @@ def bring_up(
 
 
 def begun(subject: BroughtUpRobot, path: Path) -> BringUpFile:
-    """Return the existing file; a new one if there is none, or if it belongs to another content of the robot's file."""
+    """Return the existing bring-up file, or a new one if there is none or the robot's file has changed since."""
     if path.is_file():
         file = BringUpFile.read(path)
         if file.content == subject.model.content:
@@ -201,7 +201,7 @@ def signed_if_complete(file: BringUpFile) -> BringUpFile:
 
 
 def now() -> str:
-    """UTC, to the second."""
+    """Return the current UTC time as text, to the second."""
     return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
 
 

@@ -19,7 +19,7 @@ def command(
     ] = None,
     once: Annotated[bool, typer.Option("--once", help="Clear it when it is reached.")] = False,
 ) -> None:
-    """Let a running execution wait whenever it comes to a node; step and resume go on from there."""
+    """Set a breakpoint: a running execution waits at a node; continue with step or resume."""
     when = moment or ("after" if after else "before")
     if when not in ("before", "after") or (after and when == "before"):
         message = f"waits before the node's tick, or with --after behind it, got '{moment}'"

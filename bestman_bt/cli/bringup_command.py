@@ -39,7 +39,7 @@ def bringup(
     settings: Settings = None,
     as_json: Json = False,
 ) -> None:
-    """Bring a real robot up: steps that pass or fail, signed into a file beside the robot's; goes on where it ended."""
+    """Commission a real robot step by step; resumes where it stopped, and signs the results in a file."""
     from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
     from bestman_bt.bringup.procedure import STEPS, Step, begun, left
     from bestman_bt.robot_model.bringup_file import bringup_path

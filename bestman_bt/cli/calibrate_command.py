@@ -89,7 +89,7 @@ def command(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Calibrate a camera from views of a board; writes a file that robot files take as ``calibration``."""
+    """Calibrate a camera from views of a board; writes a file for the ``calibration`` field of robot files."""
     if (dataset is None) == (simulation.robot is None):
         message = "give a dataset, or --simulate ROBOT, and not both"
         raise ConfigurationError([Problem("bestman-bt calibrate", None, "", message)])

@@ -69,7 +69,7 @@ def ask(path: Path, message: dict[str, Any]) -> dict[str, Any]:
 
 
 def name_of(path: Path, status: dict[str, Any]) -> str:
-    """Task, process and run folder, as other commands take them."""
+    """Return task, process and run folder in the form that other commands accept."""
     folder = f", {status['folder']}" if status.get("folder") else ""
     return f"{status['task']} (process {status['pid']}{folder})"
 

@@ -39,7 +39,7 @@ def command(
     png: Png = None,
     as_json: Json = False,
 ) -> None:
-    """Show what a cloud holds; thin it, clean it, convert it, draw it."""
+    """Show the size and extent of a point cloud; optionally downsample, filter, convert or draw it."""
     with json_output(as_json) as write:
         edge = None if voxel is None else number("--voxel", voxel, "length")
         try:

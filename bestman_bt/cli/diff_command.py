@@ -23,7 +23,7 @@ def command(
     svg: Annotated[Path | None, typer.Option(metavar="FILE.svg", help="Write one picture of all that differs.")] = None,
     json: Json = False,
 ) -> None:
-    """Tell what changed between two tree files: nodes added, removed, moved, and their ports."""
+    """Show the differences between two tree files: nodes added, removed or moved, and changed ports."""
     with json_output(json) as tell:
         old, new = _read(before), _read(after)
         trees = compare(old, new)

@@ -33,7 +33,7 @@ def command(
     where: PlanningOptions = PlanningOptions(),
     as_json: Json = False,
 ) -> None:
-    """Show what task planners may order, what can be said in a goal, and what the robot believes in a scene."""
+    """Show the actions of task planners, the predicates for goals, and the initial beliefs of the robot in a scene."""
     if output is not None and not pddl:
         raise ConfigurationError([Fault("-o", None, "", "is for --pddl")])
     if not (pddl or as_json or goal) and where == PlanningOptions(plugins=where.plugins):

@@ -39,7 +39,7 @@ from bestman_bt.registry import LAUNCHERS
 
 
 class EvaluationView:
-    """Shows the progress of an evaluation on ``console``; pass each result to ``told``."""
+    """Shows the progress of an evaluation on ``console``; pass each result to ``show_result``."""
 
     def __init__(self, evaluation: Evaluation, console: Console) -> None:
         self._evaluation, self._console = evaluation, console
@@ -203,7 +203,7 @@ class JobOptions:
         return launcher
 
     def check(self) -> None:
-        """Raises ConfigurationError if they do not go together."""
+        """Raise ConfigurationError if the options contradict each other."""
         problems = []
         if self.address and self.launcher == "local":
             problems.append(Problem("--address", None, "", "is of a cluster; name its --launcher"))
@@ -318,7 +318,7 @@ def _refuse_other_suite(summary: Path, suite: Suite) -> None:
 
 
 def ranges(numbers: Sequence[int]) -> str:
-    """``7000 to 7004, 7009``, of numbers in their order."""
+    """Return ascending numbers as ranges, such as ``7000 to 7004, 7009``."""
     parts: list[list[int]] = []
     for number in numbers:
         if parts and number == parts[-1][-1] + 1:

@@ -29,9 +29,10 @@ def command(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
     as_json: Json = False,
 ) -> None:
-    """Print why a run failed: leaf, code, stage, bodies or joint in the way, the pose tried last, and the picture.
+    """Print why a run failed: leaf, code, stage, colliding bodies or joint at its limit, the last pose tried, and the
+    image.
 
-    Failures that the tree went on after are told, too.
+    Failures from which the tree recovered are listed, too.
     """
     with json_output(as_json) as write:
         document = _explanation(run)

@@ -15,7 +15,7 @@ from bestman_bt.cli.options import writable_file
 
 
 class Format(StrEnum):
-    """What the file is."""
+    """The format of the exported file."""
 
     SQLITE = "sqlite"
     CHROME = "chrome"

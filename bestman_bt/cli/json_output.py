@@ -13,8 +13,8 @@ from typing import Any
 
 @contextmanager
 def json_output(wanted: bool) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """Yield a function that takes the document; if ``wanted``, it is printed at the end and other prints are
-    redirected.
+    """Yield a function that receives the document. If ``wanted``, the document is printed at the end, and other output
+    goes to standard error.
 
     The redirection includes C libraries: it replaces the file descriptor.
     """

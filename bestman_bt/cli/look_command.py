@@ -48,7 +48,7 @@ def command(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Stand the robot before furniture and show what it perceives: objects, poses, handles, grasps."""
+    """Place the robot in front of furniture and show its perception: objects, poses, handles, grasps."""
     scene = where.scene or "kitchen"
     asked = RunRequest(scene=scene, robot=where.robot or "diff_panda", seed=where.seed, settings=where.settings)
     if clouds:

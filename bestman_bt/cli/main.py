@@ -121,7 +121,7 @@ def root() -> None:
 
 
 def main() -> None:
-    """Entry point. Exit codes: 0 success, 1 not, 2 invalid input (nothing started), 130 cancelled."""
+    """Run the command line. Exit codes: 0 success, 1 failure, 2 invalid input (nothing started), 130 cancelled."""
     # Products of small arrays are slower on several threads, and their last bits depend on how many there are.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("OMP_NUM_THREADS", "1")

@@ -38,7 +38,7 @@ def show(
     png: Png = None,
     as_json: Json = False,
 ) -> None:
-    """Show what a map holds."""
+    """Show the contents of a map file: size, resolution, and shares of free, occupied and unknown cells."""
     with json_output(as_json) as write:
         grid = read_map(file)
         facts = _facts(grid)

@@ -123,7 +123,7 @@ def show(
     robot: Robot = ROBOT,
     as_json: Json = False,
 ) -> None:
-    """Show what is known of an object."""
+    """Show an object's size, mass, shapes and grasps."""
     with json_output(as_json) as write:
         model = read_object(name)
         facts = _facts(model, None)
@@ -148,7 +148,7 @@ def grasps(
     robot: Robot = ROBOT,
     as_json: Json = False,
 ) -> None:
-    """Find an object's grasps again, for example for another gripper, and save them beside its file."""
+    """Recompute an object's grasps, for example for another gripper, and save them beside its file."""
     from bestman_bt.runtime.object_import import write_grasps
 
     with json_output(as_json) as write:

@@ -27,7 +27,8 @@ def number(option: str, text: str, *dimensions: str, allow_zero: bool = False) -
 
 
 def confirmed(question: str) -> bool:
-    """Return whether the user agrees, asked in the terminal. Raises ConfigurationError without a terminal."""
+    """Ask ``question`` in the terminal and return whether the user agrees. Raises ConfigurationError without a
+    terminal."""
     if not sys.stdin.isatty():
         raise wrong_input("--yes", "is required without a terminal, where no confirmation is possible")
     return typer.confirm(question, err=True)

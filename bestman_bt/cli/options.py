@@ -156,7 +156,7 @@ class MonitorOptions:
 
 @dataclass(frozen=True)
 class OtherFiles:
-    """What trees may name beside the shipped nodes and the trees of their own file."""
+    """Further files that define SubTrees, node models and nodes for a tree."""
 
     models: Models = None
     search: Search = None
@@ -164,7 +164,7 @@ class OtherFiles:
 
     @property
     def paths(self) -> list[Path]:
-        """Return where models and SubTrees of others are, as ``Package.open`` takes them."""
+        """Return the files and folders with further models and SubTrees, for ``Package.open``."""
         return [*(self.models or ()), *(self.search or ())]
 
     def registry(self) -> NodeRegistry:

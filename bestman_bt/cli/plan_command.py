@@ -124,7 +124,8 @@ class ExecutionOptions:
         refuse_unwritable_folder(self.runs, "--runs")
 
     def is_wanted(self, text: str | None) -> bool:
-        """Return whether to run the plan; a plan that a model made of ``text`` needs confirmation."""
+        """Return whether to run the plan. A plan that a language model made from ``text`` needs the user's
+        confirmation."""
         return self.run and (text is None or self.yes or typer.confirm("Run it?", err=True))
 
 

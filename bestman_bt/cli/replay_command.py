@@ -29,7 +29,7 @@ def command(
     ] = False,
     port: Annotated[int | None, typer.Option(min=1, max=65535, help="With --browser: the port of the page.")] = None,
 ) -> None:
-    """Open what runs recorded in the Rerun viewer: robot, scene, cameras, tree and joints on one timeline."""
+    """Open the recordings of runs in the Rerun viewer: robot, scene, cameras, tree and joints on one timeline."""
     recordings = [_recording(run) for run in runs]
     display = Display.BROWSER if browser else Display.WINDOW
     if display is Display.WINDOW and not has_window_system():

@@ -39,7 +39,7 @@ def command(
         ),
     ] = None,
 ) -> None:
-    """Write one HTML page that tells what happened in a run, or what many runs say together."""
+    """Write an HTML report of one run, or a summary of several."""
     from bestman_bt.evaluation.report.page import report_page
     from bestman_bt.evaluation.report.run_reader import ReportError, folders_to_report, read_run_report
 

@@ -6,7 +6,7 @@ from bestman_bt.cli.chosen_run import Run, ask, chosen
 
 
 def command(run: Run = None) -> None:
-    """Let a paused execution go on."""
+    """Resume a paused execution."""
     path, status = chosen(run)
     answer = ask(path, {"do": "resume"})
     print(f"resumed {status['task']} at tick {answer['ticks']}")

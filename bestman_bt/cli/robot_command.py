@@ -30,7 +30,7 @@ Name = Annotated[str, typer.Argument(help="A robot's name or YAML file, or BASE+
 
 @verbs.command()
 def show(name: Name, png: Png = None, posture: str = "home", plugins: Plugins = None, as_json: Json = False) -> None:
-    """Show what a robot is made of and what it can do."""
+    """Show a robot's parts, joints, limits and sensors."""
     from bestman_bt.runtime.robot_facts import describe_robot, find_robot
 
     with json_output(as_json) as write:
@@ -133,7 +133,7 @@ def descriptions(
 
 @dataclass(frozen=True)
 class PartOptions:
-    """Which part is made of a URDF."""
+    """The kind, name and links of the part to import from a URDF."""
 
     srdf: Annotated[Path | None, typer.Option(help="Its SRDF: groups, states and pairs that need no check.")] = None
     group: Annotated[str | None, typer.Option(help="Only this group of the SRDF.")] = None
@@ -235,7 +235,7 @@ def release(
     settings: Settings = None,
     as_json: Json = False,
 ) -> None:
-    """Tell what keeps a real robot's controllers stopped, ask for an inspection, release them, log the user."""
+    """Show why a real robot's controllers are stopped, ask for an inspection, release them and log the user."""
     from bestman_bt.runtime.robot_release import held_controllers, log_release
     from hal.parts.part_connection import ConnectionFailedError
 
@@ -268,7 +268,7 @@ def wrist(
     settings: Settings = None,
     as_json: Json = False,
 ) -> None:
-    """Turn a real robot's hand by 30 degrees, slowly, and compare its weight with what the wrist feels."""
+    """Turn a real robot's hand slowly by 30 degrees and compare its weight with the measured wrist force."""
     from bestman_bt.robot_model.model import ArmModel
     from bestman_bt.robot_model.sensor_parts import MountedForceTorque
     from bestman_bt.runtime.robot_release import real_robot

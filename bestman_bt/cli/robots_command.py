@@ -18,7 +18,7 @@ def command(
     png: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write a sheet with all robots.")] = None,
     as_json: Json = False,
 ) -> None:
-    """List robots, the parts that robots are made of, and how they go together."""
+    """List robots, parts, and the possible combinations of parts."""
     from bestman_bt.robot_model.compose import load_robot_model
     from bestman_bt.runtime.robot_facts import describe_parts, describe_robot
 

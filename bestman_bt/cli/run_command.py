@@ -80,7 +80,7 @@ class Groot2View:
             self._publisher.close()
 
     def watch(self, session: RobotSession, tree: Tree) -> Callable[[], None]:
-        """Serve from now on; there is nothing to do after a tick."""
+        """Start serving Groot2; the returned callable does nothing."""
         self._publisher = Groot2Publisher(tree, self._port, intervened=session.intervened).open()
         print(f"Groot2: {self._publisher.host}, port {self._port}", file=sys.stderr, flush=True)
         return lambda: None
@@ -148,7 +148,7 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class DriverOptions:
-    """Options of single drivers."""
+    """Options that apply to one driver only."""
 
     recording: Annotated[
         Path | None, typer.Option(metavar="RUN", help="With --driver replay: a run folder made with --record.")
@@ -175,7 +175,7 @@ class TreeOptions:
     ] = False
 
     def of(self, config: RunConfig) -> RunConfig:
-        """Return the run with them. Raises ConfigurationError if they do not fit it."""
+        """Return ``config`` with these options applied. Raises ConfigurationError if they contradict it."""
         if self.scenario is not None and not self.pretend:
             raise ConfigurationError([Problem("--scenario", None, "", "is of --pretend: give that, too")])
         if self.pretend and config.driver not in EXTRA_OF_SIMULATOR:
@@ -208,7 +208,7 @@ class ViewOptions:
     )
 
     def check(self, driver: str) -> None:
-        """Raises ConfigurationError if the run cannot be watched so."""
+        """Raise ConfigurationError if ``driver`` does not support these options."""
         if self.gui and not os.environ.get("DISPLAY"):
             raise ConfigurationError([Problem("--gui", None, "", "needs an X display, and DISPLAY is not set")])
         if self.live and driver not in EXTRA_OF_SIMULATOR:
@@ -372,7 +372,7 @@ def _ask_judge(judge: Path, driver: str) -> None:
 
 
 def exit_code(result: RunResult) -> int:
-    """0 success, 1 not, 3 a replay whose recording was over before its tree, 130 cancelled."""
+    """Return 0 for success, 1 for failure, 3 if the recording of a replay ended before the tree, 130 if cancelled."""
     if result.failure is not None and result.failure.error_code == RECORDING_OVER:
         return 3
     if result.outcome is Outcome.CANCELLED:
@@ -390,7 +390,8 @@ def _replayed(recording: Path, tree: str | None, driver: str) -> RunConfig:
 
 
 def run_request(tree: str | None, asked: RunOptions) -> RunRequest:
-    """With the task that names the tree, where none is given. Raises ConfigurationError if nothing can be run."""
+    """Return the request; without a task, with the shipped task of the tree. Raises ConfigurationError without task and
+    tree."""
     request = RunRequest(tree=tree, **vars(asked))
     if tree is None and asked.task is None and asked.driver == "replay":
         raise ConfigurationError(

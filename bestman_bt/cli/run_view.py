@@ -95,7 +95,7 @@ class RunView:
         return after_tick
 
     def summary(self, result: RunResult, setup: ResolvedConfig, folder: Path) -> None:
-        """Print how a run ended."""
+        """Print outcome, durations and audit of a run."""
         goals = setup.goals
         table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
         look = OUTCOME_LOOKS[result.outcome]

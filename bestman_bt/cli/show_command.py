@@ -39,9 +39,9 @@ def command(
     svg: Annotated[Path | None, typer.Option(metavar="FILE.svg", help="Write a picture; needs no Graphviz.")] = None,
     others: OtherFiles = OtherFiles(),
 ) -> None:
-    """Print a tree as text, or in one of the other forms; of a folder, which trees it has and who uses whom.
+    """Print a tree as text or in another format; for a folder, list its trees and which tree uses which.
 
-    Nodes and trees that are not here are drawn as placeholders, dashed.
+    Nodes and trees without code are drawn as placeholders, dashed.
     """
     whole = is_package(tree)
     package = Package.open([*([tree] if whole else ()), *others.paths], shipped_trees())

@@ -56,7 +56,7 @@ def command(  # noqa: PLR0913 - its options, each by its name
     others: OtherFiles = OtherFiles(),
     json: Json = False,
 ) -> None:
-    """Run a tree without robot and without its leaves, in simulated time, and tell what the runs tried of it."""
+    """Run a tree in simulated time without a robot, with simulated leaves, and report the coverage."""
     with json_output(json) as tell:
         played = Scenario() if scenario is None else Scenario.load(scenario)
         played = replace(played, enums={**played.enums, **_enums(enums or ())})

@@ -18,7 +18,7 @@ Share = Annotated[
 
 
 def command(share: Share = None, run: Run = None) -> None:
-    """Let the robot of a running execution move slower, or as usual: also motions that are under way."""
+    """Scale the speed of the robot of a running execution, including motions under way; 1 is normal speed."""
     wanted = None if share is None else _share_of(share)
     path, status = chosen(run)
     if wanted is not None:

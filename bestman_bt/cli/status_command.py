@@ -11,7 +11,7 @@ from bestman_bt.cli.options import Json
 
 
 def command(run: Run = None, as_json: Json = False) -> None:
-    """Tell how the running executions stand: active leaves, parts, the last failure."""
+    """Show the state of the running executions: active leaves, parts, the last failure."""
     running = running_statuses() if run is None else [chosen(run)]
     if as_json:
         print(json.dumps({"runs": [{"socket": str(path), **status} for path, status in running]}))

@@ -6,7 +6,7 @@ from bestman_bt.cli.chosen_run import Run, ask, breakpoint_text, chosen
 
 
 def command(run: Run = None) -> None:
-    """Let a paused execution do one tick, up to its end or to a breakpoint."""
+    """Execute one tick of a paused execution, up to its end or a breakpoint."""
     path, status = chosen(run)
     answer = ask(path, {"do": "step"})
     told = f"tick {answer['ticks']}, {answer['time']:.2f} s, {answer['root']}{breakpoint_text(answer)}"

@@ -24,7 +24,7 @@ def command(
     models: Models = None,
     plugins: Plugins = None,
 ) -> None:
-    """Write Python classes for the leaves that have no code here; those that the file has already stay as they are."""
+    """Write Python classes for the leaves without code; classes that the file already has are kept."""
     if output.suffix != ".py":
         raise typer.BadParameter(f"should be a Python file (.py), got '{output}'", param_hint="--output")
     registry = node_registry([str(plugin) for plugin in plugins or ()])

@@ -58,7 +58,7 @@ def command(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Stand in for a robot's controllers: their wire protocols over a simulated world, in real time, until Ctrl-C."""
+    """Emulate a robot's controllers: their wire protocols over a simulated world, in real time, until Ctrl-C."""
     if fault is not None:
         _make_fault(fault, at)
         return

@@ -14,7 +14,7 @@ def command(
     run: RunOption = None,
     everything: Annotated[bool, typer.Option("--all", help="Clear all breakpoints.")] = False,
 ) -> None:
-    """Clear the breakpoints before and after a node, or all; an execution that waits goes on waiting."""
+    """Clear the breakpoints before and after a node, or all. A waiting execution remains paused."""
     if (node is None) != everything:
         raise typer.BadParameter("give a node, or --all", param_hint="NODE")
     path, status = chosen(run)

@@ -53,7 +53,7 @@ def check(document: Document, dataclass_type: type[T]) -> T:
 
 
 def salvage(document: Document, dataclass_type: type[T]) -> tuple[T, list[Problem]]:
-    """Check a document like ``check``, but leave wrong parts out, so that the rest can be checked further.
+    """Check a document like ``check``, but omit invalid parts, so that the rest can be checked further.
 
     Returns the value and all problems. A wrong field has its default; one without a default raises UnreadError on
     access.
@@ -84,9 +84,9 @@ def is_whole(value: Any) -> bool:
 
 
 def override(document: Document, dataclass_type: type, values: Mapping[str, Any], prefix: str = "") -> Document:
-    """``document`` with dotted keys set to values.
+    """Return ``document`` with dotted keys set to values.
 
-    A key names fields of ``dataclass_type``, or entries of its mappings and lists that are there; anything else is a
+    A key names fields of ``dataclass_type``, or existing entries of its mappings and lists; anything else is a
     ConfigurationError that suggests the closest key. ``prefix`` is put before keys in errors (``scene.``).
     """
     problems: list[Problem] = []

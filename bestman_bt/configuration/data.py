@@ -86,7 +86,8 @@ def own_pybullet_data() -> Path:
 
 
 def data_names(kind: str) -> list[str]:
-    """Sorted names of the files of a ``kind`` (robot, task, algorithms, part, scene, furniture, object, …)."""
+    """Return the sorted names of the files of a ``kind`` (robot, task, algorithms, part, scene, furniture, object,
+    …)."""
     suffixes = _FOLDERS[kind][1]
     return sorted({path.stem for folder in _folders(kind) for path in folder.glob("*") if path.suffix in suffixes})
 

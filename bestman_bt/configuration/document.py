@@ -44,7 +44,8 @@ class Document:
     origins: Origins = field(default_factory=dict)
 
     def origin(self, path: FieldPath) -> tuple[str, int | None]:
-        """Source and line of the value at ``path``, else of the first one in it, else of the nearest around it."""
+        """Return source and line of the value at ``path``, else of its first entry, else of the nearest enclosing
+        value."""
         for given, origin in self.origins.items() if path not in self.origins else ():
             if given[: len(path)] == path:
                 return origin
@@ -68,7 +69,7 @@ class Document:
         return len(written) if isinstance(written, list) else None
 
     def merged(self, other: Document) -> Document:
-        """This document with ``other`` laid over it: mappings merge, anything else is replaced."""
+        """Return this document overridden by ``other``: mappings are merged, other values replaced."""
         data = copy.deepcopy(self.data)
         origins = dict(self.origins)
         _merge(data, copy.deepcopy(other.data), (), origins, other.origins)

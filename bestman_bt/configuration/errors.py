@@ -48,9 +48,7 @@ class ConfigurationError(InputError, ValueError):
 
 
 class UnreadError(ConfigurationError):
-    """A field that could not be read is accessed; without problems of its own, because the fault is already
-    reported.
-    """
+    """Raised on access to a field that could not be read. Has no problems of its own: the fault is already reported."""
 
     def __init__(self, field: str) -> None:
         super().__init__(())
@@ -67,7 +65,7 @@ UNREAD: Any = _Unread()
 
 
 def up_to_unread_field(check: Callable[P, Iterable[T]]) -> Callable[P, Iterator[T]]:
-    """Wrap a check of a salvaged value: it ends at the first access to an unread field."""
+    """Wrap a check of a salvaged value so that it ends at the first access to an unread field."""
 
     @wraps(check)
     def checked(*args: P.args, **kwargs: P.kwargs) -> Iterator[T]:

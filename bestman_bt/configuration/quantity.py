@@ -41,7 +41,8 @@ _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\
 
 
 def parse_quantity(value: object, *dimensions: str, needs_unit: bool = False) -> float:
-    """Return ``value`` in SI units: a number, or text with a unit of one of the ``dimensions`` (none: a plain number).
+    """Return ``value``, a number or text with a unit of one of the ``dimensions``, in SI units. Without dimensions: a
+    plain number.
 
     ``needs_unit``: only 0 is accepted without a unit. Raises PydanticCustomError (a ValueError) that lists the accepted
     units.

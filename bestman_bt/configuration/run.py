@@ -177,7 +177,7 @@ class _Seed:
 
 
 def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
-    """``key=value`` texts as a mapping; values are YAML scalars. Raises ConfigurationError."""
+    """Return ``key=value`` texts as a mapping with YAML scalars. Raises ConfigurationError."""
     values: dict[str, Any] = {}
     problems: list[Problem] = []
     for setting in settings:

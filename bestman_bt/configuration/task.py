@@ -119,7 +119,7 @@ class Nav2Names:
     controllers: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, slot: str) -> dict[str, str]:
-        """The names for a slot of ``algorithms``, the shipped ones with those of the task laid over them."""
+        """Return the names for a slot of ``algorithms``: the shipped ones, overridden by those of the task."""
         if slot == "global_planning":
             return {"GridBased": "", **self.planners}
         return {"FollowPath": "", **self.controllers} if slot == "local_planning" else {}
@@ -170,7 +170,7 @@ class TaskConfig:
         return (self.predicate,) if isinstance(self.predicate, str) else self.predicate
 
     def algorithm(self, slot: str) -> tuple[str, dict[str, Any]]:
-        """Name and parameters of the algorithm in a slot. Raises KeyError naming the slots that there are."""
+        """Return name and parameters of the algorithm in a slot. Raises KeyError naming the existing slots."""
         if slot not in self.algorithms:
             raise KeyError(f"no algorithm is chosen for {slot!r}; there are {', '.join(self.algorithms) or 'none'}")
         parameters = dict(self.algorithms[slot])

@@ -109,7 +109,7 @@ class GripperController:
         return lost
 
     def stop(self) -> None:
-        """Stop the fingers at once; an existing grasp keeps pressing."""
+        """Stop the fingers immediately; an existing grasp keeps its force."""
         self.gripper.stop()
 
     def _move(self, words: str, width: float, force: float | None, speed: float | None) -> Motion[GripperOutcome]:

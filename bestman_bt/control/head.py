@@ -66,7 +66,7 @@ class HeadController:
         return start_motion(self.name, lambda: self._group.move_to(positions, speed_scale))
 
     def stop(self) -> None:
-        """Bring the head to rest at once."""
+        """Stop the head immediately."""
         self._group.stop()
 
     def _solve(self, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:

@@ -75,7 +75,7 @@ class FusedOdometry:
         self._estimate = self._filter.start(self._base.odometry())
 
     def pose(self) -> Pose2D:
-        """Pose in the ``odom`` frame, now."""
+        """Return the current pose in the ``odom`` frame, metres and radians."""
         felt, now = self._gyro.heading if self._gyro is not None else 0.0, self._clock.now()
         turned, elapsed = felt - self._felt, now - self._time
         self._felt, self._time = felt, now

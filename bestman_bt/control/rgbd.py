@@ -55,7 +55,7 @@ class RGBDView:
 
     @property
     def stamp(self) -> float:
-        """When the image was taken, seconds on the robot's clock."""
+        """The time at which the image was taken, seconds on the robot's clock."""
         return self.image.stamp
 
     @cached_property
@@ -65,7 +65,7 @@ class RGBDView:
 
     @property
     def in_base(self) -> View:
-        """The view in the base frame."""
+        """The points and camera pose of the view in the base frame."""
         return View(self._of_the_world, self.base_from_camera)
 
     @property

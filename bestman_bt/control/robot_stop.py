@@ -28,7 +28,7 @@ class RobotStop:
         return self._robot.stopped
 
     def clear(self) -> str:
-        """Accept commands again; nothing moves by itself. Return why the robot stays stopped, or an empty text.
+        """Accept commands again, without starting a motion. Return why the robot remains stopped, or an empty text.
 
         A real robot reconnects lost connections, which takes seconds.
         """

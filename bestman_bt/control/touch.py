@@ -31,7 +31,7 @@ class TactileSensor:
         self.name = self.pad.name
 
     def force(self) -> float:
-        """Sum of the normal forces of all taxels, newtons."""
+        """Return the sum of the normal forces of all taxels, newtons."""
         return float(self.pad.read().pressure.sum())
 
     def pressed(self) -> bool:

@@ -71,7 +71,7 @@ def refusal(value: Any, bounds: Iterable[Any]) -> str:
 
 
 def describe_range(bounds: Iterable[Any]) -> str:
-    """Return the bounds of a number in words, such as ``above 0``; empty for names, and if there are none."""
+    """Return the bounds of a number as text, such as ``above 0``; empty for names and without bounds."""
     limits = [bound for bound in bounds if not isinstance(bound, (OneOf, Named))]
     match limits:
         case [Ge(ge=low), Le(le=high)]:

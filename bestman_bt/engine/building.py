@@ -104,13 +104,13 @@ def new_tree(
 
 
 class Gaps(ABC):
-    """Handles the parts of a tree that are unknown here, but may exist in another BehaviorTree.CPP process."""
+    """Handles nodes and trees that have no code here, but may exist in another BehaviorTree.CPP process."""
 
     def __init__(self) -> None:
         self.problems: list[TreeProblem] = []
 
     def take(self, problems: list[TreeProblem]) -> None:
-        """Take over the problems about unknown parts."""
+        """Record the problems about unknown parts instead of reporting them."""
         self.problems += [problem for problem in problems if problem.missing]
         problems[:] = [problem for problem in problems if not problem.missing]
 

@@ -58,7 +58,7 @@ class Coverage:
 
     @property
     def never_ticked(self) -> list[Node]:
-        """Nodes that never started, only the topmost of each branch."""
+        """Nodes that never started; of each branch, only the topmost."""
         return [node for node in self._idle() if not (isinstance(node.parent, Node) and not self.of(node.parent).began)]
 
     @property

@@ -21,11 +21,11 @@ Load = Callable[[Tree | None], Tree]
 
 
 class WatchedTree(StatefulAction):
-    """Ticks a tree from XML, and takes changes of its files between two ticks.
+    """Ticks a tree from XML and reloads it between two ticks if its files change.
 
-    A new tree is taken where all running nodes keep path, type, ports, and their place among their siblings. They
-    continue; all other nodes start from the beginning; entries of blackboards stay. Otherwise the old tree continues,
-    and the new one is tried again before each tick. ``taken``: called with what was taken, in words.
+    The new tree is accepted if all running nodes keep path, type, ports, and their index among their siblings. They
+    continue; all other nodes start from the beginning; blackboard entries are kept. Otherwise the old tree continues,
+    and the new one is tried again before each tick. ``taken``: called with a description of each reload.
     """
 
     def __init__(self, tree: Tree, load: Load, taken: Callable[[str], None]) -> None:
@@ -37,12 +37,12 @@ class WatchedTree(StatefulAction):
         self._told = ""
 
     def on_start(self) -> int:
-        """Begin the tree."""
+        """Start the tree."""
         self._announce()
         return self.on_running()
 
     def on_running(self) -> int:
-        """Tick the tree, or the one that takes its place."""
+        """Tick the tree, or its reloaded version."""
         self._look()
         status = self.current.tick_exactly_once()
         running = [node.name for node in self.current.nodes if node.state == RUNNING and not node.children]
@@ -141,10 +141,10 @@ def _place_of(node: Node) -> tuple[str, int] | None:
 
 
 def take_over(old: Tree, new: Tree) -> int:
-    """Move the running nodes of ``old`` into ``new``, and the states of the others; returns how many nodes continue.
+    """Move the running nodes of ``old`` and the states of the other nodes into ``new``. Returns the number of nodes
+    that continue.
 
-    ``new`` was loaded with ``replaces=old``, and nothing is in its way (``obstacles``). Its nodes take the places of
-    those in ``old``.
+    Requires that ``new`` was loaded with ``replaces=old`` and that ``obstacles`` yields nothing.
     """
     before = {node.path: node for node in old.nodes}
     other: dict[Any, Node] = {}

@@ -50,7 +50,7 @@ def state_code(uid: int, state: int) -> int:
 
 
 def uid_and_state(code: int) -> tuple[int, int]:
-    """Return what ``state_code`` has put into ``code``."""
+    """Return uid and state that ``state_code`` has encoded."""
     return divmod(code, 8)
 
 

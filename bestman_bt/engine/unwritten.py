@@ -50,7 +50,7 @@ class UnwrittenRead:
     not_given: bool = False
 
     def problem(self, severity: str, why: str = "") -> TreeProblem:
-        """Return it as a problem; ``why`` replaces the reason that the tree alone gives."""
+        """Return the read as a problem; ``why`` replaces the default reason."""
         if self.not_given:
             words = f"it is not given, and the tree '{self.node.type_id}' reads it"
             return problem_at(self.node, self.port, words, self.suggestion, severity)
@@ -200,7 +200,7 @@ def _named_at(subtrees: Mapping[str, decorators.SubTree], use: EntryUse) -> tupl
 
 
 def may_write_undeclared(node: Node) -> bool:
-    """Return whether a node's code may write undeclared entries: it has, or asks for, its blackboard."""
+    """Return whether a node's code accesses the blackboard directly, and so may write undeclared entries."""
     if isinstance(node, PyTreesBehaviour):
         below = node.behaviour.iterate()
         return any(one.blackboards or not type(one).__module__.startswith("py_trees.") for one in below)

@@ -127,7 +127,7 @@ def audit(
     models: Mapping[str, str] | None = None,
     began: float = 0.0,
 ) -> Audit:
-    """Judge a record.
+    """Return the audit of a simulation record.
 
     ``allowed_contacts``: pairs of names, in any order: an object, a piece of furniture, a door or drawer
     (``furniture/leaf``), ``fingers``, a link of the robot, or ``robot`` for all its links. ``declared``: contacts that

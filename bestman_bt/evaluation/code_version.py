@@ -105,7 +105,8 @@ _NO_MATTER = ("bestman_bt/cli/", "bestman_bt/_data/", "configs/evaluations/", "c
 
 
 def code_fingerprint() -> str:
-    """Twelve hexadecimal digits over the sources, the shipped data and the versions of packages that decide a run."""
+    """Return a hash, 12 hexadecimal digits, of the sources, the shipped data and the versions of packages that affect a
+    run."""
     digest = hashlib.sha256(yaml.safe_dump(versions()).encode())
     for name, path in sorted(_files()):
         digest.update(name.encode() + b"\0" + path.read_bytes())

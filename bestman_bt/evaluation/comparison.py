@@ -136,7 +136,7 @@ class ComparedEntries:
 
 
 def within(entries: Sequence[FinishedEntry]) -> list[ComparedEntries]:
-    """Return each entry with the first one of its task; if all tasks differ, with the first of all."""
+    """Compare each entry with the first entry of the same task; if all tasks differ, with the first entry."""
     firsts = {entry.task: entry for entry in reversed(entries)}
     compared = [(firsts[entry.task], entry) for entry in entries if entry is not firsts[entry.task]]
     compared = compared or [(entries[0], entry) for entry in entries[1:]]
@@ -146,7 +146,7 @@ def within(entries: Sequence[FinishedEntry]) -> list[ComparedEntries]:
 def matched(
     firsts: Sequence[FinishedEntry], seconds: Sequence[FinishedEntry], given: tuple[str, str]
 ) -> list[ComparedEntries]:
-    """Return the entries of one name, or the only two. Raises ConfigurationError if nothing matches."""
+    """Return pairs of entries with equal names, or the only two. Raises ConfigurationError if nothing matches."""
     if len(firsts) == len(seconds) == 1:
         return [ComparedEntries(firsts[0], seconds[0], _told_apart(firsts[0].name, seconds[0].name, given))]
     by_name = {entry.name: entry for entry in seconds}

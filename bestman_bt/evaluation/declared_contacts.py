@@ -57,7 +57,7 @@ class ContactLog:
 
     @property
     def declared(self) -> tuple[Declared, ...]:
-        """All up to now, by start."""
+        """Return all contacts declared so far, in the order of their start."""
         return tuple(sorted([*self._ended, *self._open.values()], key=lambda declared: declared.start))
 
     def _within_hands(self, contacts: Sequence[Contact]) -> list[Contact]:
@@ -125,8 +125,8 @@ class DeclaredContacts:
         return "" if incident.peak_force <= most else f"{most:g} N were declared"
 
     def made(self) -> list[dict[str, Any]]:
-        """Return the contacts that were made as declared, for ``result.json``: by whom, when, how hard (times in s,
-        N).
+        """Return the contacts that occurred as declared, for ``result.json``: skill, times (seconds) and forces
+        (newtons).
         """
         return [_told(use.declared.contact, use.incidents) for use in self._uses if use.incidents]
 

@@ -76,8 +76,7 @@ class Evaluation:
         self._stack.close()
 
     def run(self, launcher: Launcher | None = None, on_result: OnResult | None = None) -> dict[str, Any]:
-        """Run the missing episodes and return the document; Ctrl-C, a stopped episode or the loss of what runs them
-        ends it early.
+        """Run the missing episodes and return the document. Ctrl-C, a stopped episode or a lost launcher ends it early.
 
         ``launcher``: None: this process. Raises ConfigurationError if it refuses the episodes.
         """

@@ -64,7 +64,7 @@ class Precision:
 
     @classmethod
     def parse(cls, text: str) -> Precision:
-        """Raises ConfigurationError if the text is none."""
+        """Parse a precision such as ``95%±3``. Raises ConfigurationError for other text."""
         match = _TEXT.fullmatch(text.strip())
         points = float(match[1]) if match else 0.0
         if not 0.5 <= points <= 50:
@@ -76,10 +76,11 @@ class Precision:
         return f"95%±{100 * self.half_width:g}"
 
     def episodes(self, successes: Sequence[bool], most: int) -> int:
-        """Return how many episodes are to be run in all, at most ``most``; the number of ``successes`` if they suffice.
+        """Return the total number of episodes to run, at most ``most``; the number of ``successes`` if they suffice.
 
-        Rounds: the first has as many as suffice if all succeed; each other ends where the rate so far would. The number
-        follows from the results in the order of their seeds alone, so it does not depend on who runs them, when.
+        Episodes run in rounds: the first has the number that suffices if all succeed, each further one the number that
+        suffices at the rate so far. The number depends only on the results in the order of their seeds, not on the
+        order of execution.
         """
         done = 0
         while done < most:

@@ -72,7 +72,7 @@ class Journal:
         return self._results
 
     def add(self, key: EpisodeKey, commit: str, result: RunResult) -> None:
-        """Write down a finished episode: a process killed after this loses nothing of it."""
+        """Write a finished episode and flush it, so that a killed process does not lose it."""
         assert self._file is not None
         entry = {"config": key.config, "seed": key.seed, "code": key.code, "commit": commit}
         entry["result"] = result.to_document()
@@ -133,7 +133,8 @@ class Journal:
 
 
 def read_episodes(path: Path) -> Mapping[EpisodeKey, RunResult]:
-    """Return the finished episodes of a journal, which may be being written. Raises OSError or ConfigurationError."""
+    """Return the finished episodes of a journal, even while it is being written. Raises OSError or
+    ConfigurationError."""
     results, _, damaged = _parsed(path.read_bytes().rpartition(b"\n")[0])
     if damaged:
         raise _damaged(path, damaged)

@@ -10,7 +10,7 @@ from bestman_bt.evaluation.summary import spread_words
 
 
 def markdown(document: dict[str, Any]) -> str:
-    """Return Markdown: the verdict, tables of tasks and controls, then what was missed and what failed."""
+    """Return the document as Markdown: verdict, tables of tasks and controls, missed targets, failures."""
     return "\n".join(_lines(document)) + "\n"
 
 
@@ -47,7 +47,7 @@ def _lines(document: dict[str, Any]) -> Iterator[str]:
 
 
 def verdict(document: dict[str, Any]) -> str:
-    """Return whether all targets were met; of tasks without a suite, whether all episodes succeeded."""
+    """Return as text whether all targets were met; for tasks without a suite, whether all episodes succeeded."""
     if document["interrupted"]:
         return f"interrupted, {document['episodes']} of {_asked(document)} episodes completed"
     if any(entry["missing"] for entry in document["entries"]):

@@ -99,7 +99,7 @@ def compare_runs(first: Sequence[RunResult], second: Sequence[RunResult]) -> Pai
 
 
 def compare_successes(pairs: Sequence[tuple[bool, bool]]) -> SuccessComparison:
-    """McNemar's exact test: a binomial test of the pairs that differ. ValueError without pairs."""
+    """Apply McNemar's exact test, a binomial test of the pairs that differ. Raises ValueError without pairs."""
     if not pairs:
         raise ValueError("pairs should hold at least one pair")
     counted = {

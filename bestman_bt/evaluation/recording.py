@@ -63,7 +63,7 @@ class RecordedBeliefs:
         self.after_tick()
 
     def after_tick(self) -> None:
-        """Record the changes."""
+        """Record the changed beliefs."""
         skills, stamp = self._session.skills, self._session.robot.clock.now()
         if skills.has("base") and skills.has("lidar"):
             self._tell_driving(skills.base, stamp)
@@ -204,7 +204,7 @@ def goal_points(entries: Mapping[str, Any]) -> dict[str, NDArray[np.float64]]:
 
 
 def recorded_bodies(world: World) -> list[RecordedBody]:
-    """Walls, furniture, objects and people of a world as the recorder draws them."""
+    """Return walls, furniture, objects and people of a world for the recorder."""
     bodies = []
     for number, wall in enumerate(world.walls):
         box, pose = wall_box(wall)

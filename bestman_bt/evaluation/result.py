@@ -37,9 +37,9 @@ class RunResult:
     judged; ``not_judged``: why not. ``held_at_start``: whether it held before the first tick, None if not judged.
     ``moved_by_others``: objects, doors and drawers of the goal that a disturbance moved and the robot never touched.
     ``interventions``: manual changes during the run: entries set, results forced. ``pretended``: types of leaves that
-    were simulated because they have no code, each with the source of its description. ``not_kept``: what could not be
-    recorded completely, such as ``motion.jsonl`` → why. ``audit``: see ``evaluation.audit``. ``metrics``: name → value,
-    for example ``place_error_mm``. ``durations``: simulated seconds by kind of work; overlapping kinds count in both.
+    were simulated because they have no code, each with the source of its description. ``not_kept``: incomplete
+    recordings, such as ``motion.jsonl`` → why. ``audit``: see ``evaluation.audit``. ``metrics``: name → value, for
+    example ``place_error_mm``. ``durations``: simulated seconds by kind of work; overlapping kinds count in both.
     """
 
     task: str

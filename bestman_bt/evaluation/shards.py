@@ -29,7 +29,7 @@ class Shard:
 
     @classmethod
     def parse(cls, text: str, environment: Mapping[str, str] = os.environ) -> Shard:
-        """``3/16``, or ``slurm``: the task of the array job that this process belongs to; ConfigurationError."""
+        """Parse ``3/16``, or ``slurm`` for the array task of this process. Raises ConfigurationError."""
         if text == SLURM:
             return cls._of_slurm(environment)
         number, _, of = text.partition("/")
@@ -89,7 +89,7 @@ class KnownDurations:
 
 @dataclass(frozen=True)
 class ConflictingResults:
-    """Two results of one episode that should be the same: the simulation is not deterministic, or a disk is broken."""
+    """Two different results of one episode: the simulation is not deterministic, or a disk is faulty."""
 
     key: EpisodeKey
     journals: tuple[str, str]
@@ -116,7 +116,7 @@ def find_journals(folders: Iterable[Path]) -> list[Path]:
 def merged_episodes(
     episodes: Mapping[Path, Mapping[EpisodeKey, RunResult]],
 ) -> tuple[dict[EpisodeKey, RunResult], list[ConflictingResults]]:
-    """Return the episodes of all journals, of each the first one, and which contradict one another."""
+    """Return the episodes of all journals, the first result of each, and the conflicting results."""
     results: dict[EpisodeKey, RunResult] = {}
     origins: dict[EpisodeKey, Path] = {}
     contradictions = []

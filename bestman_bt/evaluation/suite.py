@@ -129,8 +129,8 @@ class Suite:
 
 
 def is_suite(name: str) -> bool:
-    """Return whether it names a suite: a shipped one, or a file that holds ``tasks`` or ``controls``, or nothing at
-    all.
+    """Return whether ``name`` refers to a suite: a shipped one, or a file with ``tasks`` or ``controls``, or an empty
+    file.
     """
     if Path(name).suffix == ".yaml" and Path(name).is_file():
         data = read_document(Path(name)).data
@@ -358,7 +358,7 @@ ALWAYS_ASKED = ("errors", "false successes", "audit")
 
 @dataclass(frozen=True)
 class Target:
-    """One target in words: ``what``, the target ``asked`` and the value ``found``."""
+    """One target as text: ``what``, the target ``asked`` and the value ``found``."""
 
     what: str
     asked: str

@@ -56,7 +56,7 @@ def summarize(task: str, first_seed: int, results: Sequence[RunResult], wall_tim
 
 
 def spreads(measurements: Sequence[Mapping[str, float]]) -> dict[str, dict[str, Any]]:
-    """Metric → median, its 95 % interval and 95th percentile over the runs that measured it."""
+    """Return metric → median, its 95 % interval, and the 95th percentile, over the runs that measured it."""
     measured: dict[str, list[float]] = {}
     for metrics in measurements:
         for name, value in metrics.items():
@@ -73,7 +73,7 @@ def spreads(measurements: Sequence[Mapping[str, float]]) -> dict[str, dict[str, 
 
 
 def spread_words(spread: Mapping[str, Any]) -> str:
-    """``3.1 / 7.9``: median and 95th percentile, with the digits that the interval of the median allows."""
+    """Return median and 95th percentile, such as ``3.1 / 7.9``, rounded as the interval of the median allows."""
     median, p95, interval = spread["median"], spread["p95"], spread.get("interval")
     decimals = decimals_of(median, None if interval is None else interval[1] - interval[0])
     return f"{median:.{decimals}f} / {p95:.{decimals}f}"

@@ -24,7 +24,8 @@ _COMMA = re.compile(r",(?![^\[{]*[\]}])")
 def combinations(settings: Sequence[str], together: bool = False) -> list[tuple[str, ...]]:
     """``["a=1,2", "b=x"]`` → ``[("a=1", "b=x"), ("a=2", "b=x")]``: all combinations, the last setting varying fastest.
 
-    ``together``: the first values of all, the second ones and so on. Raises ConfigurationError if nothing varies.
+    ``together``: combine the first values of all settings, then the second ones, and so on. Raises ConfigurationError
+    if no setting has several values.
     """
     swept = []
     for setting in settings:

@@ -21,7 +21,7 @@ PACKAGES = (
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that decide a run."""
+    """Return the versions of Python and of the packages that affect a run."""
     return {"python": platform.python_version(), **{package: _version(package) for package in PACKAGES}}
 
 

@@ -23,13 +23,13 @@ class Truth(Protocol):
 
     @property
     def object_names(self) -> tuple[str, ...]:
-        """The movable objects."""
+        """Return the names of the movable objects."""
 
     def object_pose(self, name: str) -> Pose:
         """Return the pose of an object."""
 
     def articulation_position(self, name: str) -> float:
-        """Return how far a door or drawer is open, radians or metres from closed."""
+        """Return the opening of a door or drawer, radians or metres from closed."""
 
     def base_pose(self) -> Pose:
         """Return the pose of the robot's base frame."""
@@ -87,8 +87,8 @@ class Verdict:
 
     @staticmethod
     def on(thing: str, faults: Iterable[str], metrics: dict[str, float] | None = None) -> Verdict:
-        """Return a verdict that is true without faults, else false with a reason such as ``the cup is not released,
-        still moving``.
+        """Return a verdict: true without ``faults``, else false with a reason such as ``the cup is not released, still
+        moving``.
         """
         why = ", ".join(faults)
         return Verdict(not why, f"the {thing} is {why}" if why else "", metrics or {})

@@ -48,7 +48,7 @@ class Predicate:
 
     @property
     def types(self) -> tuple[str, ...]:
-        """Types of its arguments."""
+        """Types of the predicate's arguments."""
         return tuple(self.parameters.values())
 
 

@@ -24,7 +24,7 @@ def is_moving(evidence: Evidence, name: str) -> bool:
 
 
 def tilt_fault(evidence: Evidence, pose: Pose) -> list[str]:
-    """Return the tilt as a fault, or nothing."""
+    """Return the tilt as a list with one fault, or an empty list if upright."""
     tolerated = evidence.task.config.task.tolerances.tilt
     return [f"tilted by {math.degrees(pose.tilt):.0f}°"] if pose.tilt > tolerated else []
 

@@ -244,10 +244,11 @@ class PathPlacementPlanner(ABC):
         reachability: ReachabilityMap,
         current: Pose2D | None = None,
     ) -> tuple[Pose2D, ...]:
-        """Candidates from which all ``stations`` (poses in the map frame) are in reach, most likely first."""
+        """Return the candidates from which all ``stations`` (poses in the map frame) are within reach, most likely
+        first."""
 
     def from_fixed_base(self) -> PathPlacementPlanner:
-        """Return the planner for a base that stays where it is: it may search longer, and part of the path counts."""
+        """Return the planner for a fixed base: it searches longer and accepts part of the path."""
         return self
 
 
@@ -258,8 +259,8 @@ class PathPlacements(PathPlacementPlanner):
     ``enough``: placements with a complete path that end the search. ``most``: largest number of candidates. ``starts``:
     inverse kinematics solutions per placement to search from; ``options``: rotations of the hand at the middle station,
     with ``ik_attempts`` start positions each. ``good_margin``: a path with this joint margin (fraction of half the
-    range) is taken at once. ``min_fraction``: least reached fraction of the path. ``travel_cost``: score lost per metre
-    of driving.
+    range) is accepted immediately. ``min_fraction``: least reached fraction of the path. ``travel_cost``: score lost
+    per metre of driving.
     """
 
     enough: Count = 2

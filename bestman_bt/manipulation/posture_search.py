@@ -28,11 +28,12 @@ Array = NDArray[np.float64]
 
 @dataclass(eq=False)
 class PostureSearch:
-    """Searches by inverse kinematics from random tool poses, hand down; the random numbers are the caller's.
+    """Searches arm postures by inverse kinematics from random tool poses with the hand down; the caller passes the
+    random generator.
 
-    A posture counts by the radius around the base's axis that arm and hand need, how far they stand out beyond the base
-    while it drives, the share of a table before it that they hide from the first camera, and, at home, by its distance
-    from singularities and joint limits.
+    The cost of a posture is the radius around the base's axis that arm and hand need, their overhang beyond the base,
+    the fraction of a table in front that they hide from the first camera, and, for ``home``, the distance from
+    singularities and joint limits.
 
     Metres and radians.
 

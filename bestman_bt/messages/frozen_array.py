@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 def frozen_array(
     values: ArrayLike, shape: tuple[int | None, ...], what: str, dtype: DTypeLike = np.float64
 ) -> NDArray[Any]:
-    """Return ``values`` as a read-only array of ``dtype``; an array that is read-only already is not copied.
+    """Return ``values`` as a read-only array of ``dtype``; a read-only array is not copied.
 
-    ``shape``: the expected extents, None where any length fits. Raises ValueError naming ``what`` and the actual shape.
+    ``shape``: the expected shape; None allows any length. Raises ValueError naming ``what`` and the actual shape.
     """
     array = np.asarray(values, dtype=dtype)
     if array.shape != shape and not _fits(array.shape, shape):

@@ -241,7 +241,7 @@ class Pose2D:
         return rotated
 
     def to_pose(self, z: float = 0.0) -> Pose:
-        """Lift into space at height ``z`` metres."""
+        """Return the pose in space at height ``z``, metres."""
         return Pose.from_xyz_rpy((self.x, self.y, z), (0.0, 0.0, self.theta))
 
     def distance_to(self, other: Pose2D) -> float:

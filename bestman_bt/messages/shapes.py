@@ -115,13 +115,13 @@ class PlacedShape:
 
 
 def box_corners(half: ArrayLike) -> NDArray[np.float64]:
-    """Corners (8, 3) of a box around the origin; ``half``: of its extents, (3,) or one for all."""
+    """Return the corners (8, 3) of a box around the origin; ``half``: half extents, (3,) or one value for all."""
     corners: NDArray[np.float64] = np.array(list(product((-1.0, 1.0), repeat=3))) * np.asarray(half, dtype=float)
     return corners
 
 
 def bounding_corners(shape: Shape) -> NDArray[np.float64]:
-    """Corners (8, 3) of the box around a shape, in its own frame; of a mesh its vertices (N, 3)."""
+    """Return the corners (8, 3) of the bounding box of a shape in its own frame; for a mesh, its vertices (N, 3)."""
     match shape:
         case Box():
             return box_corners(np.array(shape.size) / 2)

@@ -16,9 +16,10 @@ ROWS = 4
 
 @dataclass(frozen=True)
 class GapObservation:
-    """How the gap between the fingers looked, as shares of the samples in it.
+    """Depth measurements in the gap between the fingers, as fractions of the samples in it.
 
-    ``filled``: something is measured in it. ``empty``: the camera looked through it. ``unseen``: the rest.
+    ``filled``: an object is measured in the gap. ``empty``: the camera measures the background through it. ``unseen``:
+    the rest.
     """
 
     filled: float

@@ -105,7 +105,7 @@ class RankedView:
 
 
 class ViewPlanner(ABC):
-    """Ranks camera poses; whether the robot can take them is for the caller to check."""
+    """Ranks camera poses; the caller checks whether the robot can reach them."""
 
     @abstractmethod
     def candidates(self, hypothesis: PoseHypothesis, intrinsics: CameraIntrinsics) -> tuple[Pose, ...]:

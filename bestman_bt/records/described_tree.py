@@ -68,7 +68,7 @@ def describe_xml(xml: str, file: str = "the log") -> TreeEvent:
     """Return the main tree of XML from ``full_tree_xml``: parents before children, with the original paths.
 
     Raises:
-        LogError: it is not such a text.
+        LogError: the text is not valid.
     """
     try:
         root = parse_xml(xml, file)

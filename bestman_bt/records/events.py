@@ -34,7 +34,7 @@ TickRate = Annotated[float, Field(ge=0.0, le=1e6)]
 
 
 class EventError(Error, ValueError):
-    """A line is not an event."""
+    """Raised if a line is not a valid event."""
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ class Picture:
 class RunHistory:
     """Call ``take`` with the events of a run in order; ``version`` counts them, so that viewers can query changes.
 
-    ``xml``: of the main tree. ``faults``: unreadable parts of its folder, in words.
+    ``xml``: of the main tree. ``faults``: unreadable parts of the run folder, as text.
     """
 
     def __init__(self, limits: HistoryLimits | None = None) -> None:
@@ -125,7 +125,7 @@ class RunHistory:
         return None if found is None or found[1] is None else {**asdict(found[1]), "changed_at": found[0]}
 
     def blackboard_at(self, time: float) -> dict[str, dict[str, dict[str, Any]]]:
-        """scope → key → entry."""
+        """Return the blackboard at ``time``: scope → key → entry."""
         boards: dict[str, dict[str, dict[str, Any]]] = {}
         for scope, key in self._entries:
             entry = self.entry_at(scope, key, time)
@@ -304,7 +304,7 @@ K = TypeVar("K", bound=Hashable)
 
 
 class Samples(Generic[T]):
-    """At most ``limit`` values, each with its time; beyond that every second one of the older half is dropped."""
+    """A buffer of at most ``limit`` timed values; beyond that, every second value of the older half is dropped."""
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
@@ -343,7 +343,7 @@ class Freshness(Generic[K]):
         self._versions: dict[K, int] = {}
 
     def touch(self, key: K, version: int) -> None:
-        """Note that ``key`` changed; versions never run back."""
+        """Record that ``key`` changed; versions never decrease."""
         self._versions.pop(key, None)
         self._versions[key] = version
 
@@ -438,7 +438,7 @@ class RobotHistory:
         return list(self._names.get("joints", ()))
 
     def series(self, joints: list[str]) -> dict[str, list[list[float]]]:
-        """joint → [[time, position], …], at most ``SERIES_POINTS`` each."""
+        """Return joint → [[time, position], …], seconds and radians or metres, at most ``SERIES_POINTS`` each."""
         stride = -(-len(self._samples) // SERIES_POINTS) or 1
         curves: dict[str, list[list[float]]] = {name: [] for name in joints}
         for index, (time, sample) in enumerate(self._samples):

@@ -40,7 +40,7 @@ class NodeList(Sequence[DescribedNode]):
         return [self._nodes[child - 1] for child in self._children[self.node(uid).uid]]
 
     def depth(self, uid: int) -> int:
-        """Number of nodes above one."""
+        """Return the number of ancestors of a node."""
         depth, node = 0, self.node(uid)
         while node.parent is not None:
             depth, node = depth + 1, self.node(node.parent)
@@ -74,7 +74,7 @@ class NodeList(Sequence[DescribedNode]):
         return self._ranges[tree]
 
     def inside(self, uid: int) -> tuple[int, int]:
-        """Return the tree that a node belongs to, and its uid there. Raises EventError for an unknown one."""
+        """Return the tree that a node belongs to, and its uid in that tree. Raises EventError for an unknown node."""
         for tree, (offset, count) in self._ranges.items():
             if offset < uid <= offset + count:
                 return tree, uid - offset

@@ -16,7 +16,8 @@ _GREY, _KEPT = 120, 0.6
 
 @dataclass(frozen=True)
 class Look:
-    """``icon``: one character; ``word``: for plain text; ``light`` and ``dark``: colours on such a ground."""
+    """The appearance of a node state. ``icon``: one character; ``word``: for plain text; ``light`` and ``dark``:
+    colours on a light and a dark background."""
 
     word: str
     icon: str

@@ -54,7 +54,7 @@ class RecordError(InputError):
 
 
 def is_log(path: Path) -> bool:
-    """Return whether it is a file by whose name one knows a log of BehaviorTree.CPP."""
+    """Return whether the name of a file is that of a BehaviorTree.CPP log."""
     return path.suffix in LOG_SUFFIXES and path.is_file()
 
 
@@ -282,7 +282,7 @@ def read_events(folder: Path, left_out: Collection[str] = ()) -> Iterator[Event]
 
 
 def read_log(folder: Path) -> Iterator[LogEvent]:
-    """The lines of ``log.jsonl`` and its earlier segments; raises as ``read_events``."""
+    """Yield the lines of ``log.jsonl`` and its earlier segments. Raises EventError for an invalid line."""
     time = 0.0
     for number, line in _lines(folder / LOG_FILE):
         if line is None:

@@ -93,7 +93,7 @@ class NodeStates:
 
 @dataclass(frozen=True)
 class HistoryLimits:
-    """Bounds of a history: beyond them, the oldest parts keep only their keyframes, then every second of those.
+    """Limits of a history: beyond them, the oldest parts keep only their keyframes, then only every second keyframe.
 
     ``changes``: 4 bytes each. ``keyframe_bytes``: of all keyframes together. ``chunk``: changes between two keyframes;
     more for large trees, so that a keyframe never outweighs its changes.
@@ -154,7 +154,7 @@ class StateHistory:
 
     @property
     def first(self) -> float:
-        """The earliest time that is held."""
+        """The earliest time in the history, seconds."""
         return self._chunks[0].time if self._chunks else 0.0
 
     def record(self, time: float, tick: int, changes: Sequence[tuple[int, int]] = ()) -> Transitions:

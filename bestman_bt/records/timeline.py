@@ -65,7 +65,7 @@ def activities(changes: Transitions, end: float) -> Activities:
 
 @dataclass(frozen=True)
 class WorkOfNode:
-    """All activities of a node together; ``seconds``: in all; ``longest``: of one of them."""
+    """Statistics of a node's activities; ``seconds``: total duration; ``longest``: duration of the longest one."""
 
     count: int
     successes: int
@@ -126,7 +126,7 @@ class Timeline:
         self._marks: list[dict[str, Any]] = []
 
     def add_node(self, uid: int) -> None:
-        """Follow a node."""
+        """Add a node to the timeline."""
         more = uid + 1 - len(self._followed)
         if more > 0:
             self._followed = np.append(self._followed, np.zeros(more, bool))
@@ -134,7 +134,7 @@ class Timeline:
         self._followed[uid] = True
 
     def change(self, changes: Transitions) -> None:
-        """Nodes have taken new states; in the order of time."""
+        """Record state changes, in the order of time."""
         known = changes.uids < len(self._followed)
         known[known] = self._followed[changes.uids[known]]
         order = np.flatnonzero(known)[np.argsort(changes.uids[known], kind="stable")]
@@ -161,13 +161,13 @@ class Timeline:
                 self._merge()
 
     def mark(self, time: float, kind: str, text: str, node: int | None = None) -> None:
-        """Note that something happened; beyond the bound, every second one of the older half is dropped."""
+        """Add a mark to the timeline; beyond the limit, every second mark of the older half is dropped."""
         self._marks.append({"time": time, "kind": kind, "text": text} | ({} if node is None else {"node": node}))
         if len(self._marks) > MAX_MARKS:
             del self._marks[1 : MAX_MARKS // 2 : 2]
 
     def document(self, now: float) -> dict[str, Any]:
-        """``spans`` and ``marks``; a span that is not over ends now, one of several that became one is ``merged``."""
+        """Return ``spans`` and ``marks`` for JSON. An open span ends at ``now``; combined spans have ``merged`` set."""
         self._merge()
         going_on = self._open[self._open["state"] != IDLE]
         going_on["end"] = np.maximum(going_on["begin"], now)

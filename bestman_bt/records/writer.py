@@ -64,7 +64,7 @@ class RunLogWriter:
         self.flush()
 
     def write(self, event: Event) -> None:
-        """Add an event."""
+        """Append an event to the log."""
         if isinstance(event, LogEvent):
             self._log.write(self._log_line(event))
             return

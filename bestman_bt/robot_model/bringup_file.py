@@ -94,10 +94,10 @@ def content_digest(document: Document) -> str:
 
 
 def with_bringup_limits(model: RobotModel) -> tuple[RobotModel, str]:
-    """Return ``model`` with the limits that a real robot has now, and the reason if its arms are slow.
+    """Return ``model`` with the current limits of the real robot, and the reason if its arms are slowed down.
 
-    Arms are slow until the bring-up is signed; then the controllers must have the signed serial numbers. Raises
-    ConfigurationError if the file was signed for another content of the robot's file, or for a twin.
+    Arms are slowed down until the bring-up is signed; then the controllers must have the signed serial numbers. Raises
+    ConfigurationError if the robot's file has changed since, or if the file was signed for a twin.
     """
     path = model.bringup
     if path is None or not path.is_file():

@@ -42,7 +42,7 @@ _OF_A_RUN = ("connections.", "safety.", "bringup")
 
 
 def write_limits(part: PlacedPart) -> None:
-    """The URDF's own joint limits become those of the part's description."""
+    """Replace the URDF's joint limits by those of the part's description."""
     config = part.config
     limits: dict[str, tuple[float, float, float, float]] = {}  # lower, upper, velocity, effort
     if isinstance(config, JointedPart):
@@ -343,7 +343,7 @@ def _is_misspelt(name: str, parts: list[str], links: list[str]) -> bool:
 
 
 def load_problems(model: RobotModel, placed: Mapping[str, PlacedPart], document: Document) -> list[Problem]:
-    """Arms that carry more than their payload beyond the tip, bases that carry more than theirs."""
+    """Return a problem for each arm or base that carries more than its payload."""
     problems = []
     whole = payload(model, model.base_frame).mass
     for name, part in placed.items():

@@ -187,7 +187,7 @@ def _gripper(gripper: GripperPart, part: PlacedPart) -> GripperModel:
 
 
 def mounted_bumper(bumper: BumperPart, base: BaseModel) -> MountedBumper:
-    """Strips of equal length, counter-clockwise, from the front right corner on."""
+    """Return the zones of a bumper: strips of equal length, counter-clockwise from the front right corner."""
     joints = base.part.driven_joints if isinstance(base, WheeledBaseModel) else ()
     corners = np.array(base.footprint)
     begin = int(np.argmin(np.abs(np.arctan2(corners[:, 1], corners[:, 0]) + math.pi / 4)))

@@ -74,7 +74,7 @@ def opening_table(
 
 
 def link_poses(elements: list[ET.Element], positions: Mapping[str, float], links: Iterable[str]) -> dict[str, Pose]:
-    """Poses of at least ``links`` of a part in its root link's frame; joints without a position are at zero."""
+    """Return link → pose in the root link's frame, at least for ``links``; joints without a position are at zero."""
     joints = joints_to(elements)
     poses: dict[str, Pose] = {}
 

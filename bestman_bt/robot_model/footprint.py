@@ -51,7 +51,8 @@ def _mesh_corners(filename: str) -> NDArray[np.float64]:
 
 
 def footprint(links: Iterable[ET.Element], base_from_link: dict[str, Pose]) -> tuple[tuple[float, float], ...]:
-    """Corners (x, y) in the base frame, metres, counter-clockwise, to a tenth of a millimetre."""
+    """Return the convex outline of ``links``: corners (x, y) in the base frame, metres, counter-clockwise, rounded to
+    0.1 mm."""
     clouds = [np.zeros((0, 2))]
     for link in links:
         pose = base_from_link[link.get("name", "")]
@@ -63,7 +64,8 @@ def footprint(links: Iterable[ET.Element], base_from_link: dict[str, Pose]) -> t
 
 
 def convex_hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Corners (M, 2) of the convex hull of points (N, 2), counter-clockwise, none on an edge; of a line, its ends."""
+    """Return the corners (M, 2) of the convex hull of points (N, 2), counter-clockwise, without points on edges; for a
+    line, its ends."""
     ordered = np.unique(points, axis=0)
     try:
         corners: NDArray[np.float64] = ordered[ConvexHull(ordered).vertices]
@@ -73,7 +75,7 @@ def convex_hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def origin_pose(element: ET.Element) -> Pose:
-    """Return the pose that an element's ``<origin>`` gives."""
+    """Return the pose of an element's ``<origin>``."""
     origin = element.find("origin")
     if origin is None:
         return Pose()

@@ -42,7 +42,8 @@ class ParallelHand:
 
 
 def parallel_hand(name: str, d: ParallelHand) -> list[ET.Element]:
-    """Links ``<name>_link``, ``<name>_left_finger``, ``<name>_right_finger``, ``<name>_tool``; the joints alike."""
+    """Return links ``<name>_link``, ``<name>_left_finger``, ``<name>_right_finger``, ``<name>_tool``, and their
+    joints."""
     root, tool = f"{name}_link", f"{name}_tool"
     palm, length = d.housing[2], d.finger[2]
     middle = (0.0, 0.0, palm / 2)
@@ -96,7 +97,8 @@ class SwingingHand:
 
 
 def swinging_hand(name: str, d: SwingingHand) -> Subtree:
-    """Links ``<name>_palm``, ``<name>_left_finger``, ``<name>_left_tip``, …, ``<name>_tool``; joints of tips mimic."""
+    """Return links ``<name>_palm``, ``<name>_left_finger``, ``<name>_left_tip``, …, ``<name>_tool``; the joints of the
+    tips are mimic joints."""
     root, tool = f"{name}_palm", f"{name}_tool"
     middle = (0.0, 0.0, d.palm[2] / 2)
     reach = d.pivot[1] + d.tip[1]
@@ -162,7 +164,7 @@ class SuctionCup:
 
 
 def suction_cup(name: str, d: SuctionCup) -> list[ET.Element]:
-    """Links ``<name>_link``, ``<name>_cup`` and, in the middle of the cup's rim, ``<name>_tool``."""
+    """Return links ``<name>_link``, ``<name>_cup`` and, in the middle of the cup's rim, ``<name>_tool``."""
     root, cup, tool = f"{name}_link", f"{name}_cup", f"{name}_tool"
     tube, bell = Cylinder(0.6 * d.cup_radius, d.length), Cylinder(d.cup_radius, d.cup_length)
     half, half_cup = (0.0, 0.0, d.length / 2), (0.0, 0.0, d.cup_length / 2)

@@ -69,7 +69,7 @@ class SteeredBase(Chassis):
 
 
 def differential_base(name: str, d: DifferentialBase) -> list[ET.Element]:
-    """Links ``base_link, left_wheel, right_wheel, front_caster, rear_caster`` (``name`` is ``base``)."""
+    """Return links ``base_link, left_wheel, right_wheel, front_caster, rear_caster`` (``name`` is ``base``)."""
     root = f"{name}_link"
     elements = [_chassis(root, d, d.color)]
     for side, sign in (("left", 1), ("right", -1)):
@@ -98,7 +98,8 @@ def differential_base(name: str, d: DifferentialBase) -> list[ET.Element]:
 
 
 def steered_base(name: str, d: SteeredBase) -> list[ET.Element]:
-    """Links ``base_link``, ``front_left_fork``, ``front_left_wheel``, …; joints ``front_left_steering_joint``, …"""
+    """Return links ``base_link``, ``front_left_fork``, ``front_left_wheel``, …; joints ``front_left_steering_joint``,
+    …"""
     root = f"{name}_link"
     elements = [_chassis(root, d, d.color)]
     arm = Box((0.03, 0.02, 0.03))
@@ -191,7 +192,7 @@ class BuiltInLidar:
 
 
 def post(name: str, d: Post) -> list[ET.Element]:
-    """Links ``<name>_link`` (solid) and ``<name>_top`` (a frame)."""
+    """Return links ``<name>_link`` (solid) and ``<name>_top`` (a frame)."""
     body, top = f"{name}_link", f"{name}_top"
     middle = (0, 0, d.size[2] / 2)
     children = [
@@ -206,7 +207,8 @@ def post(name: str, d: Post) -> list[ET.Element]:
 
 
 def pan_tilt(name: str, d: PanTilt) -> list[ET.Element]:
-    """Links ``<name>_mount, <name>_pan_link, <name>_tilt_link``, joints ``<name>_pan_joint, <name>_tilt_joint``."""
+    """Return links ``<name>_mount, <name>_pan_link, <name>_tilt_link``, joints ``<name>_pan_joint,
+    <name>_tilt_joint``."""
     root, pan, tilt = f"{name}_mount", f"{name}_pan_link", f"{name}_tilt_link"
     neck = Cylinder(d.radius, d.tilt_height)
     bar = Cylinder(0.8 * d.radius, 2.6 * d.radius)
@@ -230,7 +232,7 @@ def pan_tilt(name: str, d: PanTilt) -> list[ET.Element]:
 
 
 def camera_body(name: str, d: CameraBody) -> list[ET.Element]:
-    """Links ``<name>_link`` (x forward) and ``<name>_optical_frame`` (x right, y down, z forward)."""
+    """Return links ``<name>_link`` (x forward) and ``<name>_optical_frame`` (x right, y down, z forward)."""
     body, optical = f"{name}_link", f"{name}_optical_frame"
     behind = (-d.size[0] / 2, 0, 0)
     children = [
@@ -255,7 +257,7 @@ def built_in_lidar(name: str, d: BuiltInLidar) -> list[ET.Element]:
 
 @dataclass(frozen=True)
 class BuiltInSensor:
-    """A sensor or battery inside or on the surface of what carries it, or too flat to count: nothing but a frame."""
+    """A sensor or battery inside its carrier, or too flat to matter for collisions: only a frame."""
 
 
 def built_in_sensor(name: str, _: BuiltInSensor) -> list[ET.Element]:

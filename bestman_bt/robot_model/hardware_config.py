@@ -145,7 +145,7 @@ def _kind_problems(
 
 
 def control_kind(kind: str) -> str:
-    """Return the kind of part as which a controller drives one of ``kind``: a suction cup is driven as a gripper."""
+    """Return the kind of part that a controller uses for ``kind``: a suction cup is controlled as a gripper."""
     return "gripper" if kind == "suction" else kind
 
 

@@ -42,22 +42,22 @@ class JointedModel:
 
     @cached_property
     def lower(self) -> NDArray[np.float64]:
-        """Lowest positions."""
+        """Lower position limits (n,), radians or metres."""
         return _fixed(self.part.limits.lower)
 
     @cached_property
     def upper(self) -> NDArray[np.float64]:
-        """Highest positions."""
+        """Upper position limits (n,), radians or metres."""
         return _fixed(self.part.limits.upper)
 
     @cached_property
     def velocity(self) -> NDArray[np.float64]:
-        """Highest speeds."""
+        """Velocity limits (n,), rad/s or m/s."""
         return _fixed(self.part.limits.velocity)
 
     @cached_property
     def acceleration(self) -> NDArray[np.float64]:
-        """Highest accelerations."""
+        """Acceleration limits (n,), rad/s² or m/s²."""
         return _fixed(self.part.limits.acceleration)
 
     @cached_property
@@ -76,7 +76,7 @@ class JointedModel:
 
     @cached_property
     def effort(self) -> NDArray[np.float64]:
-        """Highest efforts."""
+        """Effort limits (n,), N m or N."""
         return _fixed(self.part.limits.effort)
 
 
@@ -126,7 +126,7 @@ class GripperModel:
         return self.opening[0][1] if self.opening else self.part.max_width
 
     def joint_positions(self, width: float) -> dict[str, float]:
-        """Positions of all joints of the hand, followers included, when it is open by ``width``."""
+        """Return the positions of all joints of the hand, mimic joints included, at the opening ``width``, metres."""
         if self.opening:
             positions, widths = self._table
             position = float(np.interp(width, widths, positions))
@@ -176,7 +176,7 @@ class GripperModel:
 class LegModel:
     """A leg; metres in the frame of the trunk. Its hip turns about x, its thigh and its knee about y.
 
-    ``hip``: point on the hip's axis, ``thigh_offset``: from there sideways (y) to the thigh.
+    ``hip``: (3,), a point on the hip's axis; ``thigh_offset``: lateral distance (y) from it to the thigh.
     """
 
     hip: tuple[float, float, float]

@@ -102,7 +102,7 @@ class BasePart(MobilePart):
 
     @property
     def driven_joints(self) -> tuple[str, ...]:
-        """Wheels, then steering."""
+        """The wheel joints, then the steering joints."""
         return self.wheel_joints + self.steering_joints
 
 

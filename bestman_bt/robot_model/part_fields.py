@@ -115,10 +115,10 @@ class PartConfig:
 
     Links come from ``urdf`` (``PACKAGE:FILE`` or a path beside this description) from its link ``root`` down without
     the subtrees ``cut``; ``packages``: folders for its ``package://`` names; or from the generator ``generated`` with
-    its ``dimensions``. ``frames``: frames to add. ``mass``: link → its mass, where the source is wrong or silent; its
-    inertia is that of its collision shape. ``collision``: link → boxes that replace its collision shape. ``contact``:
-    link → friction and stiffness. ``may_touch``: pairs of links whose shapes overlap by construction or may touch.
-    ``seat``: pose of the root on the carrier, before ``xyz`` and ``rpy``.
+    its ``dimensions``. ``frames``: frames to add. ``mass``: link → mass that replaces or completes the source's; the
+    inertia then follows from the collision shape. ``collision``: link → boxes that replace its collision shape.
+    ``contact``: link → friction and stiffness. ``may_touch``: pairs of links whose shapes overlap by construction or
+    may touch. ``seat``: pose of the root on the carrier, before ``xyz`` and ``rpy``.
     """
 
     kind: str

@@ -234,7 +234,7 @@ def read_part(
 
 
 def links_of_invalid_part(name: str, description: str, changes: Document, taken: set[str]) -> list[str] | None:
-    """Return the names of the links of a part that ``read_part`` refuses, or None if they cannot be read either.
+    """Return the link names of a part that ``read_part`` refuses, or None if they cannot be read.
 
     ``taken``: as for ``read_part``.
     """

@@ -14,7 +14,7 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
 
 
 def name_fault(name: str) -> str | None:
-    """Why a part cannot have this name, in words, or None if it can: links, files and --set keys are called by it."""
+    """Return why a part cannot have this name, or None if it can. The name is used in links, files and --set keys."""
     if _NAME.fullmatch(name):
         return None
     return f"{name!r} cannot be a part's name: letters, digits, '_' and '-' can"

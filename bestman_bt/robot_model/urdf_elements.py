@@ -17,7 +17,7 @@ ZERO = (0.0, 0.0, 0.0)
 
 
 def numbers(values: Vector) -> str:
-    """Numbers as URDF writes them."""
+    """Format numbers for URDF, separated by spaces."""
     return " ".join(f"{value:.9g}" for value in values)
 
 
@@ -135,7 +135,7 @@ def move_origin(elements: Iterable[ET.Element], link_name: str, to: Vector) -> N
 
 
 def parent_of(joint: ET.Element) -> str:
-    """Return the link before a joint."""
+    """Return the parent link of a joint."""
     return _end(joint, "parent")
 
 
@@ -145,7 +145,7 @@ def joints_to(elements: Iterable[ET.Element]) -> dict[str, ET.Element]:
 
 
 def child_of(joint: ET.Element) -> str:
-    """Return the link behind a joint."""
+    """Return the child link of a joint."""
     return _end(joint, "child")
 
 

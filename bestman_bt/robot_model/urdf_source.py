@@ -251,7 +251,7 @@ class Srdf:
     faults: tuple[str, ...] = ()
 
     def group(self, name: str) -> SrdfGroup:
-        """Return a group by name. Raises UrdfError naming those there are."""
+        """Return a group by name. Raises UrdfError listing the existing groups."""
         if name not in self.groups:
             raise UrdfError(f"the SRDF has no group {name!r}; {suggestion(name, list(self.groups))}")
         return self.groups[name]

@@ -70,7 +70,7 @@ class UrdfTree:
 
     @cached_property
     def root(self) -> str:
-        """The one link that nothing carries."""
+        """The name of the root link, which has no parent joint."""
         return next(name for name in self.links if name not in self.above)
 
     def moves(self, joint: ET.Element) -> bool:
@@ -84,7 +84,7 @@ class UrdfTree:
     def path_to(self, tip: str, base: str | None = None) -> list[ET.Element]:
         """Return the joints from ``base`` (default: the root) to ``tip``.
 
-        Raises UrdfError if ``tip`` does not hang on it.
+        Raises UrdfError if ``tip`` is not a descendant of ``base``.
         """
         chain: list[ET.Element] = []
         link = self.known(tip)
@@ -96,7 +96,7 @@ class UrdfTree:
         return chain[::-1]
 
     def subtree(self, root: str | None = None) -> Subtree:
-        """Links and joints below ``root`` (default: the tree's), as a part has them."""
+        """Return links and joints below ``root`` (default: the tree's root) for a part."""
         return read_subtree(self.path, root, self._cut, self._packages)
 
     def below(self, link: str) -> list[ET.Element]:
@@ -111,7 +111,7 @@ class UrdfTree:
         return found
 
     def known(self, link: str) -> str:
-        """``link``, if there is one of that name. Raises UrdfError suggesting the closest."""
+        """Return ``link`` if it exists. Raises UrdfError suggesting the closest name."""
         if link not in self.links:
             raise UrdfError(f"{self.path.name} has no link {link!r}; {suggestion(link, list(self.links))}")
         return link

@@ -31,7 +31,7 @@ class Breakpoint:
     held: bool = False
 
     def met(self, begins_or_ends: bool) -> bool:
-        """Return whether to hold now.
+        """Return whether the execution must pause now.
 
         Without a condition: when the node starts, or has its result. With one: at the first tick at which it becomes
         true.

@@ -52,7 +52,7 @@ KNOWN = (
 class ControlChannel:
     """Serves one executor; ``stop_robot`` is called at once, from the serving thread: an emergency stop.
 
-    ``robot_state``: the state of the robot and its parts for ``status``, in words. ``speed``: of the robot.
+    ``robot_state``: returns the state of the robot and its parts as text, for ``status``. ``speed``: of the robot.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class ControlChannel:
         self._telemetry.subscribe(outbox, topics_of(message))
 
     def forget(self, outbox: SubscriberQueue) -> None:
-        """End a subscription."""
+        """Remove a subscriber."""
         self._telemetry.forget(outbox)
 
     def _drive(self, what: str) -> None:

@@ -140,7 +140,7 @@ class Executor:
         self._go.set()
 
     def step(self) -> None:
-        """Tick once and pause again."""
+        """Execute one tick, then pause again."""
         self._stepped.clear()
         self._step = True
         self._go.set()

@@ -116,7 +116,7 @@ def import_object(
 
 
 def write_grasps(object_file: Path, gripper: GripperModel, gripper_name: str) -> ObjectModel:
-    """Find the grasps of an object again, write them beside its file, and reference them there.
+    """Recompute the grasps of an object, write them to a file beside the object's and reference that file.
 
     Raises ConfigurationError for a file that is not an object.
     """

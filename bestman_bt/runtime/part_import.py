@@ -46,7 +46,7 @@ class PartRequest:
 
 @dataclass(frozen=True)
 class ImportedPart:
-    """``description``: its YAML text; ``robot``: the part alone; ``notes``: what the file left open."""
+    """``description``: its YAML text; ``robot``: the part alone; ``notes``: properties that could not be inferred."""
 
     name: str
     kind: str

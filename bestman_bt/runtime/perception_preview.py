@@ -81,7 +81,7 @@ def unseen(furniture: str, code: str, why: Exception) -> LookResult:
 
 
 def run_in_front_of(furniture: MapFurniture, asked: RunRequest) -> RunConfig:
-    """Return a run whose robot starts straight in front of the furniture, at the best distance with enough room.
+    """Return a run whose robot starts centred in front of the furniture, at the best distance with enough free space.
 
     Raises SceneError if there is none, else as ``run_of_options`` and ``load_scene`` do.
     """

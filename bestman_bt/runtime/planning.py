@@ -239,12 +239,12 @@ def assumed(plan: TaskPlan) -> tuple[Action, ...]:
 
 
 def replanning_planner(planner: str) -> str:
-    """Return the planner for replanning at run time: never a language model."""
+    """Return the name of the planner for replanning at run time, which is never a language model."""
     return "symbolic" if planner == "language" else planner
 
 
 def refusals(faults: Iterable[TreeProblem]) -> list[str]:
-    """Return the faults because of which a tree must not be run."""
+    """Return the faults that forbid running the tree."""
     return [str(fault) for fault in faults if fault.severity != "warning"]
 
 

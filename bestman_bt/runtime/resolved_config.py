@@ -110,7 +110,7 @@ class ResolvedConfig(DrawnTask):
 
     @property
     def told(self) -> dict[str, str]:
-        """Object → full name of its surface, as given by the task."""
+        """Object → full name of its surface, for places given by the task."""
         return {name: place for goal in self.asked for name, place in goal.told().items()}
 
     @property
@@ -148,7 +148,7 @@ class ResolvedConfig(DrawnTask):
         return frozenset(part for connection in self.robot_model.connections.values() for part in connection.parts)
 
     def missing_in(self, tree: Tree) -> list[TreeProblem]:
-        """Return what a tree uses but the setup lacks: parts, named things, policies and algorithms.
+        """Return a problem for each part, name, policy and algorithm that a tree uses and the setup lacks.
 
         The tree's entries are not filled yet.
         """

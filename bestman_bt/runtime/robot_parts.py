@@ -94,12 +94,12 @@ class RobotParts:
 
     @cached_property
     def joints(self) -> JointStateSensor:
-        """The encoders of all joints."""
+        """The sensor that reads the encoders of all joints."""
         return JointStateSensor(self.robot.parts, self.model)
 
     @cached_property
     def arm_coordinator(self) -> ArmCoordinator | None:
-        """Right of way between several arms, or None for one arm."""
+        """The coordinator that prevents collisions between several arms, or None for one arm."""
         several = len(self.model.arm_names) > 1
         return ArmCoordinator(self.model, self.joints, self.world, self.robot.clock) if several else None
 

@@ -29,9 +29,7 @@ FROM = (1.0, -1.15, 0.45)
 
 
 def robot_picture(model: RobotModel, width: int = 480, height: int = 560, posture: str = "home") -> Picture:
-    """Return a robot on a floor in a posture, (height, width, 3) uint8; its joints are at zero without such a
-    posture.
-    """
+    """Return an image of a robot on the floor, (height, width, 3) uint8; its joints are at zero without the posture."""
     positions = dict(model.postures.get(posture, {}))
     for gripper in model.of(GripperModel).values():
         positions |= gripper.joint_positions(gripper.max_width)

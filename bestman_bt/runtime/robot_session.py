@@ -92,7 +92,7 @@ class RobotSession:
 
     ``entries``: root blackboard entries of the configured task, set in every tree. ``speed``: scales the robot's speed
     (``session.speed.set(0.3)``). ``ended``: True after the ``with`` block; then nothing can be loaded or run.
-    ``telling``: the telemetry of the last execution that has one.
+    ``telling``: the telemetry of the latest execution with telemetry.
     """
 
     setup: ResolvedConfig
@@ -218,7 +218,7 @@ class RobotSession:
     ) -> Telemetry:
         """Create the telemetry of one execution: tree states, robot, images, failures; stored in ``folder``, if any.
 
-        The robot writes its black box there, too. ``keeping``: notified if the folder cannot be written.
+        The robot writes its black box there, too. ``keeping``: receives write errors of the folder.
         """
         self.robot.keep_black_box_in(None if folder is None else folder.resolve())
         sources = (
@@ -323,7 +323,8 @@ def session(
     driver: str = DEFAULT_SIMULATOR,
     gui: bool = False,
 ) -> UnopenedSession:
-    """Return a session to be opened by ``with``: ``with session(scene="kitchen", seed=1) as s: s.run("fetch_cup")``.
+    """Return a session to open in a ``with`` statement: ``with session(scene="kitchen", seed=1) as s:
+    s.run("fetch_cup")``.
 
     The task sets goal and limits, and the robot and scene unless they are given. Its runs are not judged. Opening
     raises as ``prepare`` does.

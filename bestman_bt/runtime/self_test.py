@@ -91,7 +91,8 @@ class TrialProcedure:
 class SelfTest:
     """Times are processor seconds. ``drift``: of the standing base, ``after``: after the arm motions, metres.
 
-    ``reached``: postures that the arms reached, of ``asked``. ``touching``: links that collided on the way.
+    ``reached``: number of postures that the arms reached, of ``asked``. ``touching``: links that collided during the
+    motions.
     """
 
     composed: float
@@ -105,17 +106,17 @@ class SelfTest:
 
     @property
     def quick(self) -> bool:
-        """Whether it was composed within 50 ms and loaded within 1 s; a busy machine may be slower."""
+        """Whether the robot was composed within 50 ms and loaded within 1 s; a busy machine may be slower."""
         return self.composed <= 0.05 and self.loaded <= 1.0
 
     @property
     def sound(self) -> bool:
-        """Whether it drifted by at most 5 mm, reached all postures, and nothing collided."""
+        """Whether the base drifted by at most 5 mm and the arms reached all postures without collision."""
         return self.drift <= 0.005 and self.reached == self.asked and not self.touching
 
     @property
     def passed(self) -> bool:
-        """Whether it is quick and sound."""
+        """Whether the robot is both ``quick`` and ``sound``."""
         return self.quick and self.sound
 
 

@@ -93,7 +93,7 @@ class Facts(Goal[FactsFields]):
         return found
 
     def subjects(self) -> list[str]:
-        """Return the first thing of each fact."""
+        """Return the first argument of each fact."""
         return [name for literal in self.literals for name in literal.fact.arguments[:1]]
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:

@@ -45,8 +45,8 @@ LONGEST_MESSAGE = 2000
 class TreeListener:
     """Publishes the states of a tree and the feedback of its leaves.
 
-    ``tell``: takes a function that makes events, returns False if it was dropped; ``moment``: converts a clock time to
-    time and tick count of events; ``failed``: called with the uids of failed actions.
+    ``tell``: receives a function that creates events, and returns False if it was dropped; ``moment``: converts a clock
+    time to time and tick count of events; ``failed``: called with the uids of failed actions.
     """
 
     def __init__(
@@ -290,7 +290,7 @@ class Telemetry:
         self._executor.between_ticks(self._attach)
 
     def forget(self, outbox: SubscriberQueue) -> None:
-        """End a subscription."""
+        """Remove a subscriber."""
         self._subscribers.discard(outbox)
         self._stream.forget(outbox)
 

@@ -38,7 +38,7 @@ _IDENTITY = re.compile(r"(.+)_\d+")
 def known_names(world: WorldModel, absent: Iterable[str] = ()) -> dict[str, list[str]]:
     """Return the names of the world that ports may use, by kind.
 
-    ``absent``: objects that the scene leaves out, which may be searched for nevertheless.
+    ``absent``: objects missing from the scene, which a tree may still search for.
     """
     pieces = world.map.furniture
     return {
@@ -52,8 +52,8 @@ def known_names(world: WorldModel, absent: Iterable[str] = ()) -> dict[str, list
 def lacking_parts(tree: Tree, robot: RobotModel, there: Collection[str]) -> list[TreeProblem]:
     """Return a problem for each node that requires a part (``REQUIRES``) which the robot lacks.
 
-    ``there``: names of the available parts; the others of a real robot have no connection. If it is empty, the robot's
-    file is at fault, not the tree.
+    ``there``: names of the available parts; the other parts of a real robot have no connection. If empty, the fault is
+    in the robot's file, not in the tree.
     """
     if robot.parts and not there:
         return []

@@ -35,7 +35,7 @@ class WristCheck:
 
     @property
     def fault(self) -> str | None:
-        """Return the fault in words, or None if the two values agree within a half."""
+        """Return the fault as text, or None if the two values differ by at most half."""
         if self.expected < LEAST_CHANGE:
             return f"the hand's weight changes by {self.expected:.1f} N only: turn the arm to another posture first"
         share = self.felt / self.expected

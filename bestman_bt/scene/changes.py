@@ -40,11 +40,12 @@ def draw_changes(
     robot: Pose2D,
     generator: Callable[[str], np.random.Generator],
 ) -> tuple[PlacedFurniture, ...] | None:
-    """Return the furniture with the moved and unmapped pieces, or None if one finds no place.
+    """Return the furniture with the moved and unmapped pieces, or None if there is no place for one of them.
 
     Such a piece may be an obstacle, but must not cut off floor that a disc of the scene's ``passage`` could reach,
-    except the floor that it covers. A moved piece without such a place cuts off no more than before. ``standing``:
-    outlines of walls and open doors. ``robot``: start pose. ``generator``: random numbers by a piece's name.
+    except the floor that it covers. A moved piece without such a place must not cut off more floor than at its old
+    place. ``standing``: outlines of walls and open doors. ``robot``: start pose. ``generator``: random numbers by a
+    piece's name.
     """
     pieces = list(furniture)
     for index, piece in enumerate(furniture):

@@ -99,10 +99,9 @@ class SceneError(ConfigurationError):
 
 
 def draw_world(scene: SceneConfig, seed: int) -> World:
-    """Draw the world of a seed, deterministically. Raises SceneError if nothing fits.
+    """Draw the world of a seed; deterministic. Raises SceneError if no placement satisfies the scene.
 
-    Each thing has its own stream of random numbers: leaving out one object moves another only if they competed for
-    space.
+    Each entity has its own stream of random numbers: removing one object moves another only if they competed for space.
     """
     try:
         scene = with_apartment(scene, seed)

@@ -39,9 +39,10 @@ class FloorGrid:
         return replace(grid, room=ndimage.distance_transform_edt(~taken) * resolution)
 
     def beside(self, polygon: Points, far: float) -> FloorGrid:
-        """This floor with one more convex counter-clockwise polygon on it; room is true up to ``far``, metres.
+        """Return this floor with another convex polygon (counter-clockwise) as obstacle; clearances are exact up to
+        ``far``, metres.
 
-        As ``of`` with all outlines, without measuring the whole floor again.
+        Equivalent to ``of`` with all outlines, but without recomputing the whole floor.
         """
         window, inside = self._covered(polygon, far)
         room = self.room.copy()
@@ -62,7 +63,7 @@ class FloorGrid:
         return (slice(low[1], high[1]), slice(low[0], high[0])), inside
 
     def every(self, count: int) -> FloorGrid:
-        """Return a grid with one cell per ``count`` cells each way, with the clearance at its middle."""
+        """Return a coarser grid: one cell per ``count`` × ``count`` cells, with the clearance at its centre."""
         first = count // 2
         origin = self.origin + (first + 0.5 - count / 2) * self.resolution
         return FloorGrid(self.room[first::count, first::count], origin, count * self.resolution)
@@ -81,13 +82,13 @@ class FloorGrid:
         return largest
 
     def cells(self, points: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Rows and columns of map points (..., 2); of points beyond the grid, those of its border."""
+        """Return rows and columns of map points (..., 2), metres; points outside the grid are clamped to its border."""
         cells = np.floor((np.asarray(points, dtype=float) - self.origin) / self.resolution).astype(np.intp)
         rows, columns = self.room.shape
         return np.clip(cells[..., 1], 0, rows - 1), np.clip(cells[..., 0], 0, columns - 1)
 
     def points(self, rows: ArrayLike, columns: ArrayLike) -> NDArray[np.float64]:
-        """Map points (..., 2), metres, at the centres of cells."""
+        """Return the map points (..., 2), metres, at the centres of cells."""
         xy = np.stack([np.asarray(columns, dtype=float), np.asarray(rows, dtype=float)], axis=-1)
         points: NDArray[np.float64] = self.origin + (xy + 0.5) * self.resolution
         return points

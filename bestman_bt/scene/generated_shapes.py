@@ -53,7 +53,7 @@ def revolved_mesh(profile: Sequence[tuple[float, float]]) -> Mesh:
 
 
 def revolved_parts(profile: Sequence[tuple[float, float]]) -> tuple[Mesh, ...]:
-    """Convex parts that fill the body of ``revolved_mesh``; hollows stay open.
+    """Return convex parts that fill the body of ``revolved_mesh``, without its hollows.
 
     The profile is cut at the heights of its corners; levels that together stay convex are one part, and a level that
     does not reach the axis is a ring of ``RING_PARTS`` parts, which overlap.

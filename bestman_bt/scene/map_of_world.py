@@ -17,9 +17,7 @@ _ON_THE_FACE = 0.002
 
 
 def boards(model: FurnitureModel, elevation: float) -> tuple[PlacedShape, ...]:
-    """Return the boxes of the body of furniture that opens, raised by ``elevation``; nothing of furniture that does
-    not.
-    """
+    """Return the boards of furniture with doors or drawers, raised by ``elevation`` metres; empty for other pieces."""
     return _raised(_boxes(model.parts), elevation) if model.articulations else ()
 
 

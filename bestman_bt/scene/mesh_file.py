@@ -115,7 +115,8 @@ def read_triangles(path: Path, library: MeshLibrary = "trimesh") -> Any:
 
 
 def read_groups(path: Path) -> list[Any]:
-    """Return the objects of a file (``o`` of an OBJ file), each as ``read_triangles`` gives it. Raises MeshError."""
+    """Return the objects of a file (``o`` of an OBJ file), each in the format of ``read_triangles``. Raises
+    MeshError."""
     return [_cleaned(mesh) for mesh in _geometries(path)]
 
 
@@ -195,6 +196,6 @@ def _cleaned(mesh: Any) -> Any:
 
 
 def upright(vertices: NDArray[np.float64], config: MeshConfig) -> NDArray[np.float64]:
-    """Corners (N, 3) of a file in metres, z up; the origin stays."""
+    """Return the vertices (N, 3) of a file in metres with z up; the origin is unchanged."""
     turned: NDArray[np.float64] = np.asarray(vertices) @ _TURNS[config.up].T
     return turned * config.scale

@@ -154,7 +154,7 @@ class GraspEntry:
 
 @dataclass(frozen=True)
 class GraspsFile:
-    """``gripper``: the one that they are for, in words. ``grasps``: in the object's frame, best first."""
+    """``gripper``: description of the gripper that they are for. ``grasps``: in the object's frame, best first."""
 
     gripper: str
     grasps: tuple[GraspEntry, ...]

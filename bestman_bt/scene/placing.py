@@ -25,7 +25,8 @@ _OVERHEAD = 1.8
 
 
 def standing_outlines(walls: Iterable[Wall], furniture: Iterable[PlacedFurniture]) -> list[Points]:
-    """Convex polygons, counter-clockwise: walls, footprints, frames of doors between rooms, and open leaves."""
+    """Return convex counter-clockwise polygons of walls, footprints, frames of room doors, and open doors and
+    drawers."""
     pieces = list(furniture)
     outlines = [wall_rectangle(wall) for wall in walls]
     for piece in pieces:
@@ -41,7 +42,7 @@ def body_outlines(piece: PlacedFurniture) -> list[Points]:
 
 
 def articulation_outlines(piece: PlacedFurniture) -> Iterator[Points]:
-    """The boards of open doors and drawers, and of a door between rooms also while it is closed."""
+    """Yield the outlines of open doors and drawers; of room doors also if closed."""
     for leaf in piece.model.articulations:
         position = piece.open.get(leaf.name, 0.0)
         if position > 0.0 or piece.model.is_passage:
@@ -93,7 +94,8 @@ def surface_of(
 
 
 def planar_radius(model: ObjectModel) -> float:
-    """Radius of the circle about the object's frame that holds its collision shapes, seen from above, metres."""
+    """Return the radius of the circle around the object's frame that contains its collision shapes in top view,
+    metres."""
     if model.symmetry_order == 0:
         return float(model.size[:2].max()) / 2
     return math.hypot(*model.size[:2]) / 2
@@ -106,7 +108,8 @@ def standing_on(map_from_surface: Pose, on_surface: Pose2D, model: ObjectModel) 
 
 
 def gap_to_objects(pose: Pose, model: ObjectModel, others: Iterable[PlacedObject]) -> float:
-    """Smallest distance from one object's circle to those of others at its height; infinite without others."""
+    """Return the smallest distance between the circles of one object and others at its height, metres; infinite without
+    others."""
     here: NDArray[np.float64] = pose.position[:2]
     gaps = [
         float(np.linalg.norm(other.pose.position[:2] - here)) - planar_radius(model) - planar_radius(other.model)

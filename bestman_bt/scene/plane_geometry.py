@@ -14,19 +14,20 @@ Points = NDArray[np.float64]
 
 
 def rectangle(pose: Pose2D, size: tuple[float, float]) -> Points:
-    """Corners (4, 2) of a rectangle centred at ``pose``, counter-clockwise."""
+    """Return the corners (4, 2) of a rectangle centred at ``pose``, counter-clockwise."""
     x, y = size[0] / 2, size[1] / 2
     return pose.apply(np.array([[-x, -y], [x, -y], [x, y], [-x, y]]))
 
 
 def wall_rectangle(wall: Wall) -> Points:
-    """Corners (4, 2) of a wall seen from above, counter-clockwise."""
+    """Return the corners (4, 2) of a wall in top view, counter-clockwise."""
     box, pose = wall_box(wall)
     return rectangle(pose.to_pose2d(), box.size[:2])
 
 
 def depth_inside(polygon: Points, point: Points) -> float:
-    """Distance of a point to the nearest edge line of a convex counter-clockwise polygon, negative outside."""
+    """Return the distance of a point to the nearest edge line of a convex counter-clockwise polygon; negative
+    outside."""
     edges = np.roll(polygon, -1, axis=0) - polygon
     offsets = point - polygon
     cross = edges[:, 0] * offsets[:, 1] - edges[:, 1] * offsets[:, 0]
@@ -34,7 +35,7 @@ def depth_inside(polygon: Points, point: Points) -> float:
 
 
 def distance_to_polygon(polygon: Points, point: Points) -> float:
-    """Distance of a point to a convex counter-clockwise polygon, 0 inside."""
+    """Return the distance of a point to a convex counter-clockwise polygon; 0 inside."""
     if depth_inside(polygon, point) >= 0.0:
         return 0.0
     edges = np.roll(polygon, -1, axis=0) - polygon

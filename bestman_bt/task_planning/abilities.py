@@ -28,7 +28,7 @@ class DeclarationError(PlanningError, InputError):
 
 @dataclass(frozen=True)
 class Ability:
-    """``is_subtree``: whether trees call it as ``<SubTree ID=…>``. ``description``: in words."""
+    """``is_subtree``: whether trees call it as ``<SubTree ID=…>``. ``description``: for people."""
 
     operator: Operator
     is_subtree: bool

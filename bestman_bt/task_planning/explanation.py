@@ -17,7 +17,7 @@ _Way = tuple[tuple[Literal, Action], ...]
 
 
 def explain(problem: PlanningProblem) -> str:
-    """Return why a goal cannot be reached, in words: ``locked(fridge) is believed, and nothing changes that: …``.
+    """Return why a goal cannot be reached, as text: ``locked(fridge) is believed, and nothing changes that: …``.
 
     Each line is one root cause, with its chain to the goal. Empty if the goal holds already.
     """

@@ -98,7 +98,7 @@ def beliefs_of(skills: SkillContext) -> Beliefs:
 
 @dataclass(frozen=True)
 class PlanAssessment:
-    """The state of a plan; ``next``: the next action, None if the plan is done or no longer helps.
+    """The state of a plan; ``next``: the next action, None if the plan is complete or no longer leads to the goal.
 
     ``broken``: the violated conditions of the rest of the plan, if it no longer helps.
     """
@@ -156,7 +156,7 @@ class _Planning(RobotNode):
 
 
 class Plan(_Planning, Skill):
-    """Plan from the current beliefs; on failure (``unsolvable``) the message says what is missing."""
+    """Plan from the current beliefs; on failure (``unsolvable``) the message names the missing facts."""
 
     USES = ("arm",)
     planner = In(str, "symbolic, fast_downward, or one of your own", default="symbolic")
@@ -170,7 +170,7 @@ class Plan(_Planning, Skill):
     }
 
     def execute(self) -> SkillCoroutine[None]:
-        """Plan, and report the plan."""
+        """Compute a plan, log it and write it to the port."""
         try:
             planner = made_planner(self.planner)
         except UnknownNameError as error:

@@ -36,7 +36,8 @@ MAX_TICKS = 10_000
 
 @dataclass
 class SymbolicWorld:
-    """The facts that hold, and the executed actions. ``done``: succeeded; ``told``: failures, (path, reason)."""
+    """The state of a symbolic simulation: true facts and executed actions. ``done``: succeeded; ``told``: failures,
+    (path, reason)."""
 
     problem: PlanningProblem
     state: frozenset[Fact] = field(init=False)

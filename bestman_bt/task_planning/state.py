@@ -25,7 +25,7 @@ class PredicateError(PlanningError):
 
 
 def surfaces(world: WorldModel) -> list[str]:
-    """The names of all places, ``furniture/surface``."""
+    """Return the names of all places, ``furniture/surface``."""
     return [f"{piece.name}/{surface.name}" for piece in world.map.furniture.values() for surface in piece.surfaces]
 
 
@@ -35,7 +35,7 @@ def known_predicates() -> dict[str, Predicate]:
 
 
 def things(world: WorldModel) -> dict[str, str]:
-    """Return name → type of everything that facts may refer to: objects, surfaces of the map, doors and drawers."""
+    """Return name → type of all arguments of facts: objects, surfaces of the map, doors and drawers."""
     held = [one.name for one in world.hands.values()]
     found = dict.fromkeys([*world.models, *world.objects, *held], "object")
     found |= dict.fromkeys(surfaces(world), "place")
@@ -102,7 +102,7 @@ def brought_about(beliefs: Beliefs) -> set[Fact]:
 
 
 def read_state(beliefs: Beliefs, objects: Mapping[str, str] | None = None) -> frozenset[Fact]:
-    """Return all believed facts about the given things, or about all."""
+    """Return all believed facts, or only those about ``objects``."""
     kinds: dict[str, list[str]] = {}
     objects = things(beliefs.world) if objects is None else objects
     for name, kind in objects.items():

@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 
 
 def highest_reach(robot: RobotModel) -> float:
-    """Metres above the floor that no tool of the robot gets above: its joints' offsets and slides, outstretched."""
+    """Return an upper bound of the height of the robot's tools, metres above the floor: the sum of link lengths and
+    slides."""
     from bestman_bt.robot_model.model import ArmModel
 
     above = {}
@@ -60,7 +61,7 @@ def highest_reach(robot: RobotModel) -> float:
 
 
 def widest_grasp(robot: RobotModel) -> float:
-    """Metres between the fingers of the hand that opens widest; a suction cup has no such limit."""
+    """Return the largest opening of the robot's hands, metres; infinite for a suction cup."""
     from bestman_bt.robot_model.model import GripperModel
 
     grippers = robot.of(GripperModel).values()
@@ -87,9 +88,9 @@ def verify(
     robot: RobotModel | None = None,
     world: WorldModel | None = None,
 ) -> list[TreeProblem]:
-    """Everything that is wrong with a tree for a problem; warnings are hints, all else is a reason not to run it.
+    """Return all faults of a tree for a problem. Warnings are hints; with any other fault the tree must not run.
 
-    ``source``: a file or XML text. ``robot``: whose capabilities count; ``world``: what it believes, for hints.
+    ``source``: a file or XML text. ``robot``: checked for the required capabilities. ``world``: its beliefs, for hints.
     """
     try:
         tree = load_tree(source, registry, search_path=shipped_trees())

@@ -53,8 +53,8 @@ def place_labels(
 ) -> list[Rectangle]:
     """Return one rectangle per label within the ``picture`` (width, height), placed in order.
 
-    Each takes the position around its anchor that covers least of the earlier labels, then least of ``keep_clear``,
-    then the nearest. A label larger than the picture starts at its left or upper border.
+    Each label takes the position around its anchor that covers the least area of earlier labels, then of
+    ``keep_clear``, then the nearest one. A label larger than the picture starts at its left or upper border.
     """
     placed: list[Rectangle] = []
     for label in labels:
@@ -95,7 +95,7 @@ def _cost(
 
 
 def overlap(one: Rectangle, other: Rectangle) -> float:
-    """Pixels that two rectangles share."""
+    """Return the overlap of two rectangles, pixels."""
     width = min(one[2], other[2]) - max(one[0], other[0])
     height = min(one[3], other[3]) - max(one[1], other[1])
     return max(0.0, width) * max(0.0, height)
@@ -132,7 +132,7 @@ class Canvas:
         return (np.column_stack([k.cx + k.fx * x / z, k.cy + k.fy * y / z]) + 0.5) * self._scale - 0.5
 
     def inside(self, pixels: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which pixels (N, 2) lie on the canvas: (N,)."""
+        """Return whether each of the pixels (N, 2) lies on the canvas, (N,) bool."""
         limit = np.array(self.pixels.shape[1::-1])
         return np.asarray(((pixels >= 0) & (pixels < limit)).all(axis=1))  # NaN is not
 
@@ -149,7 +149,7 @@ class Canvas:
         return seen
 
     def lines(self, segments: NDArray[np.float64], color: Color, thickness: int = 2) -> None:
-        """Segments (N, 2, 3) metres."""
+        """Draw line segments (N, 2, 3), metres."""
         ends = self.project(segments.reshape(-1, 3)).reshape(-1, 2, 2)
         for first, second in ends[np.isfinite(ends).all(axis=(1, 2))]:
             cv2.line(self.pixels, _pixel(first), _pixel(second), color, thickness, cv2.LINE_AA)

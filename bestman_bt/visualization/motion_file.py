@@ -106,7 +106,7 @@ class MotionRecord:
         return float(self.times[-1])
 
     def at(self, time: float) -> RobotSnapshot:
-        """Everything at ``time``, between two moments in proportion; the first or last one beyond them."""
+        """Return the state at ``time``, seconds, interpolated linearly and clamped to the first or last sample."""
         later = int(np.clip(np.searchsorted(self.times, time), 1, len(self.times) - 1)) if len(self.times) > 1 else 0
         earlier = max(later - 1, 0)
         span = self.times[later] - self.times[earlier]

@@ -28,7 +28,8 @@ Only characters of Rerun's font (Inter): its headless viewer stops at any other.
 
 
 def node_label(node: DescribedNode) -> str:
-    """``"→ pick"`` for a named Sequence, ``"→ Sequence"`` for a nameless one; a leaf's name, else its type."""
+    """Return the label of a node: ``"→ pick"`` for a named Sequence, ``"→ Sequence"`` for an unnamed one; for a leaf
+    its name, else its type."""
     symbol = SYMBOLS.get(node.type)
     text = node.name or node.type
     return f"{symbol} {text}" if symbol else text

@@ -27,7 +27,8 @@ RED, ROBOT, OTHER, INK = (214, 39, 40), (120, 144, 170), (205, 190, 160), (40, 4
 
 
 def scene_picture(bodies: Sequence[Body], robot: Collection[str], obstacle: MotionObstacle) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8: all ``bodies`` about the robot, whose links have the names ``robot``, and a line of words."""
+    """Return an image (H, W, 3) uint8 of the ``bodies`` around the robot, whose links have the names ``robot``, with a
+    caption."""
     red = {name for pair in obstacle.pairs[:1] for name in pair}
     centre, size = _window([corners for name, corners in bodies if name in robot])
     near = [body for body in bodies if _is_near(body[1], centre, size)]

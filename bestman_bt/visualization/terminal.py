@@ -245,6 +245,6 @@ class LiveTree:
 
 
 def style_of(look: Look) -> str:
-    """Rich's style of a look."""
+    """Return the rich style for an appearance."""
     red, green, blue = look.dark
     return f"rgb({red},{green},{blue})"

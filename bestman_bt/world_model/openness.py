@@ -57,8 +57,8 @@ ENOUGH = 0.9
 
 @dataclass(frozen=True)
 class Openness:
-    """Metres or radians: ``enough``: to work behind it; ``asked``: the target when opening; ``shut``: at most, to count
-    as shut.
+    """Openings of a door or drawer, metres or radians. ``enough``: to work behind it. ``asked``: target of opening.
+    ``shut``: largest opening that counts as shut.
     """
 
     enough: float

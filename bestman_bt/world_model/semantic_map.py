@@ -36,7 +36,8 @@ class MapArticulation:
 
     ``origin``: (3,) metres, a point on the ``axis``, (3,) unit, about or along which it opens. ``shapes``: its boards,
     without its handle. ``upper``: its full range, radians or metres; ``position``: its opening when the map was made.
-    ``handle_depth``: metres by which its handle stands out from its front, ``shapes[0]``; the map does not say where.
+    ``handle_depth``: metres by which its handle protrudes from its front, ``shapes[0]``; the map does not contain the
+    handle's position on the front.
     """
 
     name: str
@@ -50,7 +51,8 @@ class MapArticulation:
 
     @property
     def handle_room(self) -> PlacedShape | None:
-        """Return a box before its closed front, in the furniture frame, in which its handle is; None without one."""
+        """Return the box in front of the closed front that contains the handle, in the furniture frame; None without a
+        handle."""
         front = self.shapes[0]
         if not self.handle_depth or not isinstance(front.shape, Box):
             return None

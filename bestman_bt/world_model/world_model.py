@@ -162,7 +162,7 @@ class WorldModel:
     def may_be_on(self, name: str, surface: str) -> bool:
         """Return whether an object of unknown place may be on a surface: it was not searched there since it was lost.
 
-        Until its given place has been searched, it may be there only.
+        An object with a given place may be only there until that place has been searched.
         """
         if name in self.objects or self.arm_with(name) is not None:
             return False

@@ -25,7 +25,7 @@ class JointGroup(Part):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the n joints."""
+        """The names of the n joints."""
         return self.model.joint_names
 
     @abstractmethod

@@ -49,7 +49,7 @@ class Gripper(Part):
         """
 
     def open(self) -> Motion[None]:
-        """Open fully."""
+        """Open the gripper fully."""
         return self.move(self.model.max_width)
 
     def close(self, force: float | None = None) -> Motion[None]:

@@ -47,7 +47,7 @@ class Motion(Generic[Result]):
 
     @property
     def done(self) -> bool:
-        """Return whether it has ended, with any status."""
+        """Return whether the motion has ended, with any status."""
         return self.status is not MotionStatus.RUNNING
 
     @property

@@ -22,7 +22,7 @@ class Part(ABC):
 
     @abstractmethod
     def stop(self) -> None:
-        """Bring this part to rest at once; idempotent; does nothing for sensors."""
+        """Stop this part immediately; idempotent; no effect on sensors."""
 
 
 class Sensor(Part):

@@ -106,7 +106,7 @@ class Robot(ABC):
 
     @abstractmethod
     def clear_stop(self) -> None:
-        """Accept commands again; nothing moves by itself."""
+        """Accept commands again, without starting a motion."""
 
     @property
     @abstractmethod
@@ -119,9 +119,8 @@ class Robot(ABC):
     def set_speed(self, share: float) -> None:
         """Scale the speed of all motions, including those under way, by ``share``, 0 to 1; thread-safe.
 
-        The time of a motion is slowed down, so that it keeps its path; at 0 it waits. The value holds until it is set
-        again. Grippers, and motions that a controller plans by itself, keep their speed. Raises ValueError outside of
-        [0, 1].
+        Motions keep their path, because their time is scaled; at 0 they pause. The value remains until it is set again.
+        Grippers, and motions that a controller plans by itself, keep their speed. Raises ValueError outside of [0, 1].
         """
         if not 0.0 <= share <= 1.0:
             raise ValueError(f"speed = {share!r} is not within [0, 1]")

@@ -27,7 +27,7 @@ class Camera(Sensor):
         """Take one image now. Raises NoDataError if the camera does not deliver one."""
 
     def read(self) -> RGBDImage:
-        """Take one image: ``capture``."""
+        """Take one image, like ``capture``."""
         return self.capture()
 
 

@@ -63,7 +63,7 @@ def nothing_works_without_a_connection(robot: Robot) -> None:
 
 
 def connecting_and_disconnecting_are_idempotent(robot: Robot) -> None:
-    """``connect()`` and ``disconnect()`` are idempotent; the clock is monotonic."""
+    """Check that ``connect()`` and ``disconnect()`` are idempotent and the clock is monotonic."""
     robot.disconnect()
     robot.connect()
     robot.connect()
@@ -78,14 +78,14 @@ def connecting_and_disconnecting_are_idempotent(robot: Robot) -> None:
 
 
 def nothing_works_after_disconnecting(robot: Robot) -> None:
-    """Disconnected parts refuse reads and commands, as before connecting."""
+    """Check that disconnected parts refuse reads and commands, as before connecting."""
     with robot:
         robot.clock.sleep(0.1)
     nothing_works_without_a_connection(robot)
 
 
 def a_robot_that_connects_again_takes_commands(robot: Robot) -> None:
-    """A robot takes commands after a reconnection."""
+    """Check that a robot accepts commands after a reconnection."""
     with robot:
         robot.clock.sleep(0.1)
     with robot:
@@ -99,7 +99,7 @@ def a_robot_that_connects_again_takes_commands(robot: Robot) -> None:
 
 
 def a_robot_that_connects_again_stands_still(robot: Robot) -> None:
-    """A robot is at rest after a reconnection, whatever it did before."""
+    """Check that a robot is at rest after a reconnection, whatever it did before."""
     with robot:
         for base in parts_of(robot, MobileBase):
             base.set_velocity(base.model.part.max_vx / 4, 0.0, 0.0)
@@ -120,7 +120,7 @@ def disconnecting_ends_motions(robot: Robot) -> None:
 
 
 def a_stop_is_kept_across_connections(robot: Robot) -> None:
-    """A stop stays latched until it is cleared, even without a connection."""
+    """Check that a stop stays latched until it is cleared, even without a connection."""
     robot.stop()
     with robot:
         require(robot.stopped, "a stop from before connect() should stay latched")

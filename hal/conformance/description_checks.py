@@ -23,14 +23,15 @@ def the_description_can_be_read_before_connecting(robot: Robot) -> None:
 
 
 def every_part_of_the_model_is_there_or_unsupported(robot: Robot) -> None:
-    """Check that a driver declares each part that it does not offer, with the reason: ``unsupported``."""
+    """Check that a driver lists each missing part in ``unsupported``, with the reason."""
     declared = robot.unsupported
     silent = [name for name in robot.model.parts if name not in robot.parts and not declared.get(name)]
     require(not silent, f"the model lists {', '.join(silent)}, which the robot has not and does not declare missing")
 
 
 def joints_have_the_limits_of_the_model(robot: Robot) -> None:
-    """Check names, order, and limits in radians or metres; only limits of efforts and speeds may be lower."""
+    """Check names, order, and limits in radians or metres; only effort and velocity limits may be lower than the
+    model's."""
     for group in parts_of(robot, JointGroup):
         told, model = group.model, robot.model.of(JointedModel).get(group.name)
         if model is None:

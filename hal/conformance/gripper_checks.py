@@ -24,7 +24,7 @@ def motions_of_grippers_can_be_cancelled(robot: Robot, gripper: Gripper) -> None
 
 @each(Gripper)
 def a_gripper_opens_and_closes(robot: Robot, gripper: Gripper) -> None:
-    """A gripper reaches the requested widths; closed without an object, it reports none."""
+    """Check that a gripper reaches the requested widths and, closed without an object, reports none."""
     closed, opened = gripper.model.part.min_width, gripper.model.max_width
     middle = (closed + opened) / 2
     for command, width, empty in (

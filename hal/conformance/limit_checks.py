@@ -54,7 +54,7 @@ def malformed_joint_commands_are_refused(robot: Robot, group: JointGroup) -> Non
 
 @each(JointGroup)
 def a_refused_command_does_not_disturb_the_motion_under_way(robot: Robot, group: JointGroup) -> None:
-    """The current motion reaches its target despite a refused command."""
+    """Check that the current motion reaches its target despite a refused command."""
     motion = group.move_to(nearby(robot, group), 0.5)
     robot.clock.sleep(0.1)
     broken = np.full(len(group.joint_names), math.nan)
@@ -111,7 +111,7 @@ def base_commands_beyond_limits_are_refused(robot: Robot, base: MobileBase) -> N
 
 @each(Gripper)
 def gripper_commands_beyond_limits_are_refused(robot: Robot, gripper: Gripper) -> None:
-    """Widths, forces and speeds beyond the limits of a gripper are refused."""
+    """Check that widths, forces and speeds beyond the limits of a gripper are refused."""
     limits = gripper.model.part
     commands = {
         "width": lambda: gripper.move(gripper.model.max_width + 0.01),

@@ -165,7 +165,8 @@ def a_newer_command_takes_over(robot: Robot, group: JointGroup) -> None:
 
 
 def a_part_at_rest_takes_the_next_command_at_once(robot: Robot) -> None:
-    """Check ``COMMANDS_EACH`` small commands to each part, one right after another: a finished motion delays nothing.
+    """Send ``COMMANDS_EACH`` small commands to each part in direct succession: a finished motion must not delay the
+    next.
 
     All parts run at the same time, to save time.
     """
@@ -280,7 +281,7 @@ def velocities_of_joints_lapse(robot: Robot, group: JointGroup) -> None:
 
 @each(Arm)
 def trajectories_keep_the_limits_between_their_samples(robot: Robot, arm: Arm) -> None:
-    """Check a trajectory whose mean speed is allowed but whose speed half way between two samples is half as much more.
+    """Check a trajectory whose mean speed is allowed, but whose speed between two samples is 1.5 times as high.
 
     It has to arrive, more slowly, and never exceed the limits by more than 5 %; if time passes by itself, in at least
     one of three tries.
@@ -323,7 +324,7 @@ def _keep_the_limits(
 
 @each(Arm)
 def trajectories_are_followed(robot: Robot, arm: Arm) -> None:
-    """Trajectories take their duration and stay near their samples."""
+    """Check that trajectories take their duration and stay near their samples."""
     start, end = arm.positions(), nearby(robot, arm, 0.2)
     times = np.linspace(0.0, 1.0, 21)
     share = 3 * times**2 - 2 * times**3

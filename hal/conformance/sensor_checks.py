@@ -77,7 +77,7 @@ def a_gripper_reads_metres(robot: Robot) -> None:
 
 
 def a_base_at_rest_stays_where_it_is(robot: Robot) -> None:
-    """The odometry and the velocity of a base at rest stay constant for half a second."""
+    """Check that odometry and velocity of a base at rest stay constant for half a second."""
     for base in parts_of(robot, MobileBase):
         before = base.odometry()
         robot.clock.sleep(0.5)
@@ -137,7 +137,7 @@ def forces_are_those_of_the_hand(robot: Robot) -> None:
 
 
 def inertial_units_feel_gravity(robot: Robot) -> None:
-    """A unit at rest measures 9.81 m/s² and no angular velocity, rad/s."""
+    """Check that a unit at rest measures 9.81 m/s² and no angular velocity."""
     for imu in parts_of(robot, Imu):
         reading = imu.read()
         felt, turning = np.linalg.norm(reading.linear_acceleration), np.linalg.norm(reading.angular_velocity)

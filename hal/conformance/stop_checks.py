@@ -14,7 +14,7 @@ from hal.conformance.subject import BASES, Check, nearby, parts_of, require_rest
 
 
 def stop_brings_everything_to_rest(robot: Robot) -> None:
-    """A stop ends full motion within half a second; the motions are cancelled with the reason."""
+    """Check that a stop ends motion at full speed within half a second and cancels the motions with the reason."""
     motions = set_moving(robot)
     running = [motion for motion in motions if not motion.done]
     require(bool(running), "the commanded motions should still be running after 0.2 s")
@@ -73,7 +73,7 @@ def stopping_twice_is_stopping_once(robot: Robot) -> None:
 
 
 def nothing_moves_when_the_stop_is_cleared(robot: Robot) -> None:
-    """No earlier command acts after a cleared stop: motions, velocities or streamed set-points."""
+    """Check that no earlier command (motion, velocity, streamed set-point) has an effect after a cleared stop."""
     for command in (_drive_away, _turn_all_joints, _stream):
         command(robot)
         robot.stop()
@@ -122,7 +122,7 @@ def stop_works_from_another_thread(robot: Robot) -> None:
 
 
 def a_part_can_be_stopped_by_itself(robot: Robot) -> None:
-    """A stopped part comes to rest, and takes the next command."""
+    """Check that a stopped part comes to rest and accepts the next command."""
     base = parts_of(robot, MobileBase)[0]
     base.set_velocity(base.model.part.max_vx / 2, 0.0, 0.0)
     robot.clock.sleep(0.2)

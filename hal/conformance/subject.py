@@ -76,7 +76,7 @@ MODEL_KINDS: Mapping[type[Part], tuple[type, ...]] = {
 class Check:
     """One requirement on an implementation.
 
-    ``needs``: kinds of parts without which it does not apply. ``commands``: whether it commands anything.
+    ``needs``: kinds of parts that the check requires. ``commands``: whether it commands motions.
     """
 
     run: Callable[[Robot], None]
@@ -169,7 +169,7 @@ def nearby(robot: Robot, group: JointGroup, step: float = 0.3) -> NDArray[np.flo
 
 
 def set_moving(robot: Robot) -> list[Motion[None]]:
-    """Command everything that can move, and let it get under way."""
+    """Command all parts to move and wait until they do."""
     motions: list[Motion[None]] = [group.move_to(nearby(robot, group), 0.5) for group in parts_of(robot, JointGroup)]
     for gripper in parts_of(robot, Gripper):
         closed, opened = gripper.model.part.min_width, gripper.model.max_width
@@ -237,7 +237,7 @@ def mass_on(model: RobotModel, joints: tuple[str, ...]) -> float:
 
 
 def settle(robot: Robot) -> None:
-    """Clear a stop and let everything come to rest: between two checks."""
+    """Clear a stop and wait until all parts are at rest; for use between two checks."""
     robot.stop()
     robot.clock.sleep(2 * REST_TIME)
     robot.clear_stop()

@@ -19,4 +19,4 @@ class TestConnecting(PromisesAboutConnecting):
 
 
 class TestConnected(PromisesOfAConnectedRobot):
-    """While it is connected."""
+    """Checks of a connected robot."""

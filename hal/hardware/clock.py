@@ -27,7 +27,7 @@ class RemoteTime:
         self._updated = 0.0
 
     def forget(self) -> None:
-        """Discard the offset: the other clock may have changed."""
+        """Discard the offset, because the other clock may have changed."""
         with self._lock:
             self._offset = None
 
@@ -41,7 +41,7 @@ class RemoteTime:
             return stamp + self._offset
 
     def tried(self, stamp: float, received: float) -> float:
-        """Return ``here`` without counting the message, whose validity is still unknown."""
+        """Return the time of ``here`` without updating the offset, for a message whose validity is not known yet."""
         with self._lock:
             return stamp + self._offset_with(stamp, received)
 
@@ -90,7 +90,7 @@ class StampOrder:
         return self._last is not None and stamp < self._last - LONGEST_REORDERING
 
     def note(self, stamp: float) -> None:
-        """Record the last stamp."""
+        """Record the latest stamp."""
         self._last = stamp
 
 
@@ -112,7 +112,7 @@ class LatencyMonitor:
         self.lag, self._since = 0.0, None
 
     def late(self, longest_delay: float, now: float) -> float | None:
-        """Return by how many seconds messages have been late for a while, if more than ``longest_delay``, else None.
+        """Return the sustained delay of messages, seconds, if it exceeds ``longest_delay``, else None.
 
         Call it often: lateness is timed between calls.
         """

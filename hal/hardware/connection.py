@@ -68,7 +68,7 @@ class ControllerLock:
         self._descriptor = descriptor
 
     def release(self) -> None:
-        """Let others have it; idempotent."""
+        """Release the lock; idempotent."""
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None
@@ -159,9 +159,9 @@ class Connection(ABC):
 
     @abstractmethod
     def open(self) -> None:
-        """Open the wire and make the controller ready. Raises ConnectionFailedError if that fails.
+        """Open the connection and make the controller ready. Raises ConnectionFailedError if that fails.
 
-        When it returns, readings have come. Loops that are to run are made here by ``add_loop``.
+        On return, the first readings have arrived. Create control loops here with ``add_loop``.
         """
 
     @abstractmethod
@@ -186,13 +186,14 @@ class Connection(ABC):
     def held(self) -> str | None:
         """Return the required inspection before commands are accepted, as text, or None if it is released.
 
-        Uses its own wire: it is called without an open connection, also while another process has one. Collisions,
-        safety and power require a person: ``open`` and ``recover`` fail for them.
+        Uses a separate connection: it is called without an open one, also while another process is connected.
+        Collisions, safety and power require a person: ``open`` and ``recover`` fail for them.
         """
         return None
 
     def release(self) -> None:  # noqa: B027 - for controllers that people have to release
-        """Release it after an inspection. Raises ConnectionFailedError if that cannot be done from here."""
+        """Release the controller after an inspection. Raises ConnectionFailedError if it must be released at the
+        robot."""
 
     def identity(self) -> Identity:
         """Return the identity of the connected controller."""
@@ -203,7 +204,8 @@ class Connection(ABC):
         return None
 
     def abandon(self) -> None:  # noqa: B027 - for wires that need it
-        """Drop a lost wire at once, so that pending commands of it or of the SDK do not act after a reconnection."""
+        """Drop a lost connection immediately, so that its pending commands, or the SDK's, have no effect after a
+        reconnection."""
 
     def connect(self) -> None:
         """Open the wire and start the loops; idempotent. Raises ConnectionFailedError, with everything closed."""
@@ -239,12 +241,12 @@ class Connection(ABC):
         self.connected = False
 
     def stop(self) -> None:
-        """Bring all parts to rest at once; thread-safe."""
+        """Stop all parts immediately; thread-safe."""
         for part in self.parts.values():
             part.stop()
 
     def fault(self) -> Failure | None:
-        """Return the fault because of which the controller cannot be used now, else None."""
+        """Return the fault that currently blocks the controller, or None."""
         if not self.connected:
             return None
         if self._crash is not None:
@@ -268,7 +270,8 @@ class Connection(ABC):
     def clear(self, noted: Failure | None) -> None:
         """Clear the controller's faults after a stop because of ``noted``, or reconnect if the connection was lost.
 
-        A wire that was lost for a while is reopened even if it works again: the state may have changed since.
+        A connection that was interrupted is reopened even if it works again, because the controller's state may have
+        changed.
         """
         if not self.connected:
             self.connect()

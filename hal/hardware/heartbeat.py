@@ -55,7 +55,7 @@ class Heartbeat:
             return self._met
 
     def close(self) -> None:
-        """End it; idempotent."""
+        """Stop the heartbeat; idempotent."""
         with self._lock:
             if not self._context.closed:
                 self._socket.disable_monitor()

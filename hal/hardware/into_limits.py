@@ -20,8 +20,8 @@ POLL = 0.05
 
 @dataclass(frozen=True, eq=False)
 class ReturnMotion:
-    """A motion of one part back into its range. ``joints``: those outside, to be moved from ``here`` to ``there``, (n,)
-    each.
+    """A motion of one part back into its joint range. ``joints``: the n joints outside of it, to move from ``here`` to
+    ``there``, (n,) radians each.
     """
 
     part: str

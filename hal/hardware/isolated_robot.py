@@ -116,7 +116,7 @@ class IsolatedRobot(Robot):
             self._client.stop(Call(ROBOT, "stop"))
 
     def keep_black_box_in(self, folder: Path | None) -> None:
-        """Let the other process write the black box, also after the end of this one."""
+        """Set the folder to which the other process writes the black box, even after this process has ended."""
         self._black_box_in = folder
         with suppress(NotConnectedError):
             if self._client.open:
@@ -258,7 +258,7 @@ class RpcClient:
         return self._ask(part or str(call.target), call)
 
     def stop(self, call: Call) -> Any:
-        """Call ahead of other requests, within ``STOP_TIME``; returns None if there is no process."""
+        """Send a call with priority over other requests, for at most ``STOP_TIME``. Returns None without a process."""
         return self._ask(STOPS, call, STOP_TIME) if self.open else None
 
     def _ask(self, wire: str, call: Call, limit: float = math.inf) -> Any:
@@ -352,7 +352,7 @@ class RpcConnection:
 
     @property
     def waited(self) -> float:
-        """Seconds since the question was sent; 0 where its answer has come, though a busy machine has not read it."""
+        """Seconds since the pending request was sent; 0 if its reply has arrived, even if it has not been read yet."""
         try:
             return 0.0 if self._connection.poll() else max(0.0, time.monotonic() - self._sent)
         except (OSError, EOFError):
@@ -372,7 +372,7 @@ class RemoteMotion(Motion[Any]):
         self._number, self._client = number, client
 
     def cancel(self) -> None:
-        """Bring the part to rest."""
+        """Stop the part."""
         if not self.done:
             self._take(lambda: self._client.stop(Call(self._number, "cancel")))
 

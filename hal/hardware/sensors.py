@@ -76,7 +76,7 @@ class HardwareSensor(ControlledPart, Sensor, Generic[Reading]):
 
     @property
     def resting(self) -> bool:
-        """Always."""
+        """Return True: a sensor does not move."""
         return True
 
     def fail(self, fault: Failure) -> None:

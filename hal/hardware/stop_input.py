@@ -28,7 +28,7 @@ class StopInput:
         self._heard_at = -1e9
 
     def open(self) -> None:
-        """Listen, and wait for a first ``run``; ConnectionFailedError."""
+        """Listen, and wait for the first ``run``. Raises ConnectionFailedError if none arrives."""
         host, port = host_and_port(self._config.address)
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self._socket = heard = socket.socket(family, socket.SOCK_DGRAM)

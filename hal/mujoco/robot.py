@@ -24,7 +24,7 @@ LEGS = "is a base on legs, which MuJoCo does not simulate here; the driver pybul
 
 
 class MujocoRobot(SimulatedRobot):
-    """Implement ``SimulatedRobot``."""
+    """A simulated robot in MuJoCo."""
 
     engine_name: ClassVar[str] = "MuJoCo"
     parameters_class = MujocoParameters
@@ -326,7 +326,7 @@ class MujocoEngine(Engine):
     def depth_image(
         self, map_from_optical: Pose, intrinsics: CameraIntrinsics, near: float, far: float, without: int = -1
     ) -> tuple[NDArray[np.uint8], Array]:
-        """Render by OpenGL."""
+        """Render with OpenGL."""
         planes = min(near, NOT_DRAWN), far * 1.001
         rgb, depth = self._renderer.pinhole(map_from_optical, intrinsics, *planes)
         shown = (depth >= near) & (depth <= far)
@@ -336,11 +336,11 @@ class MujocoEngine(Engine):
         return rgb, np.where(shown, depth, 0.0)
 
     def photo(self, viewpoint: Viewpoint, width: int, height: int) -> NDArray[np.uint8]:
-        """Render by OpenGL."""
+        """Render with OpenGL."""
         return self._renderer.view(viewpoint, width, height)
 
     def segments(self, viewpoint: Viewpoint, width: int, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Render by OpenGL."""
+        """Render with OpenGL."""
         return self._bodies(self._renderer.view(viewpoint, width, height, segments=True))
 
     def _bodies(self, colors: NDArray[np.uint8]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -349,7 +349,7 @@ class MujocoEngine(Engine):
         return np.where(there, self._geom_body[geoms], -1), np.where(there, self._geom_link[geoms], -1)
 
     def put(self, body: int, position: Sequence[float], quaternion: Sequence[float]) -> None:
-        """Place a free body."""
+        """Set the pose of a free body."""
         model, data = self.model, self.data
         place, speed = model.jnt_qposadr[model.body_jntadr[body]], self._free[body]
         if body == self.built.robot:
@@ -361,7 +361,7 @@ class MujocoEngine(Engine):
         self._was_put()
 
     def set_joint(self, body: int, joint: int, position: float) -> None:
-        """Place a joint that has a motor."""
+        """Set the position of a joint that has a motor."""
         slot = self._slots[joint]
         self.data.qpos[self._at[slot]] = position
         self.data.qvel[self._dofs[slot]] = 0.0

@@ -52,7 +52,7 @@ class Trace:
         self.fault = ""
 
     def row(self) -> NDArray[np.float32] | None:
-        """Return the next row (C,), to be filled at once, or None if the last row is too recent."""
+        """Return the next row (C,) for the caller to fill immediately, or None if the last row is too recent."""
         now = self._now()
         if now - self._last < 0.9 / HIGHEST_RATE:
             return None
@@ -66,7 +66,8 @@ class Trace:
         return row
 
     def note(self, reason: str) -> None:
-        """Record why the gate holds back set-points; empty: it does not. A change of numbers is not a new reason."""
+        """Record why the gate holds back set-points; empty if it does not. A text that differs only in its numbers is
+        not a new reason."""
         kind = reason.partition("=")[0]
         if kind != self._reason:
             self._reason = kind

@@ -29,7 +29,7 @@ class ControlledPart(Part):
 
     @property
     def traced(self) -> tuple[str, ...]:
-        """Return the column names of its ``trace``; empty if it records nothing."""
+        """Return the column names of the part's ``trace``; empty without a trace."""
         return ()
 
     @abstractmethod
@@ -216,7 +216,7 @@ class GripperChannel(ABC):
 
     @abstractmethod
     def halt(self) -> None:
-        """Stay at the current width; a held object stays held."""
+        """Hold the current width; a held object stays in the hand."""
 
 
 class BaseChannel(ABC):

@@ -275,7 +275,7 @@ class MotionProfile:
 
     @property
     def overdue(self) -> bool:
-        """Return whether it takes twice as long as planned."""
+        """Return whether the motion takes more than twice its planned time."""
         return self._time_left < 0.0
 
     def remainder(self) -> str:

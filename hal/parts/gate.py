@@ -178,7 +178,7 @@ class SetpointGate:
         return bool(np.any(self.rate != 0.0))
 
     def rest(self, elapsed: float) -> None:
-        """Record that nothing was sent for ``elapsed`` seconds: the joints rest."""
+        """Record that no set-point was sent for ``elapsed`` seconds: the joints are at rest."""
         self._before = elapsed
 
     def admit(

@@ -65,7 +65,7 @@ class PartConnection:
         self._latch.check(self.part_name, command)
 
     def refuse(self, command: str, why: str) -> CommandRefusedError:
-        """Return the error for a command that this part does not take."""
+        """Return the error for a refused command of this part."""
         return refusal(self.part_name, command, why)
 
     def begin(self, motion: Motion[None] | None) -> None:

@@ -30,8 +30,8 @@ class Setpoints(ABC):
         """Return position and velocity (n,) ``dt`` seconds later."""
 
     def continue_from(self, position: Array, velocity: Array) -> bool:
-        """Continue from the given position and velocity, where the joints were sent instead; return whether this is
-        possible.
+        """Continue from the admitted position and velocity, which differ from the requested ones. Return whether this
+        is possible.
         """
         return False
 
@@ -43,13 +43,13 @@ class _FromState(Setpoints):
         self._position, self._velocity = position, velocity
 
     def continue_from(self, position: Array, velocity: Array) -> bool:
-        """Decide from there."""
+        """Continue from the given state; always possible."""
         self._position, self._velocity, self.finished = position, velocity, False
         return True
 
 
 class Hold(Setpoints):
-    """Stay at ``position``."""
+    """Holds ``position``."""
 
     finished = True
     scaled = False
@@ -219,7 +219,7 @@ class BrakeThenMove(Setpoints):
         self.brakes, self.scaled = True, False
 
     def continue_from(self, position: Array, velocity: Array) -> bool:
-        """Continue the braking from elsewhere; the straight line is not changed."""
+        """Continue braking from the given state; the straight line afterwards is unchanged."""
         return self._move is None and self._brake.continue_from(position, velocity)
 
     def advance(self, dt: float) -> tuple[Array, Array]:

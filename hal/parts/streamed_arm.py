@@ -54,7 +54,7 @@ class StreamedArm(StreamedJointGroup, Arm):
         self.load: tuple[float, ArrayLike] | None = None  # as last told by ``carry``
 
     def follow(self, trajectory: JointTrajectory) -> Motion[None]:
-        """Follow a trajectory, slowed down where it would exceed a limit; a small offset at the start decays.
+        """Follow a trajectory, slowed down where it would exceed a limit; a small initial offset is reduced gradually.
 
         Raises CommandRefusedError as ``Arm.follow`` does, and if the tool would leave its workspace.
         """

@@ -24,7 +24,7 @@ class TimeScale:
         self.rest(1.0)
 
     def rest(self, share: float) -> None:
-        """Reset while the joints are at rest: time may pass at any rate from now on."""
+        """Set the scale to ``share`` while the joints are at rest, where no acceleration limit applies."""
         self.share = share
         self._velocity: Array = np.zeros_like(self._limit)
         self._acceleration: Array = np.zeros_like(self._limit)

@@ -118,7 +118,8 @@ def _deepest_point(planes: NDArray[np.float64]) -> tuple[NDArray[np.float64], fl
 
 
 def joint_name(articulation: Articulation) -> str:
-    """Name of the joint of a door or drawer; its link is ``piece/door``, as a piece may be named like its door."""
+    """Return the joint name of a door or drawer. The link is ``piece/door``, because a piece may have the name of its
+    door."""
     return f"{articulation.name}_joint"
 
 

@@ -73,7 +73,7 @@ class PyBulletEngine(Engine):
         self._guard.install()
 
     def step(self) -> None:
-        """Execute one step."""
+        """Simulate one step."""
         self._free.stepSimulation()
 
     def close(self) -> None:
@@ -176,7 +176,7 @@ class PyBulletEngine(Engine):
     def depth_image(
         self, map_from_optical: Pose, intrinsics: CameraIntrinsics, near: float, far: float, without: int = -1
     ) -> tuple[NDArray[np.uint8], Array]:
-        """Render in software."""
+        """Render with the software renderer."""
         k, nearest = intrinsics, min(near, NOT_DRAWN)
         rotation = map_from_optical.rotation
         forward, up = rotation[:, 2], -rotation[:, 1]
@@ -201,11 +201,11 @@ class PyBulletEngine(Engine):
         return rgb, np.where(shown, depth, 0.0)
 
     def photo(self, viewpoint: Viewpoint, width: int, height: int) -> NDArray[np.uint8]:
-        """Render in software."""
+        """Render with the software renderer."""
         return photo(self._free, viewpoint, width, height)
 
     def segments(self, viewpoint: Viewpoint, width: int, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Render in software."""
+        """Render with the software renderer."""
         image = self._free.getCameraImage(
             width,
             height,
@@ -224,7 +224,7 @@ class PyBulletEngine(Engine):
         self._free.changeDynamics(body, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP)
 
     def set_joint(self, body: int, joint: int, position: float) -> None:
-        """Reset."""
+        """Reset the joint to ``position``."""
         self._free.resetJointState(body, joint, position)
 
     def friction(self, body: int) -> tuple[float, float]:

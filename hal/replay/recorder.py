@@ -49,7 +49,7 @@ class RecordedRobot(Robot):
 
     @property
     def unsupported(self) -> Mapping[str, str]:
-        """The robot's own."""
+        """The unsupported features of the wrapped robot."""
         return self._robot.unsupported
 
     @property
@@ -79,11 +79,11 @@ class RecordedRobot(Robot):
         self._robot.clear_stop()
 
     def diagnostics(self) -> dict[str, str]:
-        """Return the robot's own."""
+        """Return the diagnostics of the wrapped robot."""
         return self._robot.diagnostics()
 
     def sample(self) -> None:
-        """Write down where joints and grippers are, how fast bases go, and which motions have ended."""
+        """Record joint and gripper positions, base velocities, and finished motions."""
         for part in self._robot.parts.values():
             if isinstance(part, JointGroup):
                 self._try_to_read(part, "positions")
@@ -190,14 +190,14 @@ class RecordedRobot(Robot):
 
 
 class RecordedMotion(Motion[Any]):
-    """Writes down how ``motion`` ended when the first caller sees that it has."""
+    """A motion whose result is recorded when a caller first observes its end."""
 
     def __init__(self, motion: Motion[Any], note: Callable[..., None]) -> None:
         super().__init__()
         self._motion, self._note = motion, note
 
     def cancel(self) -> None:
-        """Bring the part to rest."""
+        """Stop the part."""
         self._motion.cancel()
 
     def _look(self) -> None:

@@ -262,16 +262,14 @@ POSITION_TOLERANCE = 0.05
 
 
 def same_target(asked: tuple[Any, ...], recorded: tuple[Any, ...]) -> bool:
-    """Return whether the first arguments of two commands, which say where to, agree; others (speeds, forces) may
-    differ.
-    """
+    """Return whether the first arguments (targets) of two commands agree; others (speeds, forces) may differ."""
     if not asked or not recorded:
         return len(asked) == len(recorded)
     return _near(_target(asked[0]), _target(recorded[0]))
 
 
 def describe_command(name: str, arguments: tuple[Any, ...], keywords: Mapping[str, Any]) -> str:
-    """Return a command, for people."""
+    """Return a command as readable text."""
     told = [_short(value) for value in arguments] + [f"{key}={_short(value)}" for key, value in keywords.items()]
     return f"{name}({', '.join(told)})"
 

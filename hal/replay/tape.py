@@ -77,7 +77,7 @@ def error_to_json(error: RobotError) -> dict[str, str]:
 
 
 def error_from_json(document: dict[str, str]) -> RobotError:
-    """Return the error again."""
+    """Return the error decoded from JSON."""
     kind = _TYPES.get(document["error"], RobotError)
     if issubclass(kind, PartError):
         return kind(document["words"], document.get("part", ""), document.get("vendor_code", ""))
@@ -119,7 +119,8 @@ class Readings:
 class RecordedCommand:
     """A recorded command. ``arguments``, ``keywords``: decoded. ``refusal``: as JSON, None if it was accepted.
 
-    ``end``: when and how its motion ended; None without a motion, or if it ran until the end of the recording.
+    ``end``: time and status at the end of its motion; None without a motion, or if it ran until the end of the
+    recording.
     """
 
     time: float

@@ -161,7 +161,7 @@ class RobotiqChannel(GripperChannel):
         return Failure(MotionErrorCode.TIMEOUT, f"answers take {late:.2f} s") if late is not None else None
 
     def read(self) -> GripperReading:
-        """Return the width, and whether an object stopped the fingers on the way that they were last sent."""
+        """Return the width, metres, and whether an object stopped the fingers before their last target."""
         status = self._status
         if status is None:
             raise NoDataError(f"{self._name}: the Robotiq gripper has not reported anything yet", self._name)
@@ -187,7 +187,7 @@ class RobotiqChannel(GripperChannel):
         self._exchange(lambda wire: wire.go(position, speed_byte, force_byte))
 
     def halt(self) -> None:
-        """Stay where the fingers are."""
+        """Stop the fingers at their current position."""
         self._exchange(lambda wire: wire.halt())
 
     def _told(self) -> RobotiqStatus:

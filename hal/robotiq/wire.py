@@ -35,15 +35,15 @@ class RobotiqStatus:
 
 
 class RobotiqWire(ABC):
-    """Round trips to one gripper. Raises OSError if it does not answer. Used by one thread at a time."""
+    """A request–reply connection to one gripper, for one thread at a time. Raises OSError without a reply."""
 
     @abstractmethod
     def open(self) -> None:
-        """Connect; OSError."""
+        """Connect. Raises OSError if that fails."""
 
     @abstractmethod
     def close(self) -> None:
-        """Close; idempotent."""
+        """Close the connection; idempotent."""
 
     @abstractmethod
     def status(self) -> RobotiqStatus:
@@ -63,7 +63,7 @@ class RobotiqWire(ABC):
 
     @abstractmethod
     def halt(self) -> None:
-        """Stay where the fingers are."""
+        """Stop the fingers at their current position."""
 
 
 class URCapWire(RobotiqWire):

@@ -75,7 +75,7 @@ class RosCamera:
     def take(self) -> RGBDImage:
         """Return an image whose colour and depth were both captured after the call.
 
-        Raises NoDataError saying what is missing.
+        Raises NoDataError naming the missing image.
         """
         with self._lock:
             asked, image_type = self._clock.now(), self._options.message_type("sensor_msgs", "CompressedImage")
@@ -241,7 +241,7 @@ class RosbridgeConnection(Connection):
             time.sleep(0.02)
 
     def abandon(self) -> None:
-        """Drop the connection, which may still contain velocities."""
+        """Drop the connection, so that velocities still in its buffers are not sent."""
         self._link.abandon()
 
     def _make_base(self, name: str, model: BaseModel) -> DrivenBase:
@@ -357,11 +357,11 @@ class RosBase(BaseChannel):
         )
 
     def read(self) -> BaseReading:
-        """Return the newest reading; the connection's watchdog looks at how old it is."""
+        """Return the newest reading; the connection's watchdog checks its age."""
         return self._odometry.latest()
 
     def send(self, velocity: Twist2D) -> bool:
-        """Drive at a velocity; it does not wait."""
+        """Publish a velocity without waiting."""
         twist = {
             "linear": {"x": velocity.vx, "y": velocity.vy, "z": 0.0},
             "angular": {"x": 0.0, "y": 0.0, "z": velocity.wz},
@@ -435,11 +435,11 @@ class RosJoints(JointChannel):
 
     @property
     def age(self) -> float:
-        """Readings come whether set-points are sent or not."""
+        """Return the age of the newest reading, seconds; readings arrive without set-points, too."""
         return self._states.age
 
     def read(self) -> JointReading:
-        """Return the newest reading; the connection's watchdog looks at how old it is."""
+        """Return the newest reading; the connection's watchdog checks its age."""
         return self._states.latest()
 
     def send(self, positions: Array, velocities: Array) -> None:

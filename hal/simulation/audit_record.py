@@ -44,7 +44,7 @@ class Penetration:
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that an honest, healthy run does not show: what, and when (simulated seconds)."""
+    """An observation that does not occur in a valid run: description and time (simulated seconds)."""
 
     stamp: float
     text: str
@@ -99,7 +99,7 @@ class AuditRecord:
 class DisturbanceLog:
     """Announced interventions. ``events``: all of them; none is ever removed. ``log``: their effects, as text.
 
-    A suspended event excuses nothing, even before its time is over.
+    A suspended event excuses no finding, even before its time is over.
     """
 
     def __init__(self) -> None:
@@ -124,7 +124,7 @@ class DisturbanceLog:
         self._resting.discard(event)
 
     def rests(self, event: DisturbanceEvent) -> bool:
-        """Return whether it does, now."""
+        """Return whether an event is suspended now."""
         return event in self._resting
 
 
@@ -144,7 +144,8 @@ class CallCounter:
         self._sealed = True
 
     def close_truth(self) -> None:
-        """Close the truth: functions past the Robotics API that are taken later are counted."""
+        """End free access to the ground truth: functions that bypass the Robotics API are counted if obtained after
+        this call."""
         self.truth_closed = True
 
     def note(self, kind: str, name: str) -> None:

@@ -15,11 +15,11 @@ from hal.simulation.simulation import Simulation
 
 
 class SimulatedBattery(SimulatedSensor[BatteryReading], Battery):
-    """Loses the power of electronics and motors in every step; braking motors do not recover energy.
+    """A battery discharged in every step by the power of electronics and motors; braking motors do not recover energy.
 
     A motor draws its mechanical power divided by the drives' efficiency, and the heat of its windings, proportional to
-    its squared torque. Current and voltage are those of the mean power since the previous reading. ``fault`` makes it
-    fail as a sensor.
+    its squared torque. Current and voltage are those of the mean power since the previous reading. ``fault``: makes
+    readings fail.
     """
 
     def __init__(self, name: str, model: BatteryPart, rng: np.random.Generator) -> None:

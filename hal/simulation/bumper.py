@@ -15,9 +15,10 @@ from hal.simulation.simulation import Simulation
 
 
 class SimulatedBumper(SimulatedSensor[BumperReading], Bumper):
-    """A strip is pressed by ``threshold`` newtons in all, pushed inwards, at most ``height`` above the floor.
+    """A bumper whose strips are pressed by a total inward force of ``threshold`` newtons at most ``height`` metres
+    above the floor.
 
-    ``fault`` makes it fail.
+    ``fault``: makes readings fail.
     """
 
     def __init__(self, name: str, model: MountedBumper, _: np.random.Generator | None = None) -> None:

@@ -93,11 +93,11 @@ class SimulatedCamera(SimulatedSensor[Exposure], Camera):
         return image
 
     def read(self) -> Any:
-        """Return an image: ``capture``."""
+        """Return an image, like ``capture``."""
         return self.capture()
 
     def begin(self, simulation: Simulation) -> Callable[[], Exposure]:
-        """Look into this simulation."""
+        """Start rendering images of this simulation."""
         reader = self._reader = simulation.reader(ReadPurpose.SENSOR)
         self._rendered, self._robot = None, simulation.built.robot
         self._here = lambda: simulation.link_pose(reader, self.optical_frame)

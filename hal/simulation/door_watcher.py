@@ -28,9 +28,9 @@ EFFORT_TOLERANCE = (0.02, 0.01)  # share and least
 
 @dataclass
 class WatchedArticulation:
-    """A door or drawer. ``friction``, ``latched``: efforts of its joint beyond ``travel`` and within; ``falling``: how
-    much speed its weight can give it in one step, and the others how it was after the step before. ``drift``: how far
-    it has moved of late without a velocity.
+    """A door or drawer. ``friction``, ``latched``: efforts of its joint beyond ``travel`` and within; ``falling``:
+    largest speed gain by its weight in one step; ``position``, ``velocity``: after the previous step. ``drift``: recent
+    motion without a velocity.
     """
 
     name: str
@@ -113,7 +113,7 @@ class DoorWatcher:
         leaf.position, leaf.velocity = position, velocity
 
     def motor_fault(self, leaf: WatchedArticulation, velocity: float, effort: float) -> str:
-        """Return in words how the effort of a joint's motor is not that of friction and latch; empty if it is."""
+        """Return as text how the effort of a joint's motor differs from friction and latch; empty if it does not."""
         owed = leaf.latched if abs(leaf.position) < leaf.travel else leaf.friction
         slack = EFFORT_TOLERANCE[0] * owed + EFFORT_TOLERANCE[1]
         if abs(effort) > owed + slack:

@@ -28,7 +28,7 @@ class _Latch:
 class Latches:
     """Gives each latched joint its breakaway effort while it is closed and its plain friction beyond that.
 
-    No latch ever moves anything: it bounds a motor that wants speed 0.
+    A latch never moves a joint: it only bounds the effort of a motor with target speed 0.
     """
 
     def __init__(self, engine: Engine, world: World) -> None:
@@ -83,13 +83,13 @@ class DoorPush:
 
 
 class Hand:
-    """Pushes doors and drawers."""
+    """Pushes doors and drawers with the force of a hand, for scripted disturbances."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
 
     def push(self, push: DoorPush) -> bool:
-        """Push for one control period; returns True, and releases, once it has arrived."""
+        """Push for one control period. Returns True, and releases, at the target."""
         left = push.to - _position(self._engine, push.place)
         if abs(left) < ARRIVED[push.leaf.kind]:
             self.rest(push)

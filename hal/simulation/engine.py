@@ -77,7 +77,7 @@ class Engine(ABC):
 
     @abstractmethod
     def body_velocity(self, body: int) -> tuple[Vector, Vector]:
-        """Return the linear and angular velocity of the same."""
+        """Return the linear (m/s) and angular velocity (rad/s) of a body's centre of mass."""
 
     @abstractmethod
     def link_pose(self, body: int, link: int) -> Pose:
@@ -144,7 +144,7 @@ class Engine(ABC):
 
     @abstractmethod
     def constraint_count(self) -> int:
-        """Return how many constraints between bodies there are."""
+        """Return the number of constraints between bodies."""
 
     @abstractmethod
     def constants(self) -> Mapping[str, tuple[Any, ...]]:

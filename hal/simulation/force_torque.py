@@ -33,7 +33,7 @@ class _Motion:
 
 
 class SimulatedForceTorque(SimulatedSensor[Wrench], ForceTorque):
-    """Measures on request, at most ``rate`` times a second.
+    """A force-torque sensor that measures on request, at most ``rate`` times a second.
 
     The wrench is exerted by the environment on everything that the sensor carries, including weight and inertia, about
     the origin of ``frame`` and along its axes: a hand that points straight down gives +m g along z. Contact forces are

@@ -24,7 +24,7 @@ class GroundTruth:
 
     @property
     def object_names(self) -> tuple[str, ...]:
-        """The movable objects."""
+        """Return the names of the movable objects."""
         return tuple(self._simulation.built.objects)
 
     def object_pose(self, name: str) -> Pose:
@@ -46,7 +46,7 @@ class GroundTruth:
         return tuple(self._simulation.built.articulations)
 
     def articulation_position(self, name: str) -> float:
-        """Return how far a door or drawer is open, radians or metres from closed."""
+        """Return the opening of a door or drawer, radians or metres from closed."""
         body, joint = among(self._simulation.built.articulations, name, "door or drawer")
         return float(self._reader.joint_states(body, [joint])[0][0])
 

@@ -19,9 +19,9 @@ FREE_FALL = np.array([0.0, 0.0, -GRAVITY])
 
 
 class SimulatedImu(SimulatedSensor[ImuReading], Imu):
-    """Measures at its rate: angular velocity and specific force, both as means since the previous reading.
+    """An IMU that measures angular velocity and specific force at its rate, as means since the previous reading.
 
-    Each axis has its own bias, drawn once, and normal noise. ``fault`` makes it fail.
+    Each axis has its own bias, drawn once, and normal noise. ``fault``: makes readings fail.
     """
 
     def __init__(self, name: str, model: ImuPart, rng: np.random.Generator) -> None:

@@ -118,7 +118,7 @@ class JointMotors(SimulatedChannel, JointChannel):
         self._torques: Array | None = None
 
     def attach(self, simulation: Simulation) -> None:
-        """Hold where the joints are."""
+        """Hold the joints at their current positions."""
         super().attach(simulation)
         self._indices = simulation.joints(self._model.joint_names)
         self._slots = simulation.slots(self._model.joint_names)

@@ -34,7 +34,7 @@ class SimulatedLidar(SimulatedSensor[LaserScan], Lidar):
         return self.read()
 
     def begin(self, simulation: Simulation) -> Callable[[], LaserScan]:
-        """Find where the beams begin."""
+        """Compute the origins of the beams."""
         reader = simulation.reader(ReadPurpose.SENSOR)
         starts = np.full(self._model.beams, self._model.range_min)
         if not joints_above(simulation.model, self._model.frame) & set(simulation.joint_names):

@@ -112,7 +112,7 @@ class MotionWatcher:
         self._wake(observation, robot_forces)
 
     def integrate(self) -> None:
-        """Process the velocities after one physics step; the poses have just moved by them."""
+        """Add the motion of one physics step, by which the poses have just moved, from the velocities after it."""
         velocity, step = self._velocity, self._time_step
         for body, path in self._paths.items():
             (x, y, z), (a, b, c) = velocity(body)

@@ -44,7 +44,7 @@ class Observer:
         self._reader = reader
 
     def observe(self) -> SimulationState:
-        """Look now."""
+        """Observe the current state."""
         simulation = self._simulation
         pose, velocity = self._pose, self._velocity
         bodies = {body: BodyState(*pose(body), *velocity(body)) for body in self._bodies}

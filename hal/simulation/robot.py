@@ -63,7 +63,8 @@ wheels.
 
 
 class SimulatedRobot(Robot):
-    """A simulated robot. ``connect()`` rebuilds the world and lets it settle; its clock continues across connections.
+    """A simulated robot. ``connect()`` rebuilds the world and simulates until it is at rest; the clock continues across
+    connections.
 
     ``seed`` determines sensor noise and the calibration errors of odometry. Equal models, worlds, seeds and commands
     give bit-identical runs. A subclass creates its engine in ``build``.
@@ -161,7 +162,7 @@ class SimulatedRobot(Robot):
         """Return an engine with the world built in it, the robot in its start posture."""
 
     def connect(self) -> None:
-        """Build the world and let it settle; idempotent. A latched stop stays latched."""
+        """Build the world and simulate until it is at rest; idempotent. A latched stop stays latched."""
         if self._simulation is not None:
             return
         check_names(self._world)

@@ -99,14 +99,14 @@ class SensorPipeline(Generic[Reading]):
 
 
 class SimulatedSensor(SensorPipeline[Reading], Sensor):
-    """A simulated sensor; a subclass defines in ``begin`` what it measures. ``fault``: see SensorPipeline."""
+    """A simulated sensor; a subclass defines its measurement in ``begin``. ``fault``: see SensorPipeline."""
 
     @abstractmethod
     def begin(self, simulation: Simulation) -> Callable[[], Reading]:
         """Return a function that measures; called when the world has been built and is at rest."""
 
     def attach(self, simulation: Simulation) -> None:
-        """Measure in this simulation."""
+        """Start measuring in ``simulation``."""
         self.start(simulation, self.begin(simulation))
 
 

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 class SimulatedTactile(SimulatedSensor[TactileReading], Tactile):
-    """Contacts of the link that carries the pad, where they lie on the pad and press on it.
+    """A tactile pad: measures the contacts of its link that lie on the pad and press on it.
 
     The skin spreads each of them over the taxels (a normal distribution cut off at the pad's edge), so that the sum of
     the taxels is the force. The sliding speed is the mean of the contacts, weighted by their force. ``fault``

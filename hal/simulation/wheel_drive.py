@@ -49,7 +49,7 @@ class Drive(ABC):
 
 @dataclass(frozen=True)
 class SideDrive(Drive):
-    """Wheels on the left and right side in turns: left, right, left, right; metres.
+    """A drive with alternating wheels: left, right, left, right; metres.
 
     The radii may differ (calibration errors). ``track``: of two wheels, the distance between them; wheels that are
     dragged over the floor in turns (skid steering) behave as if it were larger.
@@ -203,7 +203,8 @@ class WheelDrive(SimulatedChannel, BaseChannel):
         )
 
     def send(self, velocity: Twist2D) -> bool:
-        """Drive; steered wheels first turn to where the velocity asks them to, and it is not taken meanwhile."""
+        """Drive at ``velocity``; steered wheels first turn to the required angles, and the velocity is ignored
+        meanwhile."""
         motors = self._motors
         self._sent = velocity
         if velocity == STILL and self._parked:
@@ -279,7 +280,8 @@ class WheelMotors:
         return values
 
     def steer(self, angles: Array) -> float:
-        """Turn the steering joints towards ``angles`` (k,); how far the farthest of them is away, radians."""
+        """Turn the steering joints towards ``angles`` (k,), radians. Returns the largest remaining deviation,
+        radians."""
         if not len(angles):
             return 0.0
         step = self._base.steering_speed * self._parameters.control_period
@@ -293,7 +295,7 @@ class WheelMotors:
         engine.turn(engine.built.robot, self._wheel_indices, speeds.tolist(), torques)
 
     def park(self) -> None:
-        """Hold wheels and steering where they are: a velocity motor at zero gives way under the arm."""
+        """Hold wheels and steering in position, because a velocity motor at zero yields to the forces of the arm."""
         self._hold(self._wheel_indices, self.angles, self._base.wheel_torque, self._parameters.wheel_hold_gain)
         self._steered_to = self.steering
         self.steer(self._steered_to)

@@ -6,4 +6,4 @@ from bestman_bt.errors import Error
 
 
 class TwinError(Error, RuntimeError):
-    """A twin cannot be made: no connection, no twin for its driver, no free address, or it did not start."""
+    """A twin cannot be created: no connection, no twin for the driver, no free address, or it failed to start."""

@@ -64,7 +64,7 @@ class Faults:
     def add(
         self, faults: Mapping[str, Callable[[], None]], shares: Mapping[str, Callable[[float], None]] | None = None
     ) -> None:
-        """Add further faults by name. ``shares``: those that take a value from 0 to 1."""
+        """Add further faults by name. ``shares``: those with a value from 0 to 1."""
         self._offered |= faults
         self._shares |= shares or {}
 

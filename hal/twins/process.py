@@ -66,7 +66,7 @@ class TwinProcess:
         return {key: value for key, _, value in settings}
 
     def fault(self, connection: str, name: str, value: float | None = None) -> None:
-        """Make a fault happen."""
+        """Trigger a fault of a controller."""
         question = {"connection": connection, "fault": name}
         ask(Path(self._told["faults"]), question if value is None else {**question, "value": value})
 

@@ -24,7 +24,7 @@ Message = dict[str, Any]
 
 @dataclass(frozen=True)
 class RosVersion:
-    """Which of ROS's two versions; it decides how times are written."""
+    """The ROS version, which determines the format of times."""
 
     number: int
 

@@ -82,7 +82,7 @@ class Client:
                 self._wire.send(document)
 
     def disconnect(self) -> None:
-        """Cut the connection without the closing handshake, as a server does that ends."""
+        """Close the connection without the closing handshake, like a terminated server."""
         with contextlib.suppress(OSError):
             self._wire.socket.shutdown(socket.SHUT_RDWR)
 

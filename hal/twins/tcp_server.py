@@ -107,7 +107,7 @@ class _Port(_BackgroundServer):
 
 
 class TcpTwin:
-    """A controller that listens on TCP ports of ``address``: port → what serves a client there, in its own thread.
+    """A controller that listens on TCP ports of ``address``: port → function that serves a client, in its own thread.
 
     Raises OSError, with no port left open, if one is taken or needs privileges. Its fault ``restart`` disconnects all
     clients.
@@ -137,7 +137,7 @@ class TcpTwin:
                 client.shutdown(socket.SHUT_RDWR)
 
     def received(self, client: socket.socket) -> Iterator[bytes]:
-        """Yield what arrives of a client's bytes with the faults of the wire, until the client goes."""
+        """Yield the received bytes of a client, with the faults of the wire applied, until it disconnects."""
         while chunk := client.recv(65536):
             if not self.faults.wire.silent:
                 time.sleep(self.faults.wire.delay)
@@ -158,7 +158,8 @@ def lines(chunks: Iterable[bytes]) -> Iterator[str]:
 
 
 def modbus_frames(chunks: Iterable[bytes]) -> Iterator[bytes]:
-    """Yield the frames of a stream: bytes 4 and 5 of their head of six count what follows, as in Modbus TCP."""
+    """Yield the frames of a stream, as in Modbus TCP: bytes 4 and 5 of the 6-byte header give the length of the
+    rest."""
     data = b""
     for chunk in chunks:
         data += chunk

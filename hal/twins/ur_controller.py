@@ -88,7 +88,7 @@ class URController:
         return self._program is not None
 
     def read(self) -> Mapping[str, Any]:
-        """Return the output fields now."""
+        """Return the current output fields."""
         return {
             **self._measured,
             "timestamp": time.monotonic(),
@@ -154,7 +154,7 @@ class URController:
         self._wrench_sign = -self._wrench_sign
 
     def trip(self, mode: SafetyMode) -> None:
-        """The safety system stops the robot and ends the program."""
+        """Make the safety system stop the robot and end the program."""
 
         def stop() -> None:
             self.safety_mode, self._tripped = mode, time.monotonic()
@@ -163,7 +163,7 @@ class URController:
         self._world.post(stop)
 
     def unlock(self) -> bool:
-        """Release a protective stop; whether that was possible."""
+        """Release a protective stop. Returns whether that was possible."""
         if self.safety_mode == SafetyMode.PROTECTIVE_STOP and time.monotonic() < self._tripped + UNLOCK_DELAY:
             return False
         if self.safety_mode == SafetyMode.PROTECTIVE_STOP:

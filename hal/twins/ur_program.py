@@ -121,14 +121,14 @@ class URProgram:
         self.outputs: dict[str, float] = {"output_int_register_0": READY, "output_int_register_2": 0}
 
     def halt(self) -> None:
-        """Come to rest and end the program."""
+        """Brake to rest and end the program."""
         self._arm.stop()
         self.follower, self._motion, self._drift, self._next_drift = None, None, None, None
         self._moves = []
         self._tell_running(False)
 
     def pause(self) -> None:
-        """Hold where the arm is."""
+        """Hold the arm at its current position."""
         if self.follower is None:
             self._arm.stop()
         else:

@@ -117,7 +117,7 @@ class XArmController:
         self._world.post(self._halt)
 
     def servo(self, positions: Array) -> bool:
-        """Return a streamed set-point; whether it was taken."""
+        """Set a streamed set-point (n,), radians. Returns whether it was accepted."""
         if self.mode != SERVO_MODE or not self._ready():
             return False
         if np.any(positions < self._lower - 1e-3) or np.any(positions > self._upper + 1e-3):

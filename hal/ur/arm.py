@@ -154,7 +154,7 @@ class URArm(StreamedArm):
             super().fail(fault)
 
     def attach(self) -> None:
-        """Hold where the joints are."""
+        """Hold the joints at their current positions."""
         with self._connection.lock:
             self._own = None
             super().attach()

@@ -326,12 +326,12 @@ class URJoints(JointChannel):
 
     @property
     def age(self) -> float:
-        """Readings come whether set-points are sent or not."""
+        """Return the age of the newest reading, seconds; readings arrive without set-points, too."""
         return self._link.age
 
     @property
     def scaling(self) -> float:
-        """Return the scaling of the newest report."""
+        """Return the speed scaling of the newest report, 0 to 1."""
         report = self._link.report
         return 1.0 if report is None else scaling_of(report, self._reduced_scaling)
 

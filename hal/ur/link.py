@@ -39,7 +39,7 @@ class URLink:
         self._lateness = LatencyMonitor()
 
     def open(self, address: str, settings: dict[str, float], timeout: float) -> None:
-        """Start the process and let it connect. Raises ConnectionFailedError saying why it could not."""
+        """Start the process and wait until it is connected. Raises ConnectionFailedError with the reason."""
         calls, calls_there = multiprocessing.Pipe()
         stream, stream_there = multiprocessing.Pipe()
         numbers = (calls_there.fileno(), stream_there.fileno())
@@ -140,7 +140,7 @@ class URLink:
         return self._lateness.late(longest_delay, time.monotonic())
 
     def close(self) -> None:
-        """Let the process bring the arm to rest and end its program, then end it; idempotent, raises nothing."""
+        """Make the process stop the arm and end its program, then end the process; idempotent, raises nothing."""
         if self._process is not None:
             with contextlib.suppress(ConnectionFailedError):  # where it cannot, the controller's watchdog does
                 self.call("leave", timeout=LEAVE_TIME)

@@ -218,7 +218,7 @@ class SDKProcess:
         return bool(setters[kind](number, on))
 
     def upload_path(self, path: list[list[float]]) -> None:
-        """Write rows of positions (6,), speed, acceleration, blend radius into a new program; nothing moves yet."""
+        """Upload a path as a program without starting it. Rows: positions (6,), speed, acceleration, blend radius."""
         self._busy = True
         try:
             self._upload(
@@ -267,7 +267,7 @@ class SDKProcess:
         self._control.speedStop(deceleration)
 
     def stop_path(self) -> None:
-        """Brake on the way of a path."""
+        """Brake along the current path."""
         self._renewed_until = None
         self._control.stopJ(self._settings["deceleration"], True)
         self._come_to_rest(self._control.kickWatchdog)

@@ -155,7 +155,7 @@ class XArmConnection(Connection):
         return self._gripper is not None and self._lite6_gripper is None
 
     def open(self) -> None:
-        """Connect, enter servo mode."""
+        """Connect and enter servo mode."""
         options: XArmOptions = self.options
         wire = self._wire
         wire.open(self.settings.address, options)
@@ -206,7 +206,7 @@ class XArmConnection(Connection):
         return self._by_another_wire(XArmWire.held)
 
     def release(self) -> None:
-        """Clear the error, switch the motors on."""
+        """Clear the controller's error and switch the motors on."""
         self._by_another_wire(XArmWire.release)
 
     def _by_another_wire(self, act: Callable[[XArmWire], Result]) -> Result:

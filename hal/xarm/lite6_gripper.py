@@ -42,7 +42,7 @@ class Lite6GripperWire(GripperChannel):
             self._wire.tell("gripper", lambda arm: arm.close_lite6_gripper(sync=False))
 
     def halt(self) -> None:
-        """Cut its power; it may drop an object that it holds by that power."""
+        """Cut the gripper's power; it may drop a held object."""
         self._begin(self.read().width)
         self._wire.tell("gripper", lambda arm: arm.stop_lite6_gripper(sync=False))
 

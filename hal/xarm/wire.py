@@ -239,7 +239,7 @@ class XArmWire:
         return ArmIdentity.of(self._arm, self._load)
 
     def open(self, address: str, options: XArmOptions) -> None:
-        """Connect. Raises ConnectionFailedError if nothing answers."""
+        """Connect. Raises ConnectionFailedError without a reply."""
         sdk = import_sdk(self._load)
         if not answers(address, options.connect_timeout):
             raise ConnectionFailedError(f"{self._name}: no xArm controller answers at its address")
@@ -280,7 +280,7 @@ class XArmWire:
         return answer if code == 0 else None
 
     def tell(self, what: str, command: Callable[[Any], int]) -> None:
-        """Give a command; a refusal becomes the fault that the controller reports."""
+        """Send a command; a refusal sets the controller's reported fault."""
         if self._arm is None:
             return
         code = command(self._arm)
@@ -292,7 +292,7 @@ class XArmWire:
             self._fault = Failure(MotionErrorCode.FAULT, text, vendor_code=f"SDK {code}")
 
     def demand(self, what: str, command: Callable[[Any], int]) -> None:
-        """Give a command that has to succeed. Raises ConnectionFailedError if it does not."""
+        """Send a command that must succeed. Raises ConnectionFailedError otherwise."""
         code = command(self._arm)
         self._note(code)
         if code not in (0, WARNING_FLAGGED):

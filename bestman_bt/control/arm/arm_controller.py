@@ -118,7 +118,7 @@ class ArmMoving:
 
 
 class ArmController:
-    """Runs motions of one arm. The arm's driver monitors tracking; a guard can monitor anything else.
+    """Runs motions of one arm. The arm's driver monitors tracking; guards monitor further conditions.
 
     A guard is called periodically while the arm moves; if it returns a text, the arm is brought to rest and the motion
     fails with that text. ``kinematics`` and ``wrist``: for ``move_until`` and ``follow_constraint``. ``coordinator``:
@@ -225,7 +225,7 @@ class ArmController:
         return self._run(following, motion, "along with the handle that it holds")
 
     def stop(self) -> None:
-        """Bring the arm to rest at once."""
+        """Stop the arm immediately."""
         self._end_stream(MotionErrorCode.STOPPED, "the arm was stopped")
         if self._coordinator is not None:
             self._coordinator.end_waiting(self.name, MotionErrorCode.STOPPED, "the arm was stopped")

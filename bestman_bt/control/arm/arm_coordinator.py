@@ -99,7 +99,7 @@ class ArmCoordinator:
             self._waiting.pop(arm).abort(code, text)
 
     def began(self, arm: str, motion: Motion[Any], way: SweptVolume | None) -> None:
-        """Record a ``motion`` of ``arm`` under way."""
+        """Record that ``arm`` has started ``motion``."""
         self._under_way[arm] = _UnderWay(motion, way)
         self._waiting.pop(arm, None)
 

@@ -54,7 +54,7 @@ class FollowGuide:
 
 
 class FollowEnd(Enum):
-    """Why a following ended."""
+    """The reason for the end of a constrained motion."""
 
     REACHED = "reached"
     LOCKED = "locked"  # the force limit was met before it moved

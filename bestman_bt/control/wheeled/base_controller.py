@@ -336,13 +336,13 @@ class BaseController:
         return self._begin(self._rotation, None, by_odometry=True)
 
     def park(self) -> Motion[BasePose]:
-        """Come to rest, hold the wheels and let the localisation converge."""
+        """Brake to rest, hold the wheels and wait for the localisation to converge."""
         with self._lock:
             self._base.stop()
             return self._begin(None, None)
 
     def stop(self) -> None:
-        """Bring the base to rest at once; the motion under way is cancelled."""
+        """Stop the base immediately and cancel the motion under way."""
         with self._lock:
             self._base.stop()
             self._replace(None)

@@ -122,7 +122,7 @@ class CollisionMonitor:
             ]
 
     def observe(self, scan: LaserScan, base_from_lidar: Pose2D, odometry: Pose2D) -> None:
-        """Take in a scan, taken where the odometry is ``odometry``."""
+        """Process a scan taken at the pose ``odometry`` in the ``odom`` frame."""
         self._equal = self._equal + 1 if scan.stamp == self._stamp else 0
         self._stamp = scan.stamp
         self._points.update(scan, base_from_lidar, odometry)
@@ -263,7 +263,7 @@ class NearPoints:
         self._stamp = 0.0
 
     def update(self, scan: LaserScan, base_from_lidar: Pose2D, odometry: Pose2D) -> None:
-        """Take in a scan that was taken at ``odometry``."""
+        """Process a scan taken at the pose ``odometry`` in the ``odom`` frame."""
         lidar = odometry @ base_from_lidar
         before = np.vstack([self._blind, np.column_stack([self._seen, np.full(len(self._seen), self._stamp)])])
         self._blind = self._still_hidden(before, scan, lidar)

@@ -13,7 +13,7 @@ from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 
 class PipelineSequence(Control, composites.Sequence):
-    """Ticks its children from the first on at every tick, up to the furthest one reached so far.
+    """Ticks its children in order at every tick, up to the furthest one reached so far.
 
     A running child does not block later children that have been started already.
     """

@@ -85,7 +85,7 @@ class Switch(Control, composites.Selector):
     CHECKED_AT_TICK = True
 
     def on_load(self) -> None:
-        """Start with no case."""
+        """Initialise without a selected case."""
         self.current = -1
 
     def halt(self) -> None:

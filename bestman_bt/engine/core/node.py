@@ -268,7 +268,7 @@ class Node(PyTreesAdapter):
 
     @property
     def board(self) -> Blackboard:
-        """The blackboard of the SubTree that this node belongs to."""
+        """The blackboard of the enclosing SubTree."""
         return self._place.board
 
     @property
@@ -375,7 +375,7 @@ class Node(PyTreesAdapter):
                 self.log.append(self.ev[state])
 
     def reset_status(self) -> None:
-        """Become idle, and log the change."""
+        """Set the node to idle and log the change."""
         code = self._s
         if code > 0:
             self._s = 0 if code == RUNNING else -code

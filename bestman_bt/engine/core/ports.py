@@ -53,7 +53,7 @@ class Port:
 
     @property
     def default_in_words(self) -> str:
-        """Such as ``default 0.5`` or ``default ''``; empty without a default."""
+        """The default as text, such as ``default 0.5`` or ``default ''``; empty without a default."""
         return "" if self.default is None else f"default {str(self.default) or repr('')}"
 
 

@@ -93,7 +93,7 @@ class PyTreesAdapter(_Base):
         return node.owner
 
     def stop(self, new_status: PyTreesStatus = PyTreesStatus.INVALID) -> None:
-        """Stop as a py_trees behaviour: halt if running, and become idle."""
+        """Stop as a py_trees behaviour: halt the node if it is running, then set it to idle."""
         node = self._node
         if node.tree is not None:
             if self._s == RUNNING:

@@ -25,7 +25,7 @@ _LOG = logging.getLogger(__name__)
 
 @runtime_checkable
 class Reactive(Protocol):
-    """A node that may be strict; ``runner``: its running child."""
+    """A reactive node with optional strict order; ``runner``: its running child."""
 
     runner: Node | None
 
@@ -67,7 +67,7 @@ class Stopping:
         return bool(self.until) and not leaves.isdisjoint(self.until)
 
     def ask(self, now: float) -> None:
-        """Remove the leaves that have stopped, and those that have taken too long."""
+        """Remove the leaves that have stopped, and those that exceeded their stop timeout at ``now``."""
         for leaf, until in list(self.until.items()):
             del self.until[leaf]
             if leaf.on_stopping() == RUNNING:
@@ -96,7 +96,7 @@ def set_order(tree: Tree) -> None:
 
 
 def in_order(node: Node, core: Tick, order: Order) -> Tick:
-    """Return the tick function of a node that may have to wait."""
+    """Return the tick function of a node that waits until halted leaves have stopped."""
     return _leaf_in_order(node, core, order) if not node.children else _parent_in_order(node, core, order)
 
 

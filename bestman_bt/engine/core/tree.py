@@ -145,9 +145,9 @@ class Tree:
         return node.info if node.info is not None else self.registry.info_of_class(type(node))
 
     def rebind(self) -> None:
-        """Choose each node's ``run`` again after a change of listeners, visitors or hooks.
+        """Select each node's ``run`` function again after a change of listeners, visitors or hooks.
 
-        Does nothing before the first tick, which chooses. Thread-safe.
+        Does nothing before the first tick, which selects them anyway. Thread-safe.
         """
         if self._bound:
             self._bind()
@@ -465,7 +465,7 @@ class Tree:
             listener(inner, leaf)
 
     def publish_idle(self) -> None:
-        """Tell the listeners that no node is running any more: another tree takes the place of this one."""
+        """Notify the listeners that all nodes are idle, because another tree replaces this one."""
         if self._log is not None:
             self._log += [state_code(node.uid, IDLE) for node in self.nodes if node.state != IDLE]
             self.publish()

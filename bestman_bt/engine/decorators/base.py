@@ -45,7 +45,8 @@ class Decorator(Node, py_trees.decorators.Decorator):
         self.only = (instead, self.child)
 
     def bound(self, core: Tick) -> Tick:
-        """Return the tick that makes a finished child idle after the node has its own status, the order of v4."""
+        """Return the tick that resets a finished child after the node has its own status, the order of BehaviorTree.CPP
+        4."""
         if self.RESETS_CHILD:
             return core
 

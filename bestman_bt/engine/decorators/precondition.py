@@ -36,7 +36,7 @@ class Precondition(Decorator):
             self.source = source
 
     def on_tick(self) -> int:
-        """Evaluate the script, and tick the child if it is true."""
+        """Evaluate the script and tick the child if the result is true."""
         if not self.is_literal:
             self._compile()
         otherwise = int(self.else_)

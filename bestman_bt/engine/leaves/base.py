@@ -16,7 +16,7 @@ class Leaf(Node, Behaviour):
     """A node without children."""
 
     def halt(self) -> None:
-        """Become idle."""
+        """Set the leaf to idle."""
         self.reset_status()
 
 
@@ -88,7 +88,7 @@ class Sleep(StatefulAction):
         return SUCCESS if self.clock.now() >= self.end else RUNNING
 
     def on_halted(self) -> None:
-        """Do nothing: a sleep moves nothing."""
+        """Do nothing: there is no motion to stop."""
 
 
 class AlwaysSuccess(SyncAction):

@@ -60,7 +60,7 @@ class TestNode(StatefulAction):
         return compiler.compile(source, self.board) if source else None
 
     def on_start(self) -> int:
-        """Start the delay, or complete at once without a delay."""
+        """Start the delay; without one, complete immediately."""
         if self.config.async_delay <= 0:
             return self._complete()
         self._end = self.clock.now() + self.config.async_delay

@@ -117,7 +117,7 @@ MOST_READ = 128 << 20
 
 
 class LogError(EngineError):
-    """A log file is not valid."""
+    """Raised if a log file is invalid."""
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ class Pair:
 
     @property
     def label(self) -> str:
-        """Its type, and its name, if any."""
+        """The type of the node, and its name, if any."""
         element = self.element
         kind = element.attributes.get("ID", element.tag) if element.tag in (*KINDS, "SubTree") else element.tag
         kind = f"SubTree {kind}" if element.tag == "SubTree" else kind

@@ -102,7 +102,8 @@ class Placeholders(Gaps):
     """Inserts placeholders for unknown parts."""
 
     def fill(self, checker: Checker) -> None:
-        """Give each misfit a placeholder of its type, and each missing tree a placeholder tree."""
+        """Replace each node without code, or with unknown ports, by a placeholder of its type, and each missing tree by
+        a placeholder tree."""
         documents = checker.documents
         for element in checker.misfits:
             if element.tag == "SubTree":
@@ -118,8 +119,8 @@ class Placeholders(Gaps):
 
 
 class StrictPlaceholders(Placeholders):
-    """Placeholders for what is unknown here. Faults of nodes that are implemented here are errors, unless a
-    TreeNodesModel, of the file or among ``models``, declares a node of this name with other ports.
+    """Placeholders for nodes and trees without code. Faults of nodes with code are errors, unless a TreeNodesModel, of
+    the file or among ``models``, declares a node of this name with other ports.
     """
 
     def __init__(self, models: Models) -> None:
@@ -140,7 +141,7 @@ class StrictPlaceholders(Placeholders):
         super().fill(checker)
 
     def take(self, problems: list[TreeProblem]) -> None:
-        """Take over the problems that are no errors."""
+        """Record the problems that are not errors."""
         problems[:] = [replace(one, missing=False) if one.node in self._own else one for one in problems]
         super().take(problems)
 

@@ -147,7 +147,7 @@ KINDS: Final = frozenset(_CLASSES) - {"SubTree"}
 
 
 def placeholder(name: str, kind: str, ports: Iterable[Port], known_from: str, description: str = "") -> NodeInfo:
-    """Return the description of a node type without code; ``known_from``: the source of the description, in words."""
+    """Return the description of a node type without code; ``known_from``: the source of the description, as text."""
     return replace(
         make_info(name, _CLASSES[kind], builtin=False),
         ports={port.name: port for port in ports},

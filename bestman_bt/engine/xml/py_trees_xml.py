@@ -69,7 +69,7 @@ def find_py_trees_element(root: Element) -> Element | None:
 
 
 def convert_to_own_nodes(root: Element) -> None:
-    """Change a file of py_trees to the nodes and ports here."""
+    """Convert nodes and ports of a py_trees file to those of this engine, in place."""
     for child in root.children:
         if child.tag.lower() in ("import", "include"):
             child.tag = "include"

@@ -40,7 +40,7 @@ class FilmedRun:
     doings: tuple[tuple[float, str], ...]
 
     def doing(self, time: float) -> str:
-        """Return the type of the leaf that ran at ``time``, or nothing."""
+        """Return the type of the leaf that ran at ``time``, seconds; empty if none ran."""
         index = bisect_right(self.doings, time, key=lambda doing: doing[0]) - 1
         return self.doings[index][1] if index >= 0 else ""
 

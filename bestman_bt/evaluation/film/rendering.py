@@ -290,7 +290,7 @@ def viewpoint(target: NDArray[np.float64], azimuth: float, elevation: float) -> 
 
 
 def plan_shot(run: FilmedRun, stage: ReplayScene) -> Shot:
-    """Choose the frames, let the camera follow, choose the side."""
+    """Choose the frames of the shot, the side of the camera and its path."""
     duration = run.motion.duration
     seconds = max(min(max(duration / 4.0, SECONDS[0]), SECONDS[1], duration), SHORTEST)
     times = tuple(float(time) for time in np.linspace(0.0, duration, round(seconds * RATE)))

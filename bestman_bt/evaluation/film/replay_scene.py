@@ -77,7 +77,7 @@ class ReplayScene:
     def seen(
         self, viewpoint: Viewpoint, subjects: Sequence[str], width: int = 160, height: int = 120
     ) -> tuple[float, float]:
-        """Shares of a small picture that show the fingers, and the subjects: objects, or doors and drawers."""
+        """Return the fractions of an image that show the fingers and ``subjects`` (objects, doors or drawers)."""
         built = self._robot.simulation.built
         bodies, links = self._reader.segments(viewpoint, width, height)
         hand = [built.links[link] for link in self._shown if link in built.links]
@@ -92,7 +92,7 @@ class ReplayScene:
         return float(np.mean(of_hand)), float(np.mean(of_subjects))
 
     def picture(self, viewpoint: Viewpoint, width: int, height: int, oversampling: int = 1) -> NDArray[np.uint8]:
-        """(height, width, 3) uint8."""
+        """Render the scene: (height, width, 3) uint8."""
         return smooth(self._reader.photo(viewpoint, width * oversampling, height * oversampling), oversampling)
 
 

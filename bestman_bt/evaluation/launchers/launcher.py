@@ -36,7 +36,7 @@ MOST_LOSSES = 3
 
 
 class LauncherLostError(Error):
-    """What runs the episodes is gone, or refuses them; those that have finished are kept."""
+    """Raised if the workers are lost or refuse the episodes; finished episodes are kept."""
 
     code = "launcher_lost"
 
@@ -47,7 +47,7 @@ class EpisodeRequest:
 
     ``folder``: parent of its run folder; None saves nothing. ``code``: the fingerprint of the code that must run it,
     empty: any. ``files``: the fingerprint of its configuration with the files that it names, checked along with the
-    code. ``wall_limit``: seconds of wall time after which it is taken to hang.
+    code. ``wall_limit``: seconds of wall time after which the episode counts as hanging.
     """
 
     config: RunConfig
@@ -57,7 +57,7 @@ class EpisodeRequest:
     wall_limit: float = WALL_LIMIT
 
     def pickled(self) -> bytes:
-        """Return it for another process. Raises ConfigurationError if a value of its configuration cannot travel."""
+        """Return the pickled request. Raises ConfigurationError if a value of its configuration cannot be pickled."""
         try:
             return pickle.dumps(self)
         except (pickle.PicklingError, TypeError, AttributeError) as error:
@@ -65,7 +65,7 @@ class EpisodeRequest:
             raise ConfigurationError([Problem(f"task {self.config.name}", None, "", why)]) from error
 
     def refusal_here(self) -> str:
-        """Return why this process may not run it; empty if it may."""
+        """Return why this process must not run the episode; empty if it may."""
         if not self.code:
             return ""
         code, packages = _code_here()
@@ -116,10 +116,10 @@ class EpisodeRequest:
 
 @dataclass(frozen=True)
 class LaunchOptions:
-    """What a user asks of a launcher.
+    """User options of a launcher.
 
-    ``jobs``: episodes that run at the same time; None: one here, on a cluster what it has room for. ``address``: of a
-    cluster; empty: the usual one. ``folder``: of the evaluation, for the launcher's own files; None: a temporary one.
+    ``jobs``: number of parallel episodes; None: one on this machine, the capacity of a cluster. ``address``: of the
+    cluster; empty: the default one. ``folder``: of the evaluation, for the launcher's own files; None: a temporary one.
     """
 
     jobs: int | None = None
@@ -142,22 +142,22 @@ class Launcher(ABC):
 
     @abstractmethod
     def submit(self, requests: Sequence[EpisodeRequest]) -> None:
-        """Take further episodes; each is known by its place in ``requests``. Raises ConfigurationError."""
+        """Submit further episodes; each is identified by its index in ``requests``. Raises ConfigurationError."""
 
     @abstractmethod
     def results(self) -> Iterator[tuple[int, RunResult]]:
-        """Yield the place and the result of each submitted episode, once each, in the order in which they finish.
+        """Yield index and result of each submitted episode, in the order in which they finish.
 
-        Raises LauncherLostError if the rest will not come, RuntimeError if workers cannot start.
+        Raises LauncherLostError if the workers are lost, RuntimeError if they cannot start.
         """
 
     @abstractmethod
     def cancel(self) -> None:
-        """End what still runs, and the workers; may be called more than once."""
+        """Stop running episodes and the workers; idempotent."""
 
     @property
     def notes(self) -> list[str]:
-        """What a reader of the figures has to know."""
+        """Remarks on the execution for the report, such as the number of episodes repeated after a lost worker."""
         return [f"{self.lost.total()} times an episode was run again because its worker was lost"] * bool(self.lost)
 
     def record(self, requests: Sequence[EpisodeRequest]) -> range:

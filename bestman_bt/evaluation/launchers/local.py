@@ -25,7 +25,7 @@ class LocalProcesses(Launcher):
         self._waiting += self.record(requests)
 
     def results(self) -> Iterator[tuple[int, RunResult]]:
-        """Yield each place with its result; workers end once nothing waits for them."""
+        """Yield index and result of each episode; a worker ends when no episode is waiting."""
         jobs = self.options.jobs or 1
         while jobs == 1 and self._waiting:
             place = self._waiting.popleft()
@@ -50,7 +50,7 @@ class LocalProcesses(Launcher):
                     yield place, result
 
     def cancel(self) -> None:
-        """Kill the workers, and forget what waits."""
+        """Kill the workers and drop the waiting episodes."""
         self._waiting.clear()
         for worker in self._busy:
             worker.kill()

@@ -31,11 +31,11 @@ SHUTDOWN_PATIENCE = 10.0
 
 
 class RayTasks(Launcher):
-    """Ray only places the episodes: each runs in a separate process below the task, which separates its crash from
-    the loss of a worker or a node, which alone runs it again.
+    """Distributes episodes with Ray. Each runs in a separate process below its task, so that a crash of the episode is
+    not mistaken for the loss of a worker or node; only after such a loss is it run again.
 
-    Without an address, a Ray of this machine is started, on loopback. On a cluster, a checkout's code travels along;
-    an installed package is expected there. Every node must have the code of the evaluation.
+    Without an address, Ray is started on this machine, on loopback. On a cluster, the code of a checkout is uploaded;
+    an installed package must be installed there, too. Every node must have the code of the evaluation.
     """
 
     def __init__(self, options: LaunchOptions | None = None) -> None:

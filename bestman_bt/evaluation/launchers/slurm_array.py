@@ -33,11 +33,11 @@ MOST_FRUITLESS = 3
 
 
 class SlurmArray(Launcher):
-    """Every task of the array runs its share of the episodes, one after the other, and appends what becomes of each to
-    its file. What a task that has ended left undone is submitted again.
+    """Runs the episodes as a Slurm job array: each task runs its share in sequence and appends the results to its file.
+    Episodes that a finished task has left out are submitted again.
 
-    All machines see the folder, the code and the files of the user under one path. ``cluster``: submitit's executor;
-    ``local`` runs the tasks as processes of this machine.
+    All machines must have the folder, the code and the user's files under the same paths. ``cluster``: submitit's
+    executor; ``local`` runs the tasks as processes of this machine.
     """
 
     def __init__(self, options: LaunchOptions | None = None, cluster: str = "slurm") -> None:
@@ -157,7 +157,7 @@ class _Part:
 
 
 def run_share(episodes: Sequence[tuple[int, tuple[bytes, float]]], file: str, folder: str) -> None:
-    """Run the episodes of a task, but those that it had finished before Slurm started it anew."""
+    """Run the episodes of a task, except those that it had finished before Slurm restarted it."""
     finished = {_parsed(line)[0] for line in Path(file).read_bytes().split(b"\n")[:-1]}
     for place, (request, wall_limit) in episodes:
         if place not in finished:

@@ -39,11 +39,11 @@ _ENDED = {
 
 @dataclass(frozen=True)
 class EpisodeAnswer:
-    """What became of an episode; exactly one of the texts or ``result`` is not empty.
+    """The outcome of an episode in a worker; exactly one of the texts or ``result`` is not empty.
 
     ``result``: the pickled ``RunResult``. ``crashed``: the episode ended its process, or hung. ``lost``: the worker was
-    ended from outside, which says nothing of the episode. ``refused``: the worker cannot run it. ``seconds``: of wall
-    time, until the worker was gone.
+    killed from outside, independently of the episode. ``refused``: the worker cannot run it. ``seconds``: of wall time,
+    until the worker was gone.
     """
 
     result: bytes = b""
@@ -54,7 +54,7 @@ class EpisodeAnswer:
 
 
 class WorkerProcess:
-    """One process, which runs what is given to it. ``alive``: whether it can take another episode."""
+    """One worker process, which runs the episodes passed to it. ``alive``: whether it can take another episode."""
 
     def __init__(self, folder: str | None = None) -> None:
         """Start it, with ``folder`` as its working directory; None: this process's."""
@@ -70,13 +70,14 @@ class WorkerProcess:
         self._limit = 0.0
 
     def give(self, request: bytes, wall_limit: float) -> None:
-        """Let it run a pickled ``EpisodeRequest``; after ``wall_limit`` seconds the episode is taken to hang."""
+        """Run a pickled ``EpisodeRequest``; after ``wall_limit`` seconds it counts as hanging."""
         self._began, self._limit = time.perf_counter(), wall_limit
         with suppress(ConnectionError):  # ``answer`` reports its end
             self.connection.send_bytes(request)
 
     def answer(self, timeout: float = 0.0) -> EpisodeAnswer | None:
-        """Return what became of the episode, once that is known. Raises RuntimeError if the worker cannot start."""
+        """Return the outcome of the episode, or None if it has not ended after ``timeout`` seconds. Raises RuntimeError
+        if the worker cannot start."""
         try:
             if self.connection.poll(timeout):
                 message = self.connection.recv()
@@ -138,7 +139,7 @@ def code_here() -> tuple[str, str]:
 
 
 def serve(descriptor: int) -> None:
-    """Run the episodes that come through the connection, until its other end is closed."""
+    """Run the episodes received through the connection until its other end is closed."""
     connection = Connection(descriptor)
     threading.Thread(target=_end_with_the_parent, args=(descriptor,), daemon=True).start()
     import_module("bestman_bt.evaluation.launchers.launcher")  # takes seconds, which are not the first episode's

@@ -74,7 +74,7 @@ class SlowNode:
 def groups_by_name(stories: Sequence[RunReport]) -> dict[str, list[RunReport]]:
     """Return the groups of runs of the same task, entry, robot and settings, in the order of their first run.
 
-    They are named by entry or task, robot, settings of scene and robot, and what else distinguishes them.
+    The names contain entry or task, robot, scene and robot settings, and further settings that distinguish groups.
     """
     alike: dict[tuple[Any, ...], list[RunReport]] = defaultdict(list)
     for story in stories:
@@ -119,7 +119,7 @@ def task_groups(stories: Sequence[RunReport]) -> list[TaskGroup]:
 
 
 def causes(stories: Sequence[RunReport]) -> list[Cause]:
-    """Why runs failed, the most frequent cause first."""
+    """Return the causes of failed runs, the most frequent first."""
     found: dict[tuple[str, str], list[RunReport]] = defaultdict(list)
     for name, group in groups_by_name(stories).items():
         for story in group:

@@ -298,7 +298,7 @@ class RunReport:
     ``outcome``: as in ``result.json``, or INTERRUPTED or STILL_RUNNING without one. ``started``: seconds since the
     epoch, None if unknown. ``duration``: seconds of the robot's clock up to the last known event. ``entry``: of a
     suite, or empty. ``settings``: further settings as for ``--set`` → text. ``result``: None if the run did not finish.
-    ``stops``: black boxes. ``notes``: what could not be read, in words. ``source``: the external process that was
+    ``stops``: black boxes. ``notes``: parts that could not be read, as text. ``source``: the external process that was
     watched.
     """
 
@@ -330,12 +330,12 @@ class RunReport:
 
     @property
     def scene_and_robot_settings(self) -> str:
-        """The explicit settings of scene and robot, in words."""
+        """The explicit settings of scene and robot as text."""
         return setting_words(self.settings, [key for key in self.settings if key.startswith(("scene.", "robot."))])
 
     @property
     def is_counted(self) -> bool:
-        """Return whether it completed, so that it counts in a success rate."""
+        """Return whether the run completed, so that it counts in the success rate."""
         return self.result is not None and self.outcome != "cancelled"
 
 

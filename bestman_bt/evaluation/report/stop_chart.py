@@ -64,7 +64,7 @@ class StopChart:
 
 
 def stop_chart(file: str, box: BlackBox) -> StopChart:
-    """Draw a black box."""
+    """Draw the chart of a black box: velocities of the parts around the stop."""
     times = [part.times for part in box.parts.values() if len(part.times)]
     first = max(box.stopped_at - BEFORE, min((float(one[0]) for one in times), default=box.stopped_at))
     last = max((float(one[-1]) for one in times), default=box.stopped_at)

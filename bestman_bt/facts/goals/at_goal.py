@@ -70,7 +70,7 @@ class AtGoal(Goal[AtGoalFields]):
         yield from self.missing_part(BaseModel, "a mobile base")
 
     def entries(self) -> dict[str, Any]:
-        """``goal``."""
+        """Return the blackboard entry ``goal``."""
         return {"goal": self.pose} if self.robot_model.of(BaseModel) else {}
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:

@@ -39,7 +39,7 @@ class Lifted(Goal[LiftedFields]):
         yield from self.unknown_surface("source")
 
     def entries(self) -> dict[str, Any]:
-        """``object``, ``source``."""
+        """Return the blackboard entries ``object`` and ``source``."""
         return {"object": self.asked.object, "source": self.asked.source}
 
     @override

@@ -82,7 +82,7 @@ class Opened(Goal[OpenedFields]):
         return [self.asked.articulation]
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:
-        """Metrics: ``angle_deg`` of a door, ``opening_mm`` of a drawer."""
+        """Return the verdict with the metric ``angle_deg`` of a door or ``opening_mm`` of a drawer."""
         name = self.asked.articulation
         furniture, _, part = name.partition("/")
         piece = next(p for p in self.world.furniture if p.name == furniture)

@@ -79,7 +79,7 @@ class Placed(Goal[PlacedFields]):
         return PlaceGoal(asked.at, chosen, asked.source, asked.surface, higher)
 
     def problems(self) -> Iterator[Problem]:
-        """Unknown names, and a surface that the scene's goal is not on."""
+        """Yield unknown names, and a surface other than that of the scene's goal."""
         yield from self.unknown_place("at")
         yield from self._object_faults()
         yield from self.unknown_surface("source")
@@ -112,7 +112,7 @@ class Placed(Goal[PlacedFields]):
                 yield self.fault(f"the scene's goal {at!r} is on {there!r}, not on {surface!r}", "surface")
 
     def entries(self) -> dict[str, Any]:
-        """``object``, ``source``, ``target``, ``goal``."""
+        """Return the blackboard entries ``object``, ``source``, ``target`` and ``goal``."""
         goal = self.goal
         return {"object": goal.object, "source": goal.source, "target": goal.surface, "goal": goal.pose}
 
@@ -124,7 +124,7 @@ class Placed(Goal[PlacedFields]):
         return {"goals": [goal.entries() for goal in goals], **{one.goal.name: one.goal.pose for one in goals}}
 
     def labels(self) -> list[str]:
-        """Return the object, or all that the seed may choose."""
+        """Return the object, or all objects that the seed may choose."""
         return [self.asked.object] if isinstance(self.asked.object, str) else list(self.asked.object)
 
     def told(self) -> dict[str, str]:

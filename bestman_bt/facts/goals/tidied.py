@@ -58,7 +58,7 @@ class Tidied(Goal[TidiedFields]):
             yield self.fault(f"leaves no room: the limits should differ, got [{lower:g}, {upper:g}]", axis)
 
     def entries(self) -> dict[str, Any]:
-        """``objects``, ``source``, ``target``, ``region_x``, ``region_y``."""
+        """Return the blackboard entries ``objects``, ``source``, ``target``, ``region_x`` and ``region_y``."""
         asked = self.asked
         region = {"region_x": list(asked.x), "region_y": list(asked.y)}
         return {"objects": list(asked.objects), "source": asked.source, "target": asked.surface, **region}
@@ -68,7 +68,8 @@ class Tidied(Goal[TidiedFields]):
         return list(self.asked.objects)
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:
-        """Metrics: ``outside_mm`` of the worst, 0 inside, and ``tidied_share``, of those that are there."""
+        """Return the verdict with the metrics ``outside_mm``, the largest distance of an object outside the region (0
+        if inside), and ``tidied_share``, the fraction of objects inside."""
         tidy = self.asked
         present = [name for name in tidy.objects if name in evidence.before]
         if not present:

@@ -48,7 +48,7 @@ class ToolAt(Goal[ToolAtFields]):
         yield from self.unknown_place("goal")
 
     def entries(self) -> dict[str, Any]:
-        """``goal``."""
+        """Return the blackboard entry ``goal``."""
         return {"goal": self.pose}
 
     def judged(self, predicate: str, evidence: Evidence) -> Verdict:

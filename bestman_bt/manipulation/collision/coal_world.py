@@ -192,7 +192,7 @@ class CoalCollisionWorld(CollisionWorld):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the arm's joints."""
+        """The names of the arm's joints."""
         return self._arm.joint_names
 
     @cached_property
@@ -206,7 +206,7 @@ class CoalCollisionWorld(CollisionWorld):
         return not pinocchio.computeCollisions(self._model, self._data, self._broad_phase, q, True)
 
     def colliding_pairs(self, positions: ArrayLike) -> tuple[tuple[str, str], ...]:
-        """The sorted pairs of names that are nearer than their padding at ``positions`` (n,)."""
+        """Return the sorted pairs of names that are nearer than their padding at ``positions`` (n,)."""
         q = self._configuration(positions)
         pinocchio.computeCollisions(self._model, self._data, self._geometry, self._geometry_data, q, False)
         touching = {
@@ -217,7 +217,8 @@ class CoalCollisionWorld(CollisionWorld):
         return tuple(sorted((a, b) for a, b in touching))
 
     def distance(self, positions: ArrayLike) -> float:
-        """Smallest distance of any checked pair at ``positions`` (n,), metres; negative where bodies overlap."""
+        """Return the smallest distance of any checked pair at ``positions`` (n,), metres; negative if bodies
+        overlap."""
         q = self._configuration(positions)
         pinocchio.computeDistances(self._model, self._data, self._geometry, self._geometry_data, q)
         return min((result.min_distance for result in self._geometry_data.distanceResults), default=math.inf)

@@ -70,7 +70,7 @@ class PlanningScene:
     voxels: tuple[VoxelObstacle, ...] = ()
 
     def allowing(self, *pairs: tuple[str, str]) -> PlanningScene:
-        """Return the scene in which these pairs of names may touch as well."""
+        """Return the scene with these additional pairs of names that may touch."""
         return replace(self, allowed_pairs=self.allowed_pairs | {frozenset(pair) for pair in pairs})
 
     def adding(self, *obstacles: SceneObstacle) -> PlanningScene:

@@ -200,7 +200,7 @@ def check_stations(stations: Stations) -> None:
 
 
 def joint_margin(positions: NDArray[np.float64], limits: JointLimits) -> float:
-    """Room of the worst joint, as a share of half its range: 0 at a limit, 1 in the middle of all ranges."""
+    """Return the smallest joint margin as a fraction of half the range: 0 at a limit, 1 if all joints are centred."""
     room = np.minimum(positions - limits.lower, limits.upper - positions) / (limits.upper - limits.lower)
     return float(np.clip(2.0 * room.min(), 0.0, 1.0))
 

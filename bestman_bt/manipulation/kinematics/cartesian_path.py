@@ -64,7 +64,7 @@ def cartesian_path(
 
 
 def rotation_angle(a: Pose, b: Pose) -> float:
-    """Angle between two orientations, radians."""
+    """Return the angle between two orientations, radians."""
     return 2.0 * math.acos(min(1.0, abs(float(a.quaternion @ b.quaternion))))
 
 

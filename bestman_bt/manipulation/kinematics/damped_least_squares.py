@@ -121,7 +121,7 @@ class DampedLeastSquares(InverseKinematics):
         return self.arm_model.lower + margin, self.arm_model.upper - margin
 
     def tool_pose(self, positions: ArrayLike) -> Pose:
-        """Forward kinematics: base_from_tool at ``positions`` (n,)."""
+        """Return base_from_tool at ``positions`` (n,), radians."""
         return to_pose(self._root_from_base.actInv(self._place(self._checked(positions, "positions"))))
 
     @override
@@ -139,7 +139,7 @@ class DampedLeastSquares(InverseKinematics):
         return columns if self._order is None else columns[:, np.argsort(self._order)]
 
     def manipulability(self, positions: ArrayLike) -> float:
-        """Yoshikawa's measure sqrt(det(J Jᵀ)) of the tool's Jacobian; 0 at a singularity."""
+        """Return Yoshikawa's manipulability sqrt(det(J Jᵀ)) of the tool's Jacobian; 0 at a singularity."""
         jacobian = self.jacobian(positions)
         return float(np.sqrt(max(0.0, np.linalg.det(jacobian @ jacobian.T))))
 
@@ -246,7 +246,7 @@ class DampedLeastSquares(InverseKinematics):
 
     @property
     def reach(self) -> tuple[NDArray[np.float64], float]:
-        """The shoulder (3,) in the base frame, and the distance from it in metres beyond which no tool pose lies."""
+        """Return the shoulder (3,) in the base frame and the largest distance of the tool from it, metres."""
         shoulder, length = self._reach
         return self._root_from_base.actInv(shoulder), length
 

@@ -54,7 +54,7 @@ _TURNS = 16
 
 
 def link_hulls(robot: RobotModel) -> Mapping[str, tuple[NDArray[np.float64], ...]]:
-    """Link name → for each of its solid shapes the corners of a convex hull, (N, 3) metres in the link's frame."""
+    """Return link name → convex hulls of its solid shapes, (N, 3) corners each, metres in the link frame."""
     return _hulls(robot.urdf)
 
 
@@ -76,7 +76,8 @@ def _hulls(urdf: str) -> Mapping[str, tuple[NDArray[np.float64], ...]]:
 def body_between(
     robot: RobotModel, positions: Mapping[str, float], arm: str, low: float, high: float
 ) -> NDArray[np.float64] | None:
-    """Lower and upper corner (2, 2) x, y in the base frame of all between two heights that does not move with ``arm``.
+    """Return the bounding rectangle, (2, 2) lower and upper x, y in the base frame, of all links between two heights
+    that do not move with ``arm``.
 
     ``positions``: of all joints, by name, radians. ``low``, ``high``: metres above the floor. None if there is
     nothing.
@@ -141,14 +142,15 @@ class LinkBodies:
 
 
 class ArmBodies(LinkBodies):
-    """All links that move with ``arm``, and what it holds."""
+    """Hulls of all links that move with ``arm``, and of the held object."""
 
     def __init__(self, robot: RobotModel, arm: str = "arm") -> None:
         super().__init__(robot)
         self._arm = robot.of(ArmModel)[arm]
 
     def at(self, positions: Mapping[str, float], held: HeldObject | None = None) -> list[NDArray[np.float64]]:
-        """As those of all links. ``held``: what is in the hand, as the box around it."""
+        """Return the corners (N, 3) of all moving bodies at ``positions``. ``held``: the object in the hand, as its
+        bounding box."""
         bodies = super().at(positions)
         if held is not None:
             low, high = held.model.bounds()

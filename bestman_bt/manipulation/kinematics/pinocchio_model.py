@@ -57,23 +57,23 @@ def configuration(model: pinocchio.Model, positions: Mapping[str, float]) -> NDA
 
 
 def joints_to_lock(model: pinocchio.Model, arm: ArmModel) -> list[int]:
-    """Indices of all joints but the arm's."""
+    """Return the indices of all joints except the arm's."""
     moving = {joint_index(model, name) for name in arm.joint_names}
     return [index for index in range(1, model.njoints) if index not in moving]
 
 
 def arm_order(reduced: pinocchio.Model, arm: ArmModel) -> NDArray[np.intp] | None:
-    """Indices that turn an array in the arm's order into the reduced model's order, or None if both agree."""
+    """Return the indices that reorder an array from the arm's order to the reduced model's, or None if both agree."""
     place = {name: reduced.joints[joint_index(reduced, name)].idx_q for name in arm.joint_names}
     order = np.argsort([place[name] for name in arm.joint_names])
     return None if np.array_equal(order, np.arange(len(order))) else order
 
 
 def to_se3(pose: Pose) -> pinocchio.SE3:
-    """Our pose as pinocchio's."""
+    """Convert a ``Pose`` to pinocchio's SE3."""
     return pinocchio.SE3(pose.rotation, pose.position)
 
 
 def to_pose(placement: pinocchio.SE3) -> Pose:
-    """pinocchio's placement as our pose."""
+    """Convert pinocchio's placement to a ``Pose``."""
     return Pose(placement.translation, pinocchio.Quaternion(placement.rotation).coeffs())

@@ -39,7 +39,7 @@ class ScrewChain:
 
     @classmethod
     def of(cls, kinematics: InverseKinematics) -> ScrewChain:
-        """Read off an arm's kinematics: its Jacobian at zero, taken to the base frame."""
+        """Build the chain from an arm's Jacobian at joint positions zero, in the base frame."""
         zero = np.zeros(len(kinematics.joint_names))
         tool = kinematics.tool_pose(zero)
         jacobian = kinematics.jacobian(zero)
@@ -105,10 +105,10 @@ class ReachabilitySampling:
     seed: int = 0
 
     def build(self, kinematics: InverseKinematics, limits: JointLimits) -> ReachabilityMap:
-        """Fill a map from joint positions drawn evenly within ``limits``; it takes seconds.
+        """Build a map from joint positions drawn evenly within ``limits``, radians; takes seconds.
 
-        Equal input gives an equal map. The samples know nothing of self-collision: the map ranks, inverse kinematics
-        decides.
+        Equal input gives an equal map. Self-collisions are ignored: use the map to rank poses, and inverse kinematics
+        to check them.
         """
         shoulder, reach = kinematics.reach
         side = int(np.ceil(2.0 * reach / self.voxel))
@@ -228,7 +228,7 @@ def reachability_map(
 
 
 def cache_folder() -> Path:
-    """``$XDG_CACHE_HOME/bestman-bt``, or ``~/.cache/bestman-bt``."""
+    """Return ``$XDG_CACHE_HOME/bestman-bt``, or ``~/.cache/bestman-bt``."""
     home = os.environ.get("XDG_CACHE_HOME")
     return (Path(home) if home else Path.home() / ".cache") / "bestman-bt"
 

@@ -18,7 +18,7 @@ from bestman_bt.messages import Failure, MotionObstacle
 
 
 class PlanningErrorCode(StrEnum):
-    """Reasons of a missing plan."""
+    """Reasons for a planning failure."""
 
     START_OUT_OF_LIMITS = "start_out_of_limits"
     START_IN_COLLISION = "start_in_collision"

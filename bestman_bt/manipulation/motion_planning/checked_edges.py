@@ -19,7 +19,7 @@ _CHECKS_BETWEEN_LOOKS_AT_THE_CLOCK = 256
 
 
 class CountedValidity:
-    """Free of collisions and within the constraint, as a Python ``bool`` (OMPL refuses numpy's).
+    """Checks a configuration for collisions and the constraint; returns a Python ``bool`` (OMPL rejects numpy's).
 
     ``wall_limit``: seconds after which it raises MotionPlanningError (``timeout``). A result never depends on it.
     """
@@ -116,7 +116,7 @@ class CheckedEdges:
         return all(self.is_free(a, b, fine=True) for a, b in pairwise(path))
 
     def split(self, a: NDArray[np.float64], b: NDArray[np.float64], point: NDArray[np.float64]) -> None:
-        """Record that ``point`` lies on the edge from ``a`` to ``b``: both parts are as free as the whole."""
+        """Record that ``point`` lies on the edge from ``a`` to ``b``, so that both parts inherit its checks."""
         proof = self._proofs.get(_key(a, b), Proof.NONE)
         if proof is Proof.NONE:
             return

@@ -26,7 +26,7 @@ class PlanningQuery:
     upper: NDArray[np.float64]
 
     def index_of(self, positions: NDArray[np.float64]) -> int:
-        """Number, in the caller's list, of the goal at ``positions`` (n,)."""
+        """Return the index, in the caller's list, of the goal at ``positions`` (n,)."""
         distances = [float(np.linalg.norm(goal - positions)) for goal in self.goals]
         return self.indices[int(np.argmin(distances))]
 
@@ -120,7 +120,7 @@ def _goal_refusal(
 
 
 def describe_contacts(world: CollisionWorld, positions: NDArray[np.float64]) -> str:
-    """Return the pairs that touch, in words: ``panda_hand with table``."""
+    """Return the colliding pairs as text, such as ``panda_hand with table``."""
     return ", ".join(f"{a} with {b}" for a, b in world.colliding_pairs(positions))
 
 

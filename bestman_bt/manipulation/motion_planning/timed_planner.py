@@ -37,8 +37,8 @@ class CollisionRecovery:
 
     ``step``: radians of the joint that moves most in one step; ``largest_motion``: of any joint, all in all.
 
-    ``deepest``: metres of overlap, padding included, beyond which the belief is taken to be wrong and nothing is
-    moved. ``spare``: metres of clearance at which the motion ends. ``directions``: random ones that are tried.
+    ``deepest``: metres of overlap, padding included, beyond which the belief is assumed wrong and the arm does not
+    move. ``spare``: metres of clearance at which the motion ends. ``directions``: random ones that are tried.
     """
 
     step: float = 0.01

@@ -14,7 +14,7 @@ from bestman_bt.messages import Pose
 class Upright:
     """The held object's z axis stays within ``max_tilt`` radians of the vertical.
 
-    ``slack``: radians more that a timed motion may reach between the planned points.
+    ``slack``: additional tilt, radians, allowed between the planned points of a timed motion.
     """
 
     def __init__(
@@ -32,15 +32,15 @@ class Upright:
 
     @property
     def description(self) -> str:
-        """Return the constraint in words, for error messages."""
+        """The constraint as text, for error messages."""
         return f"the held object upright within {math.degrees(self._max_tilt):.0f} degrees"
 
     def satisfied(self, positions: NDArray[np.float64]) -> bool:
-        """Return whether it holds at ``positions`` (n,)."""
+        """Return whether the constraint holds at ``positions`` (n,), radians."""
         return self._cosine(positions) >= self._least_cosine
 
     def tolerated(self, positions: NDArray[np.float64]) -> bool:
-        """Return whether it holds at ``positions`` (n,) but for the slack."""
+        """Return whether the constraint, relaxed by ``slack``, holds at ``positions`` (n,), radians."""
         return self._cosine(positions) >= self._tolerated_cosine
 
     def _cosine(self, positions: NDArray[np.float64]) -> float:

@@ -54,8 +54,8 @@ class Observation:
 class ActionChunk:
     """The next H actions, ``dt`` seconds each.
 
-    ``actions``: (H, n) float64 in the units of ``space``. ``gripper_widths``: (H,) metres, or None if the policy
-    leaves the gripper alone. Raises PolicyActionError for another shape, NaN or infinity.
+    ``actions``: (H, n) float64 in the units of ``space``. ``gripper_widths``: (H,) metres, or None if the policy does
+    not command the gripper. Raises PolicyActionError for another shape, NaN or infinity.
     """
 
     actions: NDArray[np.float64]

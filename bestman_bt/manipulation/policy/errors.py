@@ -18,7 +18,7 @@ class PolicyModelError(PolicyError):
 
 
 class PolicyObservationError(PolicyError):
-    """The observation lacks what the policy needs, or has another shape."""
+    """The observation lacks a field that the policy needs, or a field has the wrong shape."""
 
     code = "bad_observation"
 

@@ -18,12 +18,13 @@ NEAR = 0.03
 
 
 def pose_vector(pose: Pose) -> NDArray[np.float64]:
-    """Position and quaternion xyzw, (7,): a goal as policies take it."""
+    """Return position (metres) and quaternion xyzw of ``pose``, (7,): the goal format of policies."""
     return np.concatenate([pose.position, pose.quaternion])
 
 
 def pose_error(goal: Pose, tool: Pose) -> NDArray[np.float64]:
-    """(6,): from the tool to the goal, metres, and the rotation vector that turns it there, in the base frame."""
+    """Return the error from tool to goal in the base frame, (6,): translation in metres and rotation vector in
+    radians."""
     turn = Rotation.from_quat(goal.quaternion) * Rotation.from_quat(tool.quaternion).inv()
     return np.concatenate([goal.position - tool.position, turn.as_rotvec()])
 
@@ -69,7 +70,7 @@ base frame. The others are the observation's own."""
 
 
 def feature_vector(observation: Observation, names: Sequence[str]) -> NDArray[np.float64]:
-    """Return the named features one after another, (f,)."""
+    """Return the named features concatenated, (f,)."""
     unknown = [name for name in names if name not in FEATURES]
     if unknown:
         raise PolicyModelError(f"unknown features {', '.join(unknown)}; known: {', '.join(FEATURES)}")

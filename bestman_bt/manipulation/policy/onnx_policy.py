@@ -38,7 +38,8 @@ class PolicyNormalization:
 
     @classmethod
     def from_dict(cls, values: Any) -> PolicyNormalization:
-        """Return the inverse of ``to_dict``. Raises PolicyModelError if shapes do not fit or a scale is not above 0."""
+        """Return the normalisation from the output of ``to_dict``. Raises PolicyModelError for wrong shapes or a scale
+        ≤ 0."""
         try:
             arrays = {name: np.array(values[name], dtype=float) for name in cls.__dataclass_fields__}
         except (KeyError, TypeError, ValueError) as error:
@@ -55,7 +56,7 @@ class PolicyNormalization:
 
 @dataclass(frozen=True, eq=False)
 class PolicyCard:
-    """The JSON file beside the network: its specification, the features it takes, the normalisation, its training."""
+    """The JSON file beside the network: specification, input features, normalisation, and training data."""
 
     specification: PolicySpecification
     features: tuple[str, ...]

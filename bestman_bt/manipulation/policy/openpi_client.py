@@ -39,7 +39,7 @@ _BROKEN = (ValueError, TypeError, KeyError, OverflowError, SyntaxError)
 
 
 def pack(value: Any) -> bytes:
-    """Bytes of maps, lists, text, numbers and numpy arrays."""
+    """Return ``value`` (maps, lists, text, numbers, numpy arrays) as MessagePack bytes."""
     return bytes(_msgpack().packb(value, default=_to_map))
 
 
@@ -155,7 +155,7 @@ class OpenpiPolicy(Policy):
         return dict(self._server.metadata)
 
     def reset(self) -> None:
-        """Do nothing: servers of this protocol keep no episode."""
+        """Do nothing: servers of this protocol have no episode state."""
 
     def act(self, observation: Observation) -> ActionChunk:
         """Query the server for a chunk; raises as the class does."""
@@ -173,7 +173,7 @@ class OpenpiPolicy(Policy):
         )
 
     def close(self) -> None:
-        """Drop the connection."""
+        """Close the connection."""
         self._server.connection = None
         self._server.open.close()
 

@@ -35,7 +35,7 @@ class Touch:
 def first_touch(
     trajectory: JointTrajectory, world: CollisionWorld, max_time: float = 0.01, max_step: float = 0.01
 ) -> Touch | None:
-    """Return the first touch of the motion that ``trajectory.sample`` gives, or None if it is free throughout.
+    """Return the first collision of the sampled trajectory, or None if it is free of collisions.
 
     Points are at most ``max_time`` seconds and about ``max_step`` rad (Euclidean) apart.
     """
@@ -48,7 +48,7 @@ def first_touch(
 def dense_samples(
     trajectory: JointTrajectory, max_time: float, max_step: float
 ) -> Iterator[tuple[float, NDArray[np.float64]]]:
-    """(time, positions (n,)) along the motion, at most ``max_time`` seconds and about ``max_step`` rad apart."""
+    """Yield (time, positions (n,)) along the motion, at most ``max_time`` seconds and about ``max_step`` rad apart."""
     yield 0.0, trajectory.positions[0]
     times, positions = trajectory.times, trajectory.positions
     for i in range(len(times) - 1):
@@ -67,7 +67,7 @@ class TrajectoryError(ManipulationError):
 
 @dataclass(frozen=True)
 class SpeedScale:
-    """Shares of the velocity and acceleration limits that a motion may use, each above 0 and at most 1."""
+    """Fractions of the velocity and acceleration limits that a motion may use, each above 0 and at most 1."""
 
     velocity: float = 0.5
     acceleration: float = 0.35

@@ -46,8 +46,8 @@ class Rasterization:
     each way) and ``furniture_heading_error`` (radians): largest error of mapped furniture; a measured piece has its own
     (``MapFurniture.position_error``). ``cost_weight``: extra cost of a metre driven at the lethal distance,
     ``cost_decay``: metres beyond it at which that has fallen to 1/e, in place of an inflation radius. ``floor_height``:
-    metres; obstacles that end below or begin above ``robot_height`` are left out. ``static``: whether to include walls.
-    ``furniture``: whether to include furniture. ``doors``: whether to include doors and their frames.
+    metres; obstacles entirely below ``floor_height`` or above ``robot_height`` are ignored. ``static``: whether to
+    include walls. ``furniture``: whether to include furniture. ``doors``: whether to include doors and their frames.
     """
 
     resolution: Annotated[Positive, "m per cell"] = 0.05
@@ -243,7 +243,7 @@ class Costmap:
 
     @cached_property
     def without_overhang(self) -> Costmap:
-        """The costmap for the base alone."""
+        """The costmap for the base without its overhang."""
         if self.tall is None:
             return self
         return replace(self, tall=None, footprint=replace(self.footprint, overhang=None))
@@ -278,7 +278,7 @@ class Costmap:
         return clearance if self.tall is None else np.minimum(clearance, self.overhang_clearance(poses))
 
     def overhang_clearance(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return a lower bound of the clearance, metres, between the overhang and the next tall obstacle; infinite
+        """Return a lower bound of the clearance, metres, between the overhang and the nearest tall obstacle; infinite
         without one.
 
         The outline is covered by discs without interpolation, which would hide thin walls between cells. Up to 2 cm of
@@ -319,7 +319,8 @@ class Costmap:
 
 
 class CostmapBuilder(ABC):
-    """Creates costmaps; ``obstacle``: whether those for planning include what the lidar sees and the map lacks."""
+    """Creates costmaps; ``obstacle``: whether those for planning include obstacles that the lidar sees and the map
+    lacks."""
 
     obstacle: bool = True
 

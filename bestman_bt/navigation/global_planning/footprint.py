@@ -126,7 +126,7 @@ class Footprint:
 
     @cached_property
     def discs_above(self) -> NDArray[np.float64]:
-        """Discs (N, 3) that cover the overhang: x, y and radius, metres.
+        """Return discs (N, 3) that cover the overhang: x, y and radius, metres.
 
         Discs on the outline reach half the way to the next one, inner ones leave a gap. No disc is next to the base, so
         that tall obstacles there do not constrain the base more than its own outline does.

@@ -74,7 +74,8 @@ CURVE_EVERY = 4
 
 @dataclass(frozen=True, eq=False)
 class SearchNode:
-    """``poses``: (N, 3) from the parent's last one on; ``backwards``: how they are driven; ``cost``: so far."""
+    """A node of the search. ``poses``: (N, 3), from the last pose of the parent on; ``backwards``: driving direction;
+    ``cost``: from the start."""
 
     poses: NDArray[np.float64]
     backwards: bool
@@ -86,10 +87,10 @@ class SearchNode:
 class HybridAStar(StraightPieces, GlobalPlanner):
     """Plans curves of limited turning radius, forwards and backwards; deterministic.
 
-    ``turning_radius``: of the tightest curve, metres. ``branch``: length of one, metres. ``headings``: number of
-    discrete headings of states. ``reverse_cost``: factor on metres driven backwards; ``switch_cost``: metres of detour
-    worth one change of direction. ``clearance``: metres around the footprint between the ends. ``max_expansions``:
-    states after which the search gives up.
+    ``turning_radius``: minimum radius of curves, metres. ``branch``: length of a curve segment, metres. ``headings``:
+    number of discrete headings of states. ``reverse_cost``: factor on metres driven backwards; ``switch_cost``: metres
+    of detour worth one change of direction. ``clearance``: metres around the footprint between the ends.
+    ``max_expansions``: states after which the search gives up.
     """
 
     turning_radius: Annotated[Positive, "m"] = 0.4
@@ -135,7 +136,7 @@ class HybridAStarSearch:
         self._arcs = np.array([[_arc(angle, sense * p.branch) for angle in angles] for sense in (1.0, -1.0)])
 
     def run(self, root: SearchNode) -> SearchNode | None:
-        """Return the last branch of a way to the goal, or None without one."""
+        """Return the last node of a path to the goal, or None if there is none."""
         p = self.planner
         closed: set[tuple[int, int, int]] = set()
         queue = [(self._estimate(root.poses[-1]), 0, root)]

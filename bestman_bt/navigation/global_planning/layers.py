@@ -158,7 +158,7 @@ _ROUND = np.array([[math.cos(turn), math.sin(turn)] for turn in np.arange(16) * 
 
 @dataclass(frozen=True, eq=False)
 class UnseenOutline:
-    """A convex area, ``corners`` (N, 2) counter-clockwise in metres, and up to which height something is in it.
+    """A convex area with an obstacle that the lidar cannot see. ``corners``: (N, 2) metres, counter-clockwise.
 
     ``low``: whether the base itself may hit it, although it may be higher than the lidar.
     """

@@ -219,11 +219,11 @@ _SPARSE = 8  # one of so many
 
 @dataclass(frozen=True)
 class FreeSpace:
-    """The free part of a costmap for a base that drives straight and turns in place.
+    """The free space of a costmap for a base that drives straight and turns in place.
 
     ``turning_distance``: metres from obstacles at which it can turn, minus ``slack`` if necessary, at the highest cost.
-    ``turns_everywhere``: it keeps that distance all along; else only where it turns, and between two such places its
-    footprint, aligned with the path, has to pass.
+    ``turns_everywhere``: keep that distance along the whole path; otherwise only where the base turns, and in between
+    its footprint, aligned with the path, must be free.
     """
 
     costmap: Costmap

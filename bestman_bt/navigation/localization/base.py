@@ -18,7 +18,7 @@ from bestman_bt.navigation.localization.pose_uncertainty import worst_position_s
 
 
 def checked_std(value: float, what: str) -> float:
-    """Return the standard deviation itself. Raises ValueError naming ``what`` if it is negative or not finite."""
+    """Return ``value``, a standard deviation. Raises ValueError naming ``what`` if it is negative or not finite."""
     if not 0.0 <= value < math.inf:
         raise ValueError(f"{what} is {value:g}; a finite number of 0 or more is accepted")
     return value

@@ -21,7 +21,7 @@ from bestman_bt.messages.shapes import NonNegative, Positive
 
 @dataclass(frozen=True, eq=False)
 class OdometryEstimate:
-    """What a filter knows after an update; ``pose``: in the ``odom`` frame."""
+    """The estimate of a filter after an update; ``pose``: in the ``odom`` frame."""
 
     pose: Pose2D
 
@@ -46,7 +46,7 @@ class OdometryFilter(ABC):
 
 @dataclass(frozen=True)
 class WheelOdometry(OdometryFilter):
-    """The wheels' odometry as it is."""
+    """Passes the wheel odometry through without filtering."""
 
     uses_gyro: ClassVar[bool] = False
 

@@ -56,7 +56,8 @@ def map_lines(planar_map: PlanarMap, wall_std: float, furniture_std: float) -> M
 
 
 def open_furniture(planar_map: PlanarMap) -> NDArray[np.float64]:
-    """Return furniture of which a lidar sees legs and boards: x, y, theta and half extents along x and y, (N, 5).
+    """Return the furniture of which a lidar sees legs and boards, (N, 5): x, y, theta and half extents along x and y,
+    metres and radians.
 
     The extents are grown by the piece's position error, metres.
     """

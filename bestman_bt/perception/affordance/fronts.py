@@ -44,7 +44,7 @@ def local_planes(
 ) -> LocalPlanes:
     """Fit a plane to each window of ``window`` pixels squared of ``depth`` (H, W), metres, 0 where unknown.
 
-    A window counts where at least the share ``min_known`` of its pixels has depth.
+    A window is valid if at least the fraction ``min_known`` of its pixels has depth.
     """
     k = intrinsics
     known = depth > 0

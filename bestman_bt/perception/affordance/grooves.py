@@ -205,8 +205,8 @@ class Groove:
     """A lip, in the frame of its front.
 
     ``centre``: (x, y) metres, of the lip's border; ``width``: of the opening beyond it. ``upright``: whether it runs
-    along y. ``inward``: +1 or -1, to which side along y (upright: x) the lip's panel lies.
-    ``end_hidden``: by something before it.
+    along y. ``inward``: +1 or -1, to which side along y (upright: x) the lip's panel lies. ``end_hidden``: whether an
+    object in front hides an end.
     """
 
     centre: tuple[float, float]
@@ -271,7 +271,7 @@ class OrientedFront:
 
     @property
     def cell(self) -> float:
-        """Metres."""
+        """Edge length of a cell, metres."""
         return self.front.cell
 
     def cells(self, metres: float, least: int = 1) -> int:

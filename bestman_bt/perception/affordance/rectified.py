@@ -43,8 +43,8 @@ class HeightMap:
         return met
 
     def window(self, low: NDArray[np.float64], high: NDArray[np.float64], level: float) -> tuple[slice, slice]:
-        """Return the rectangle of pixels (rows, columns of this rectangle) that shows x, y from ``low`` to ``high``
-        there.
+        """Return the slices (rows, columns) of the pixels that show x, y from ``low`` to ``high``, metres, in the plane
+        ``level`` metres in front.
         """
         corners = np.array([[x, y, level] for x in (low[0], high[0]) for y in (low[1], high[1])]) - self.eye
         # rays[v, u] = rays[0, 0] + u right + v down, and a corner is a multiple of its pixel's ray.
@@ -125,7 +125,7 @@ class RectifiedFront:
 
     @property
     def on_front(self) -> NDArray[np.bool_]:
-        """The cells that show the front."""
+        """The cells that show the front, (rows, columns) bool."""
         with np.errstate(invalid="ignore"):
             shown: NDArray[np.bool_] = np.abs(self.height) < np.maximum(0.006, 3.0 * self.noise)
         return shown

@@ -23,7 +23,7 @@ class CalibrationError(PerceptionError):
 
 
 class DegenerateMotionError(CalibrationError):
-    """The recorded motions leave a part of the unknowns undetermined, however many views there are."""
+    """The recorded motions do not determine all unknowns; further views of the same kind do not help."""
 
 
 class ContradictingViewsError(CalibrationError):
@@ -71,7 +71,7 @@ class Board(ABC):
 class CharucoBoard(Board):
     """A chessboard with ArUco markers of ``marker`` metres in its white squares; it may be partly hidden.
 
-    ``dictionary``: of OpenCV, for example DICT_4X4_50. Raises CalibrationError for boards that cannot be.
+    ``dictionary``: of OpenCV, for example DICT_4X4_50. Raises CalibrationError for impossible dimensions.
 
     Garrido-Jurado et al., "Automatic generation and detection of highly reliable fiducial markers under occlusion",
     Pattern Recognition 2014.
@@ -102,7 +102,7 @@ class CharucoBoard(Board):
 
     @property
     def tells_orientation(self) -> bool:
-        """True: the markers determine the orientation."""
+        """Return True: the markers determine the orientation."""
         return True
 
     @override
@@ -153,7 +153,7 @@ class Checkerboard(Board):
 
     @property
     def tells_orientation(self) -> bool:
-        """Half a turn looks the same."""
+        """Return False: the board looks the same after half a turn."""
         return False
 
     def find(self, rgb: NDArray[np.uint8]) -> BoardSighting | None:

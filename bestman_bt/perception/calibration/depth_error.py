@@ -66,7 +66,7 @@ class DepthCalibration:
     def measured_and_true(
         self, sighting: BoardSighting, eye_from_board: Pose, depth: NDArray[np.float32], intrinsics: CameraIntrinsics
     ) -> tuple[float, float] | None:
-        """Return median measured depth and true depth, metres, over the pixels that show the pattern.
+        """Return the medians of measured and true depth, metres, over the pixels that show the pattern.
 
         None if there are too few such pixels.
         """

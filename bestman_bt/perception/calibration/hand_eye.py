@@ -69,7 +69,7 @@ class HandEye(ABC):
 
     @abstractmethod
     def closed_form(self, motions: RelativeMotions) -> Pose:
-        """Return X from relative motions."""
+        """Return X of A X = X B from relative motions of hand and camera."""
 
     def eye_in_hand(self, base_from_hand: Sequence[Pose], eye_from_target: Sequence[Pose]) -> HandEyeResult:
         """Calibrate a camera on the hand with a fixed target: world is the base, carrier is the hand.

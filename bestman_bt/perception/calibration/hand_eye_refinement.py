@@ -39,7 +39,7 @@ class Refined:
     residuals: NDArray[np.float64]
 
     def of_all(self, world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose]) -> Refined:
-        """Return the same with the residuals of these views."""
+        """Return the result with the residuals of these views."""
         carriers, seen = (np.array([pose.matrix for pose in poses]) for poses in (world_from_carrier, eye_from_target))
         return replace(self, residuals=_residuals(carriers, seen, self.carrier_from_eye, self.world_from_target))
 
@@ -97,8 +97,8 @@ def whitened(
 
 
 def changed(pose: Pose, x: NDArray[np.float64]) -> Pose:
-    """Return the pose moved by ``x`` (6,): metres and a rotation vector, both in the frame that the pose is given
-    in.
+    """Return the pose displaced by ``x`` (6,): translation in metres and rotation vector in radians, in the pose's
+    parent frame.
     """
     turn = Pose(np.zeros(3), Rotation.from_rotvec(x[3:]).as_quat())
     rotated = turn @ Pose(np.zeros(3), pose.quaternion)

@@ -112,7 +112,7 @@ class IntrinsicsResult:
 
 
 def coverage(pixels: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.bool_]:
-    """Return which image cells contain one of the pixels (N, 2): (6, 8) bool."""
+    """Return for each image cell whether it contains one of the pixels (N, 2): (6, 8) bool."""
     across, down = COVERAGE_CELLS
     cells = np.floor((pixels + 0.5) / size * (across, down)).astype(int)
     cells = np.clip(cells, 0, (across - 1, down - 1))

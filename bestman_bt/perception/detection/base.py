@@ -60,8 +60,8 @@ class Detection:
 
 @dataclass(frozen=True, eq=False)
 class LabelledCluster(Cluster):
-    """A cluster that a detector has labelled; among ``DetectedScene.unknown`` its pose is not known: no model, or none
-    that fits.
+    """A cluster that a detector has labelled; in ``DetectedScene.unknown`` its pose is not known, because no model
+    exists or fits.
 
     ``score``: the detector's, 0 to 1.
     """
@@ -131,7 +131,7 @@ class Naming:
     def named_scene(
         self, scene: SegmentedScene, found: Sequence[tuple[Cluster, tuple[PoseHypothesis, ...]]]
     ) -> DetectedScene:
-        """Name each cluster by its first hypothesis where that is sure enough; the surest clusters come first."""
+        """Name each cluster by its first hypothesis if its confidence suffices; clusters are sorted by confidence."""
         order = sorted(found, key=lambda item: -item[1][0].confidence if item[1] else 0.0)
         detections: list[Detection] = []
         unknown = []

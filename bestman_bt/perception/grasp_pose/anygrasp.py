@@ -122,7 +122,8 @@ class AnyGraspAdapter(GraspPlanner):
 
 
 def load_network(name: str) -> Any:
-    """Call the factory ``"module:factory"``. Raises PerceptionError naming what is missing."""
+    """Import and call the factory ``"module:factory"``. Raises PerceptionError naming the missing module or
+    function."""
     module, _, factory = name.partition(":")
     if not module or not factory:
         raise PerceptionError(

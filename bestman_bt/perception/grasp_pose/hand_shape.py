@@ -47,7 +47,7 @@ class HandPlacement:
         return gripper.max_width - 2 * self.least_clearance
 
     def openings(self, widths: NDArray[np.float64], gripper: GripperModel) -> NDArray[np.float64]:
-        """Return how far to open (K,) before the approach to objects of ``widths`` (K,), metres."""
+        """Return the finger openings (K,) before the approach to objects of ``widths`` (K,), metres."""
         return np.minimum(gripper.max_width, widths + 4 * self.clearance)
 
     def reach(self, gripper: GripperModel) -> float:

@@ -153,12 +153,11 @@ class ModelBased(GraspPlanner):
     Metres and radians.
 
     ``yaw_step``: between grasps around an axis of revolution. ``sides``: also propose grasps from the side.
-    ``room_below``: height of a hand from the side above the support, where the object is that tall: the wrist
-    behind it reaches below it when the object is put down again.
-    ``spacing``: of the samples that the hand must not touch. ``max_candidates``: how many are returned.
-    ``surroundings_clearance``: between open hand and ``GraspTarget.surroundings``, at least.
-    ``antipodal_count``: grasps to find on a model that brings none. ``max_tilt``: of their approach from straight down;
-    ``tilt_weight``: share of the quality that is lost at a right angle.
+    ``room_below``: height of a hand that grasps from the side above the support, if the object is that tall, because
+    the wrist reaches lower than the fingers when the object is put down. ``spacing``: of the samples that the hand must
+    not touch. ``max_candidates``: maximum number of returned grasps. ``surroundings_clearance``: minimum between open
+    hand and ``GraspTarget.surroundings``. ``antipodal_count``: grasps to find on a model without precomputed ones.
+    ``max_tilt``: of their approach from straight down; ``tilt_weight``: fraction of the quality lost at 90°.
     """
 
     yaw_step: Annotated[float, "rad"] = math.radians(30.0)

@@ -98,7 +98,7 @@ def bodies_of(mesh: Mesh) -> list[Any]:
 
 
 def is_closed(mesh: Mesh) -> bool:
-    """Return whether all its bodies are closed, and their triangles agree on which side is outside."""
+    """Return whether all bodies of the mesh are closed and their triangles consistently oriented."""
     return all(body.is_watertight and body.is_winding_consistent for body in bodies_of(mesh))
 
 
@@ -112,9 +112,10 @@ def _checked(mesh: Mesh) -> Mesh:
 class ConvexDecomposition:
     """Cuts bodies into convex parts.
 
-    ``concavity``: CoACD's threshold, as a share of the size. ``most``: parts. ``convex_share``: a body that fills
-    this much of its hull is taken for its hull. ``iterations``, ``nodes``, ``depth``: of the tree search; the library's
-    own defaults take six times as long for parts that are hardly better. ``resolution``: samples per part.
+    ``concavity``: CoACD's threshold, as a fraction of the size. ``most``: maximum number of parts. ``convex_share``: a
+    body that fills this fraction of its convex hull is replaced by the hull. ``iterations``, ``nodes``, ``depth``: of
+    the tree search; the library's own defaults take six times as long for parts that are hardly better. ``resolution``:
+    samples per part.
     """
 
     concavity: float = 0.05

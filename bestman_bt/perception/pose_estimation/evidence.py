@@ -16,7 +16,7 @@ from bestman_bt.perception.view import View
 
 @dataclass(frozen=True)
 class PoseEvidence:
-    """Metres and shares as in PoseHypothesis; ``rmse`` counts the points on the model only.
+    """Features of the confidence model, as in PoseHypothesis; ``rmse`` includes only the points on the model.
 
     ``outside``: share of the model's camera-side surface that lies beyond the image's border. ``noise``: the depth
     noise expected at that distance, metres.

@@ -50,7 +50,7 @@ class ModelSurface:
 
     @property
     def height(self) -> float:
-        """Metres above the plane."""
+        """The height of the object above the plane, metres."""
         return float(self.points[:, 2].max())
 
     @property
@@ -70,7 +70,7 @@ def model_surface(
 ) -> ModelSurface:
     """Sample the model's visual shapes (else its collision shapes) about every ``spacing`` metres.
 
-    ``orientation``: the rotation in which it rests. ``margin``: how far around it the grid reaches, metres.
+    ``orientation``: the rotation of the resting object. ``margin``: of the grid around the object, metres.
     """
     parts = [sample_shape(placed.shape, spacing) for placed in model.visual or model.collision]
     poses = [orientation @ placed.pose for placed in model.visual or model.collision]

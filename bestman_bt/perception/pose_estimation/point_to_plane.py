@@ -29,7 +29,7 @@ def evenly(n: int, limit: int) -> NDArray[np.intp]:
 def nearest_offsets(
     tree: cKDTree, samples: NDArray[np.float64], normals: NDArray[np.float64], points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the offsets from the nearest sample to each point, and the normals there: (N, 3) each."""
+    """Return the offsets from the nearest sample to each point, and the normals of these samples: (N, 3) each."""
     nearest = tree.query(points)[1]
     return points - samples[nearest], normals[nearest]
 
@@ -97,8 +97,8 @@ class YawObservability:
     """A surface compared with itself, rotated by ``angles`` (K,) radians and translated for the best agreement.
 
     ``shifts``: (K, 2), metres: position of the rotated object's origin. ``distances``: (K, N), metres, from each sample
-    of the surface to the rotated one. ``telling``: (N,), the largest distance over all rotations: 0 on the body of a
-    mug, which looks the same at every yaw, and large on its handle.
+    of the surface to the rotated one. ``largest_distances`` are 0 on the body of a mug, which looks the same at every
+    yaw, and large on its handle.
     """
 
     surface: ModelSurface
@@ -150,7 +150,7 @@ def slide(
 ) -> NDArray[np.float64]:
     """Fit x and y of the poses (S, 3) to ``points`` (N, 3), all in the plane's frame; the yaws stay.
 
-    ``eye``: (3,), where the camera stood: of a thin wall its side is matched.
+    ``eye``: (3,), the position of the camera: only the side of a thin wall that faces it is matched.
     """
     for _ in range(iterations):
         moved, nearest = _match(surface, points, poses, eye)

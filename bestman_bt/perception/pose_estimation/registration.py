@@ -173,13 +173,13 @@ class Fit:
     covariance: NDArray[np.float64]
 
     def frame_from_object(self, frame_from_plane: Pose, surface: ModelSurface) -> Pose:
-        """Return the pose of the object."""
+        """Return frame_from_object."""
         x, y, yaw = self.pose
         return frame_from_plane @ Pose.from_xyz_rpy((x, y, 0.0), (0.0, 0.0, yaw)) @ surface.rest_from_object
 
     @property
     def yaw_std(self) -> float:
-        """Radians."""
+        """Standard deviation of the yaw, radians."""
         return math.sqrt(float(self.covariance[2, 2]))
 
 

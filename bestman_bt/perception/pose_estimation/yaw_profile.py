@@ -207,7 +207,7 @@ class YawProfile:
 
     @property
     def step(self) -> float:
-        """Radians between two yaws."""
+        """Spacing of the yaws, radians."""
         return 2 * math.pi / len(self.yaws)
 
     def starts(self, margin: float, limit: int) -> list[NDArray[np.float64]]:

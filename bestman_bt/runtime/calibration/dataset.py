@@ -202,7 +202,7 @@ def _view_faults(view: ViewConfig, index: int, document: Document, folder: Path)
 
 
 def pose_of(config: PoseConfig) -> Pose:
-    """Return the pose as written; without ``rpy`` and ``quaternion`` there is no rotation."""
+    """Return the pose of a config; without ``rpy`` and ``quaternion`` the rotation is the identity."""
     if config.quaternion is not None:
         return Pose(np.array(config.xyz), Rotation.from_quat(config.quaternion).as_quat())
     return Pose.from_xyz_rpy(config.xyz, config.rpy or (0.0, 0.0, 0.0))

@@ -277,7 +277,7 @@ def chain_ends(dataset: Dataset, chain: RobotChain | None, seen: BoardViews) -> 
 
 
 def add_depth(seen: BoardViews, poses: Sequence[Pose], settings: dict[str, Any], figures: dict[str, Any]) -> list[str]:
-    """Calibrate the depth if the views have it; returns notes on what failed."""
+    """Calibrate the depth if the views have depth images; returns notes on failures."""
     with_depth = [
         (sighting, pose, view.depth)
         for view, sighting, pose in zip(seen.views, seen.sightings, poses, strict=True)
@@ -329,7 +329,7 @@ class CalibrationResult:
     people.
 
     ``views``: names of the used views; ``errors``: root mean square reprojection error of each, pixels; ``offsets``:
-    (N, 2) pixels, of each view's corners. ``notes``: what was left out, in words.
+    (N, 2) pixels, of each view's corners. ``notes``: omitted data and failed steps, as text.
     """
 
     kind: str

@@ -26,16 +26,16 @@ class Room:
 
     @property
     def size(self) -> tuple[float, float]:
-        """Extents along x and y."""
+        """Extents along x and y, metres."""
         return self.x[1] - self.x[0], self.y[1] - self.y[0]
 
     @property
     def area(self) -> float:
-        """Square metres."""
+        """Floor area, square metres."""
         return self.size[0] * self.size[1]
 
     def contains(self, x: float, y: float) -> bool:
-        """Return whether a point lies in the room."""
+        """Return whether the point (x, y), metres, lies in the room."""
         return self.x[0] <= x <= self.x[1] and self.y[0] <= y <= self.y[1]
 
 
@@ -55,7 +55,7 @@ class Doorway:
 
     @property
     def has_door(self) -> bool:
-        """Return whether it has a door."""
+        """Return whether the doorway has a door."""
         return self.frame > 0.0
 
     @property

@@ -79,7 +79,7 @@ def _hung(
 def moved_doors(
     doors: Sequence[ApartmentPiece], options: ApartmentOptions, rng: np.random.Generator
 ) -> list[ApartmentPiece]:
-    """Return the doors with their current openings: some have changed since the map was made."""
+    """Return the doors with their current openings, some of which have changed since the map was made."""
     return [
         replace(door, open={"door": float(rng.uniform(_HALF_OPEN[0], _OPEN[1]))})
         if rng.random() < options.moved_doors

@@ -75,7 +75,7 @@ class HandleDesign:
     height: float
 
     def leaf_thickness(self, plain: float) -> float:
-        """Thickness of a door: ``plain``, but one that has a cup behind its lip must hold it."""
+        """Return the thickness of a door, metres: ``plain``, or more if a cup behind the lip needs it."""
         return self.lip + self.cup + CUP_BACK if self.kind == "edge" else plain
 
     def fitting_length(self, room: float) -> float:

@@ -24,7 +24,7 @@ class MicrowaveOptions:
     """Options; missing ones are drawn. ``depth``: with the door; ``friction``: of the hinge, newton metres.
 
     Articulation: ``door``; surfaces: ``top`` and, behind the door, ``inside``. The knob beside the door is fixed: it
-    looks like a handle but is not one.
+    resembles a handle.
     """
 
     width: PositiveLength | None = None

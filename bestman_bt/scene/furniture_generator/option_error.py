@@ -6,8 +6,8 @@ from bestman_bt.errors import Error
 
 
 class FurnitureOptionError(Error, ValueError):
-    """``path``: the faulty option, for example ("handle", "length"); the message gives its value and what is
-    accepted.
+    """Raised for an invalid option. ``path``: the option, for example ("handle", "length"); the message gives its value
+    and what is accepted.
     """
 
     def __init__(self, path: tuple[str, ...], message: str) -> None:

@@ -28,7 +28,8 @@ from bestman_bt.scene.scene import Articulation, FurnitureModel, Surface
 def carcass(
     front: float, back: float, width: float, bottom: float, top: float, board: float, color: Color
 ) -> list[Solid]:
-    """Sides, back, bottom and top, open to the front: x from ``front`` to ``back``, z from ``bottom`` to ``top``."""
+    """Return the boards of a box that is open to the front: x from ``front`` to ``back``, z from ``bottom`` to ``top``,
+    metres."""
     half = width / 2
     return [
         block((front, -half, bottom), (back, -half + board, top), color),
@@ -102,7 +103,7 @@ class Finish:
 
 
 def draw_finish(options: FinishOptions, rng: np.random.Generator, styles: tuple[Style, ...] = tuple(_STYLES)) -> Finish:
-    """Colours of one of ``styles``, a little lighter or darker from piece to piece."""
+    """Draw the colours of one of ``styles``, with a random change of brightness."""
     drawn, shade, tint = styles[int(rng.integers(len(styles)))], rng.uniform(0.92, 1.07), rng.uniform(0.7, 1.3, 3)
     style = options.style or drawn
     if style != "coloured":
@@ -154,7 +155,7 @@ class PanelHandle:
 
 
 def furniture_from_panel(centre: Point) -> Pose:
-    """Pose of a panel whose front face has its middle at ``centre`` in the furniture frame."""
+    """Return furniture_from_panel for a panel whose front face is centred at ``centre`` (3,), metres."""
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = _FRONT, centre
     return Pose.from_matrix(matrix)
@@ -163,7 +164,8 @@ def furniture_from_panel(centre: Point) -> Pose:
 def front_with_handle(
     panel: Panel, design: HandleDesign, finish: Finish, *, centred: bool
 ) -> tuple[list[Solid], PanelHandle]:
-    """Solids of the front and its handle in the panel frame. ``centred``: the handle sits in the middle (drawers)."""
+    """Return the solids of the front and its handle in the panel frame. ``centred``: the handle sits in the middle
+    (drawers)."""
     if design.kind == "edge":
         return _edge(panel, design, finish)
     slab = block(

@@ -43,7 +43,7 @@ class Solid:
 
     @property
     def volume(self) -> float:
-        """Cubic metres."""
+        """Volume, cubic metres."""
         match self.shape:
             case Box():
                 return float(np.prod(self.shape.size))

@@ -62,7 +62,7 @@ class Writer:
         return self.node("Holds", name, fact=" and ".join(str(literal) for literal in literals))
 
     def any_of(self, name: str, alternatives: Collection[Iterable[Literal]]) -> XmlElement:
-        """Return condition leaves of which one must hold."""
+        """Return a node that succeeds if one of several conjunctions of literals holds."""
         if len(alternatives) == 1:
             return self.holds(name, *alternatives)
         ways = [self.holds(f"{name}_{letter}", way) for letter, way in zip(ascii_lowercase, alternatives, strict=False)]
@@ -162,12 +162,12 @@ class PlanStep:
 
 
 def sequential_steps(plan: TaskPlan) -> tuple[PlanStep, ...]:
-    """Return each action as a step."""
+    """Return a step for each action."""
     return tuple(PlanStep((action,)) for action in plan.actions)
 
 
 def parallel_steps(plan: TaskPlan) -> tuple[PlanStep, ...]:
-    """Return steps in which each action is placed after everything that it depends on, as early as possible.
+    """Return parallel steps: each action is in the earliest step after all actions that it depends on.
 
     Two actions that depend on each other, or use the same part, keep their order.
     """

@@ -19,8 +19,8 @@ Kernel = frozenset[Literal]
 
 
 def kernels(steps: Sequence[PlanStep], goal: Iterable[Literal]) -> tuple[Kernel, ...]:
-    """Return one kernel more than steps: with ``kernels[i]``, the steps from ``i`` on reach the goal; the last is the
-    goal.
+    """Return len(steps) + 1 kernels: if ``kernels[i]`` holds, the steps from ``i`` on reach the goal; the last one is
+    the goal.
 
     Raises PlanningError if a step undoes what a later one, or the goal, needs.
     """
@@ -31,7 +31,7 @@ def kernels(steps: Sequence[PlanStep], goal: Iterable[Literal]) -> tuple[Kernel,
 
 
 def kernel(step: PlanStep, after: Kernel) -> Kernel:
-    """Return the conditions before a step under which ``after`` holds after it. Raises PlanningError if there are
+    """Return the weakest conditions before a step such that ``after`` holds after it. Raises PlanningError if there are
     none.
     """
     effects = step.effects
@@ -57,11 +57,12 @@ class ReadyStep(NamedTuple):
 
 
 def ready_steps(steps: Sequence[PlanStep], goal: Iterable[Literal], most_ways: int) -> tuple[ReadyStep, ...]:
-    """Return when each step leads to the goal if later ones may be left out; the last ready step is the best.
+    """Return for each step the conditions under which it leads to the goal, given that later steps may be skipped.
+    Execute the last step whose conditions hold.
 
-    After a step any later one may follow, or the goal: a step with the mug does not depend on a drawer that must be
-    shut later. Parallel actions are also separate steps, for the case that the others are done. ``most_ways``:
-    alternatives per step, those that leave out the fewest steps. Raises PlanningError as ``kernels`` does.
+    Any later step, or the goal, may follow a step: an action with the mug does not depend on a drawer that must be shut
+    later. Parallel actions are also separate steps, for the case that the others are done. ``most_ways``: alternatives
+    per step, those that leave out the fewest steps. Raises PlanningError as ``kernels`` does.
     """
     kernels(steps, goal)  # what does not fit together is told
     alone = [part for whole in steps for part in (*whole.alone, whole)]

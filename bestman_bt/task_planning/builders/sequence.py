@@ -13,7 +13,8 @@ from bestman_bt.task_planning.symbolic.problem import Literal, TaskPlan
 
 @dataclass(frozen=True)
 class SequenceBuilder(TreeBuilder):
-    """Executes the plan in order; fails with the first failing action, or before an action that would be in vain.
+    """Executes the plan in order; fails with the first failing action, or before an action after which the goal is out
+    of reach.
 
     Before each action it checks the kernel, so that a violated precondition of a later action is noticed at once.
 

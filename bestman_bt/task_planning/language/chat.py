@@ -21,7 +21,7 @@ from bestman_bt.task_planning.language.errors import (
 
 @dataclass(frozen=True)
 class Message:
-    """One turn of the conversation."""
+    """One message of the conversation."""
 
     role: Literal["system", "user", "assistant"]
     content: str

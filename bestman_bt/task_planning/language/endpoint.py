@@ -57,7 +57,7 @@ class _Tokens(BaseModel):
 
 
 class Completion(BaseModel):
-    """A completion, of which the first choice counts; without one, or without its message, it is invalid."""
+    """A completion. Only the first choice is used; a completion without a choice or message is invalid."""
 
     choices: list[_Choice] = Field(min_length=1)
     tokens: _Tokens | None = Field(None, alias="usage")
@@ -133,7 +133,7 @@ class ApiKey:
         return "ApiKey(…)" if self._text else "ApiKey()"
 
     def headers(self) -> dict[str, str]:
-        """Return the header ``Authorization``, if there is a key."""
+        """Return the header ``Authorization``; empty without a key."""
         return {"Authorization": f"Bearer {self._text}"} if self._text else {}
 
     def removed_from(self, text: str) -> str:
@@ -191,7 +191,7 @@ class EndpointAddress:
     def from_environment(cls, environment: Mapping[str, str] = os.environ) -> EndpointAddress:
         """Read BESTMAN_LLM_BASE_URL, _MODEL, _API_KEY and _PRICES.
 
-        Raises EndpointNotSetError naming what is missing.
+        Raises EndpointNotSetError naming the missing variable.
         """
         missing = [name for name in (BASE_URL, MODEL) if not environment.get(name, "").strip()]
         if missing:

@@ -16,7 +16,7 @@ def quoted(text: str) -> str:
 
 
 class LanguageError(PlanningError):
-    """A language model gave no plan; the message has the reason, and never contains the key."""
+    """A language model returned no valid plan; the message gives the reason and never contains the key."""
 
 
 class EndpointNotSetError(LanguageError):
@@ -24,7 +24,7 @@ class EndpointNotSetError(LanguageError):
 
 
 class EndpointUnreachableError(LanguageError):
-    """There was no answer within the attempts and time limit."""
+    """No answer within the number of attempts and the time limit."""
 
 
 class EndpointReplyError(LanguageError):
@@ -36,7 +36,7 @@ class TranscriptError(LanguageError):
 
 
 class ModelRefusedError(LanguageError):
-    """The model refuses, in words, to do what the instruction asks."""
+    """The model refused the instruction."""
 
 
 class NoValidAnswerError(LanguageError):

@@ -174,9 +174,10 @@ def plan_from_text(
 
 
 def checked_goal(problem: PlanningProblem, answer: GoalAnswer) -> PlanningProblem:
-    """Return the problem with the goal of the answer, unless it has its own; given places restrict unseen things.
+    """Return the problem with the goal of the answer, unless it already has one. Given places restrict where unseen
+    objects may be.
 
-    Raises FaultyAnswerError.
+    Raises FaultyAnswerError listing every fault.
     """
     if problem.goal:
         return problem
@@ -225,7 +226,8 @@ def _ruled_out(problem: PlanningProblem, told: Sequence[Fact]) -> set[Fact]:
 
 
 def checked_plan(problem: PlanningProblem, limits: PlanLimits, answer: PlanAnswer) -> tuple[PlanningProblem, TaskPlan]:
-    """Return the problem with its goal, and the plan without unnecessary steps. Raises FaultyAnswerError."""
+    """Return the problem with its goal, and the plan without unnecessary steps. Raises FaultyAnswerError listing every
+    fault."""
     problem = checked_goal(problem, answer)
     operators = {operator.name: operator for operator in limits.operators(problem)}
     try:
@@ -271,7 +273,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class FaultyAnswerError(Error):
-    """An answer is unusable; ``faults``: in words from which the model can correct it."""
+    """An answer is invalid; ``faults``: messages from which the model can correct it."""
 
     def __init__(self, faults: Sequence[str]) -> None:
         super().__init__("; ".join(map(quoted, faults)))

@@ -36,7 +36,7 @@ class PlainNames:
 
     @classmethod
     def of(cls, names: Iterable[str]) -> PlainNames:
-        """Rename what is not plain; numbers separate names that would become equal."""
+        """Create the renaming: names with special characters are sanitised, and equal results are numbered."""
         names = list(names)
         told = {name: name for name in names if _is_plain(name)}
         taken = set(told)

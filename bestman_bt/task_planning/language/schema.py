@@ -70,7 +70,7 @@ def json_schema(model: type[BaseModel]) -> dict[str, Any]:
 
 
 def faults_of(error: ValidationError) -> list[str]:
-    """Return the first faults of an answer, in words from which a model or a person can correct it."""
+    """Return the first faults of an answer, as messages from which a model or a person can correct it."""
     found = error.errors(include_url=False)
     faults = [_fault(dict(entry)) for entry in found[:_MOST_FAULTS]]
     return faults if len(found) <= _MOST_FAULTS else [*faults, f"and {len(found) - _MOST_FAULTS} more"]

@@ -26,7 +26,7 @@ from bestman_bt.task_planning.symbolic.problem import (
 
 
 def instantiate(problem: PlanningProblem, operator: Operator, arguments: Sequence[str]) -> Action:
-    """Return the action of an operator for given things. Raises PlanningError for a wrong number or type."""
+    """Return the action of an operator for given arguments. Raises PlanningError for a wrong number or type."""
     if len(arguments) != len(operator.parameters):
         named = ", ".join(operator.parameters)
         raise PlanningError(f"{operator.name} takes ({named}), got ({', '.join(arguments)})")
@@ -54,7 +54,8 @@ def bind(problem: PlanningProblem, operator: Operator, arguments: Sequence[str])
 
 
 def written_out(problem: PlanningProblem, conditions: Iterable[Condition], values: Mapping[str, str]) -> list[Literal]:
-    """Return the conditions with ``values`` for parameters; ``forall`` becomes a literal per thing with ``given``."""
+    """Return the conditions with parameters replaced by ``values``; ``forall`` becomes a literal per object that
+    satisfies ``given``."""
     literals: list[Literal] = []
     for condition in conditions:
         bound = condition.bound(values)

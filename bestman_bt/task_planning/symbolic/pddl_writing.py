@@ -86,7 +86,7 @@ class PddlText:
         return self._names[action.name], tuple(names)
 
     def action(self, name: str, arguments: Iterable[str]) -> tuple[Operator, tuple[str, ...]]:
-        """Return the operator and the things for names of the files."""
+        """Return operator and arguments for the names of an action in the files."""
         operator = self._operators[name.lower()]
         meant = {written: own for (_, own), written in self._objects.items()}
         return operator, tuple(meant[argument.lower()] for argument in arguments)

@@ -93,7 +93,7 @@ class Literal(NamedTuple):
         return Literal(self.fact.bound(values), self.negated)
 
     def holds_in(self, state: Collection[Fact]) -> bool:
-        """Return whether it holds if exactly the facts of ``state`` hold."""
+        """Return whether the literal holds if exactly the facts of ``state`` are true."""
         if self.fact.predicate == EQUAL:
             return (self.fact.arguments[0] == self.fact.arguments[1]) != self.negated
         return (self.fact in state) != self.negated
@@ -164,13 +164,14 @@ class Operator:
 
     @property
     def assumed(self) -> Iterator[Forall]:
-        """Yield the conditions and effects with ``given``, which apply only to objects for which it holds."""
+        """Yield the conditions and effects that have ``given``; they apply only to objects for which ``given``
+        holds."""
         conditions = (*self.pre, *self.hold, *self.each)
         return (one for one in conditions if isinstance(one, Forall) and one.given is not None)
 
     @property
     def changes(self) -> frozenset[str]:
-        """The predicates of its effects."""
+        """The predicates of the operator's effects."""
         effects = (one.then if isinstance(one, Forall) else one for one in self.effects)
         return frozenset(effect.fact.predicate for effect in effects)
 
@@ -256,8 +257,8 @@ class PlanningProblem:
 
     @cached_property
     def unsound(self) -> str:
-        """The ``forall`` that depends on a fact that an operator changes; empty if there is none, so that grounding is
-        correct.
+        """Return the ``forall`` that depends on a fact that an operator changes. Empty if there is none: then grounding
+        is correct.
         """
         for operator in self.operators:
             for condition in operator.assumed:

@@ -17,7 +17,7 @@ from bestman_bt.task_planning.symbolic.problem import PlanningError, PlanningPro
 
 @dataclass(frozen=True)
 class Estimate:
-    """``cost``: of a relaxed plan, infinite if there is none.
+    """The estimate of a state. ``cost``: of a relaxed plan, infinite if there is none.
 
     ``applicable``: the applicable actions; ``helpful``: those of them in the relaxed plan.
     """
@@ -94,7 +94,8 @@ BOOST = 1000
 
 @dataclass(frozen=True)
 class Found:
-    """``actions``: their numbers, None if none was found. ``exhausted``: there is no plan, or none cheap enough."""
+    """The result of a search. ``actions``: numbers of the plan's actions, None if no plan was found. ``exhausted``:
+    there is no plan within the bound."""
 
     actions: tuple[int, ...] | None
     exhausted: bool = False
@@ -103,7 +104,7 @@ class Found:
 def best_first(
     problem: GroundProblem, weight: float, max_evaluations: int, bound: float = math.inf, newest_first: bool = False
 ) -> Found:
-    """Lazy best-first search with a second queue for helpful actions (Richter and Helmert, 2009).
+    """Run a lazy best-first search with a second queue for helpful actions (Richter and Helmert, 2009).
 
     ``weight``: of the estimate against the cost so far; infinite: greedy. ``bound``: upper bound of the cost. A state
     is evaluated when it is expanded, ordered by its parent's estimate; if reached at a lower cost, it is reopened.

@@ -38,7 +38,7 @@ def shape_document(shape: Shape) -> dict[str, Any]:
 
 
 def pose_document(pose: Pose) -> list[float]:
-    """Position and quaternion xyzw in one list."""
+    """Return position (metres) and quaternion xyzw as one list."""
     return [*map(float, pose.position), *map(float, pose.quaternion)]
 
 
@@ -159,7 +159,8 @@ class BlenderFrame:
 
 @dataclass(frozen=True)
 class BlenderJob:
-    """``hidden``: bodies to leave out, such as walls before the camera. ``samples``: light paths per pixel."""
+    """A job for Blender. ``hidden``: bodies to leave out, such as walls before the camera. ``samples``: light paths per
+    pixel."""
 
     robot: BlenderRobot
     bodies: Sequence[BlenderBody]
@@ -225,7 +226,7 @@ class BlenderError(VisualizationError, InputError):
 
 
 def environment_folder() -> Path:
-    """``$XDG_DATA_HOME/bestman-bt/blender``, or ``~/.local/share/bestman-bt/blender``."""
+    """Return ``$XDG_DATA_HOME/bestman-bt/blender``, or ``~/.local/share/bestman-bt/blender``."""
     home = os.environ.get("XDG_DATA_HOME")
     return (Path(home) if home else Path.home() / ".local" / "share") / "bestman-bt" / "blender"
 

@@ -39,7 +39,7 @@ def eye_on(bounds: NDArray[np.float64], azimuth: float = -2.2, elevation: float 
 
 
 def build_blueprint(tree: NodeList, eye: Eye, cameras: Sequence[str], plots: Sequence[str]) -> rrb.Blueprint:
-    """The layout for a run with these camera names and entities with time series."""
+    """Return the viewer layout for a run with these cameras and plotted entities."""
     import rerun.blueprint as rrb
 
     below_scene = [*_camera_views(cameras), *_plots(plots)]

@@ -40,7 +40,7 @@ class FrameTransforms:
             self._rows[child] = (parent, row)
 
     def add_pose(self, parent: str, child: str, parent_from_child: Pose) -> None:
-        """Call ``add`` with a pose."""
+        """Add a transform given as a pose."""
         self.add(parent, child, parent_from_child.position, parent_from_child.quaternion)
 
     def write(self, stamp: float, tick: int) -> int:

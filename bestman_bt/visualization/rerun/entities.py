@@ -34,7 +34,7 @@ BLACKBOARD: Final = "blackboard"
 
 
 def part(name: str) -> str:
-    """``name`` as one part of an entity path: Rerun escapes other characters, and views show the escapes."""
+    """Return ``name`` as one part of an entity path, without characters that Rerun would escape."""
     return "".join(character if character.isalnum() or character in "_-." else "_" for character in name)
 
 

@@ -164,7 +164,7 @@ class RerunRecorder:
         beliefs.write_grasps(self._at(stamp).stream, entities.GRASPS, candidates)
 
     def blackboard(self, change: str, stamp: float) -> None:
-        """Record a change of the blackboard, in words."""
+        """Record a change of the blackboard as text."""
         self._at(stamp).write_line("DEBUG", change, entities.BLACKBOARD)
 
     def pose(self, name: str, map_from_pose: Pose, stamp: float, axis_length: float = 0.08) -> None:

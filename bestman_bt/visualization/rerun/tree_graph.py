@@ -144,7 +144,7 @@ def _is_leaf(contour: _Contour) -> bool:
 
 
 class TreeGraph:
-    """Writes the shape of a tree once and afterwards only the colours that it takes."""
+    """Writes the layout of a tree once, and afterwards only changes of colours."""
 
     def __init__(self, recording: rr.RecordingStream, tree: NodeList) -> None:
         self._recording = recording
@@ -241,7 +241,7 @@ class StateLanes:
 
 
 def lane_entities(tree: NodeList) -> dict[int, str]:
-    """uid → entity path of the node's lane, in reading order of the tree."""
+    """Return uid → entity path of the node's lane, in depth-first order."""
     return {
         node.uid: entities.lane_entity(position, node_label(node)) for position, node in enumerate(tree.depth_first())
     }

@@ -181,7 +181,7 @@ class RerunViewer:
 
     @property
     def pipe(self) -> IO[bytes]:
-        """Return the pipe that takes a recording; only of a viewer that is ``fed``. Raises ViewerError."""
+        """Return the pipe that receives a recording. Raises ViewerError if the viewer is not ``fed``."""
         if self._process.stdin is None:
             raise ViewerError("the viewer was not asked to be fed")
         return self._process.stdin
@@ -213,7 +213,7 @@ class RerunViewer:
         return text[panic : panic + 300].strip() if panic >= 0 else text[-300:].strip()
 
     def wait_until_up(self, timeout: float) -> None:
-        """Wait until it serves, at most ``timeout`` seconds. Raises ViewerError if it does not."""
+        """Wait until the viewer serves. Raises ViewerError after ``timeout`` seconds."""
         ports = [self.port] + [self.page_port] * (self._display is Display.BROWSER)
         deadline = time.monotonic() + timeout
         while time.monotonic() < deadline:
@@ -226,7 +226,7 @@ class RerunViewer:
 
 
 def has_window_system() -> bool:
-    """Return whether a window can be opened here."""
+    """Return whether this machine can open windows."""
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 

@@ -43,7 +43,7 @@ class Attitude:
 
     @property
     def odom_from_trunk(self) -> Array:
-        """The rotation matrix (3, 3)."""
+        """The rotation odom_from_trunk, (3, 3)."""
         return np.asarray(self._rotation.as_matrix())
 
     @property

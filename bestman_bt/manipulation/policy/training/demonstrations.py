@@ -174,7 +174,7 @@ class DemonstrationRecorder:
         self._pictures = {name: [] for name in self._pictures}
 
     def end_episode(self, task: str) -> int:
-        """Write the episode with its task in words; returns its index."""
+        """Write the episode with ``task``, its description; returns its index."""
         arrow, parquet = _pyarrow()
         if not self._frames:
             raise DatasetError("an episode should have at least one frame")

@@ -44,8 +44,8 @@ _LEVER = 0.05
 class PickedObject:
     """The object of the expert, picked from above.
 
-    ``rise``: metres from its middle up to the grasp; ``width``: between the fingers there; ``opening``: of the gripper
-    before.
+    ``rise``: metres from its middle up to the grasp; ``width``: metres between the fingers at the grasp; ``opening``:
+    metres, of the gripper before closing.
     """
 
     name: str
@@ -72,10 +72,11 @@ class PickingExpert:
 
     ``lower``, ``upper``: corners of the box of the object's middle; ``tool_lower``, ``tool_upper``: of the tool's
     starts, turned by ``max_yaw`` and ``max_tilt`` at most. ``slow``: rad/s below which the arm may close the gripper.
-    ``hover``: above the grasp; ``lift``: by how much it lifts. ``aligned``: how far aside the hand may be to go all the
-    way down, ``astray``: from where on it stays above. ``at_grasp``: how near it closes. ``carrot``: how far ahead the
-    arm aims. ``horizon`` actions of ``dt`` per chunk, of which ``executed`` are carried out; ``chunks`` at most per
-    episode. ``drift``: rad off the way, at most, after each chunk. ``margin``: of the workspace around both boxes.
+    ``hover``: above the grasp; ``lift``: by how much it lifts. ``aligned``: largest lateral offset at which the hand
+    descends fully; ``astray``: offset from which it stays above. ``at_grasp``: distance at which it closes. ``carrot``:
+    lookahead distance of the arm's target. ``horizon`` actions of ``dt`` per chunk, of which ``executed`` are executed;
+    ``chunks``: maximum per episode. ``drift``: maximum random deviation from the path after each chunk, rad.
+    ``margin``: of the workspace around both boxes.
     """
 
     kinematics: InverseKinematics
@@ -131,7 +132,7 @@ class PickingExpert:
         )
 
     def task(self, rng: np.random.Generator) -> tuple[Array, Pose]:
-        """Joint positions (n,) and the pose of the object, both in their boxes."""
+        """Draw joint positions (n,), radians, and an object pose (base frame), both within their boxes."""
         goal = Pose.from_xyz_rpy(rng.uniform(self.lower, self.upper), (0.0, 0.0, rng.uniform(-math.pi, math.pi)))
         while True:
             axis, tilt = rng.uniform(-math.pi, math.pi), rng.uniform(0.0, self.max_tilt)
@@ -146,7 +147,7 @@ class PickingExpert:
     def demonstrate(self, rng: np.random.Generator) -> Demonstration:
         """Return one episode: from a start, from near the object, or with the object already in the hand.
 
-        It ends at a joint limit. Raises PolicyError if it begins there.
+        The episode ends at a joint limit. Raises PolicyError if it starts at one.
         """
         state, goal = self._begin(rng)
         observations: list[Observation] = []

@@ -73,7 +73,8 @@ class ReachingExpert:
         )
 
     def task(self, rng: np.random.Generator, near: bool = False) -> tuple[NDArray[np.float64], Pose]:
-        """Joint positions (n,) and a goal, both in the box; ``near``: the goal within some centimetres of the start."""
+        """Draw joint positions (n,), radians, and a goal (base frame), both in the box. ``near``: the goal is within a
+        few centimetres of the start."""
         while True:
             start = self._posture(self._pose(rng), rng)
             goal = self._pose(rng)

@@ -36,8 +36,8 @@ def roll_out(
     judged: Pose | None = None,
     chunks: int = 16,
 ) -> Rollout:
-    """Run a policy from ``start`` (n,) with the goal ``told``; errors are relative to ``judged`` (default: the
-    same).
+    """Run a policy from ``start`` (n,), radians, with the goal ``told``. Errors are relative to ``judged`` (default:
+    ``told``).
     """
     judged = judged or told
     path, errors = [start], []

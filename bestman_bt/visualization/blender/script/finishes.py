@@ -12,7 +12,7 @@ FLOOR_WOOD = ((0.36, 0.225, 0.13), (0.28, 0.165, 0.092))
 
 
 class Finishes:
-    """Makes each material once."""
+    """Creates materials, each only once."""
 
     def __init__(self) -> None:
         self._made: dict[tuple[Any, ...], Any] = {}
@@ -28,7 +28,7 @@ class Finishes:
         return self._once((finish, *color), lambda: paint(finish, color, roughness, coat))
 
     def of_robot(self, color: list[float]) -> Any:
-        """Dark parts are rubber, grey ones metal, others painted."""
+        """Return the material of a robot part: rubber for dark colours, metal for grey ones, else paint."""
         _, saturation, value = colorsys.rgb_to_hsv(*color[:3])
         if value < 0.2:
             return self._once(("rubber", *color), lambda: paint("rubber", color, 0.6, 0.0))
@@ -48,7 +48,7 @@ class Finishes:
         thing.data.materials.append(self.of_robot(color or [0.75, 0.76, 0.78, 1.0]))
 
     def floor(self) -> Any:
-        """Oak planks."""
+        """Return the material of the floor: oak planks."""
         return self._once(("floor",), planks)
 
     def ground(self) -> Any:
@@ -74,7 +74,7 @@ def is_wooden(color: list[float]) -> bool:
 
 
 def longest_axis(shape: dict[str, Any]) -> int:
-    """Along which the grain runs."""
+    """Return the longest axis of a shape, along which the wood grain runs: 0, 1 or 2."""
     size = shape.get("size", (0.0, 0.0, 1.0))
     return max(range(3), key=lambda axis: size[axis])
 
@@ -104,7 +104,7 @@ def paint(name: str, color: list[float], roughness: float, coat: float, metallic
 
 
 def polish(material: Any) -> None:
-    """A mesh file's own material, with the gloss of a robot's shell."""
+    """Give the material of a mesh file the gloss of a robot's shell."""
     surface = material.node_tree.nodes.get("Principled BSDF") if material.node_tree is not None else None
     if surface is not None:
         surface.inputs["Roughness"].default_value = 0.36

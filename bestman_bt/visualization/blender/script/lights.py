@@ -25,7 +25,7 @@ def light_the_room(finishes: Any, bodies: list[dict[str, Any]]) -> None:
 
 
 def lay_floors(finishes: Any, walls: list[list[float]]) -> None:
-    """Planks whose top is z = 0 between the middles of the walls, and a light ground around them."""
+    """Add a plank floor with its top at z = 0 between the walls, and a light ground around it."""
     low, high = [-0.5 * FLOOR_SIZE] * 2, [0.5 * FLOOR_SIZE] * 2
     if walls:
         low, high = ([choose(axis) for axis in zip(*walls, strict=True)] for choose in (min, max))
@@ -39,7 +39,7 @@ def lay_floors(finishes: Any, walls: list[list[float]]) -> None:
 
 
 def sky() -> None:
-    """Even light from all around, a little blue."""
+    """Add uniform, slightly blue light from all directions."""
     world = bpy.data.worlds.new("sky")
     bpy.context.scene.world = world
     if world.node_tree is None:

@@ -45,13 +45,13 @@ def main(path: str) -> None:
 
 
 def matrix(pose: list[float]) -> Matrix:
-    """[x, y, z, qx, qy, qz, qw] as a transform."""
+    """Return the transform of [x, y, z, qx, qy, qz, qw]."""
     x, y, z, qx, qy, qz, qw = pose
     return Matrix.Translation(Vector((x, y, z))) @ Quaternion((qw, qx, qy, qz)).to_matrix().to_4x4()
 
 
 def empty(name: str) -> Any:
-    """Return a frame that shapes hang on."""
+    """Return an empty frame to attach shapes to."""
     frame = bpy.data.objects.new(name, None)
     bpy.context.scene.collection.objects.link(frame)
     return frame
@@ -84,7 +84,7 @@ def build_link(link: dict[str, Any], finishes: Finishes) -> Any:
 
 
 def hang(shape: Any, frame: Any, pose: list[float], own: Matrix | None = None) -> None:
-    """Fix a shape to a frame."""
+    """Attach a shape to a frame."""
     shape.parent = frame
     shape.matrix_parent_inverse = Matrix.Identity(4)
     shape.matrix_basis = matrix(pose) @ (own if own is not None else Matrix.Identity(4))

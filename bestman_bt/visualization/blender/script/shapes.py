@@ -46,7 +46,7 @@ def made_shape(shape: dict[str, Any], bevel: float) -> Any:
 
 
 def round_edges(thing: Any, width: float) -> None:
-    """A bevel that leaves flat faces flat."""
+    """Add a bevel of ``width`` that keeps flat faces flat."""
     bevel = thing.modifiers.new("bevel", "BEVEL")
     bevel.width, bevel.segments = width, 3
     bevel.limit_method, bevel.angle_limit = "ANGLE", math.radians(40.0)
@@ -54,7 +54,7 @@ def round_edges(thing: Any, width: float) -> None:
 
 
 def sharp_where_bent(mesh: Any) -> None:
-    """Smooth, but not over edges of more than 40 degrees."""
+    """Shade the mesh smooth, except across edges of more than 40 degrees."""
     mesh.set_sharp_from_angle(angle=math.radians(40.0))
 
 
