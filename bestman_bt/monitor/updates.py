@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from itertools import repeat
 from typing import Any
+
+import numpy as np
 
 from bestman_bt.monitor.run import MonitoredRun
 from bestman_bt.records.events import MAIN_TREE
@@ -97,7 +100,7 @@ class Updates:
             "states": {"0": nodes.states[1:].tolist()},
             "results": {"0": nodes.results[1:].tolist()},
             "messages": history.messages_at(time),
-            "statistics": nodes.statistics(range(1, len(nodes) + 1), time),
+            "statistics": nodes.statistics(np.arange(1, len(nodes) + 1), time),
             "blackboard": history.blackboard_at(time),
             "robot": history.robot.at(time),
             "scan": history.robot.scan_at(time),
@@ -112,25 +115,26 @@ class Updates:
     def _statistics(self, now: float) -> Any:
         """Of the nodes that changed since they were told last, and of those that run."""
         history = self.run.history
-        uids = {*history.changed_nodes.since(self._statistics_version), *self._running}
+        uids = np.union1d(history.changed_nodes(self._statistics_version), self._running)
         self._statistics_version, self._statistics_due = history.version, now + STATISTICS_PERIOD
-        return history.states.now.statistics(sorted(uids), history.last) if uids else None
+        return history.states.now.statistics(uids, history.last)
 
     def _delta(self, now: float) -> Message:
         history, since = self.run.history, self._version
         nodes, time = history.states.now, history.last
-        changed = history.changed_nodes.since(since)
+        changed = history.changed_nodes(since)
+        states, results = nodes.states[changed].tolist(), nodes.results[changed].tolist()
         delta: Message = {
             "type": "delta",
             "id": self.run.id,
             "time": time,
             "tick": history.tick,
-            "changes": [[uid, int(nodes.states[uid]), MAIN_TREE, int(nodes.results[uid])] for uid in reversed(changed)],
+            "changes": list(zip(changed.tolist(), states, repeat(MAIN_TREE), results, strict=False)),
         }
         said = history.changed_messages.since(since)
         if said:
             delta["messages"] = {str(uid): history.message_at(uid, time) for uid in said}
-        if changed and (running := nodes.running()) != self._running:
+        if len(changed) and (running := nodes.running()) != self._running:
             self._running = delta["running"] = running
         if now >= self._statistics_due and (statistics := self._statistics(now)):
             delta["statistics"] = statistics

@@ -12,6 +12,8 @@ from importlib.metadata import version
 from itertools import islice, zip_longest
 from typing import Any
 
+from pydantic_core import PydanticSerializationError, to_json
+
 from bestman_bt.engine.logs.btlog import Transition
 from bestman_bt.engine.status import FAILURE, STATUS_NAMES, SUCCESS
 from bestman_bt.monitor.controls import CONTROLS, control
@@ -319,8 +321,8 @@ def _names(run: MonitoredRun, asked: Message) -> list[str]:
 def encoded(message: Message) -> str:
     """Encode a message as JSON for browsers: NaN and infinities become null."""
     try:
-        return json.dumps(message, allow_nan=False, separators=(",", ":"))
-    except ValueError:
+        return to_json(message, inf_nan_mode="null").decode()
+    except PydanticSerializationError:  # half a character, as in the name of a folder that is not UTF-8
         return json.dumps(_finite(message), allow_nan=False, separators=(",", ":"))
 
 

@@ -26,7 +26,7 @@ TOPICS: tuple[Topic, ...] = ("states", "blackboard", "robot", "scan", "images", 
 Level = Literal["debug", "info", "warning", "error"]
 Category = Literal["action", "condition", "control", "decorator", "subtree"]
 
-Tick = Annotated[int, Field(ge=0, lt=1 << 53)]
+Count = Annotated[int, Field(ge=0, lt=1 << 53)]
 """As large as browsers count."""
 Started = Annotated[float, Field(ge=0.0, le=1e11)]
 """Seconds since the epoch; up to a year of four digits."""
@@ -110,8 +110,8 @@ class StatesEvent:
     """
 
     time: float
-    tick: Tick
-    changes: list[tuple[int, int]]
+    tick: Count
+    changes: list[tuple[Count, Count]]
     messages: dict[int, str] = field(default_factory=dict)
     tree: int = MAIN_TREE
     event: Literal["states"] = "states"
@@ -134,7 +134,7 @@ class BlackboardEvent:
     """The entries that were written, by scope (path of the SubTree, empty for the main tree) and key."""
 
     time: float
-    tick: Tick
+    tick: Count
     entries: dict[str, dict[str, ShownEntry]]
     event: Literal["blackboard"] = "blackboard"
 
@@ -147,7 +147,7 @@ class RobotEvent:
     """
 
     time: float
-    tick: Tick
+    tick: Count
     base: tuple[float, float, float]
     believed_std: tuple[float, float]
     joints: dict[str, float]

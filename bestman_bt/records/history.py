@@ -94,10 +94,10 @@ class RunHistory:
         self.end: dict[str, Any] | None = None
         self.dropped = 0
         self.tree_version = self.paused_version = self.breakpoints_version = self.path_version = 0
-        self.changed_nodes: Freshness[int] = Freshness()
         self.changed_messages: Freshness[int] = Freshness()
         self.changed_entries: Freshness[tuple[str, str]] = Freshness()
         self._main = (0, 0)
+        self._node_versions = np.full(1, -1)
         self._is_leaf = self._is_condition = np.zeros(1, bool)
         self._messages: dict[int, Samples[str]] = {}
         self._entries: dict[tuple[str, str], Samples[ShownEntry | None]] = {}
@@ -132,6 +132,10 @@ class RunHistory:
             if entry is not None:
                 boards.setdefault(scope, {})[key] = entry
         return boards
+
+    def changed_nodes(self, version: int) -> NDArray[np.intp]:
+        """Return the uids of the nodes that changed after ``version``, in the order of the tree."""
+        return np.flatnonzero(self._node_versions > version)
 
     def pictures_at(self, time: float) -> list[Picture]:
         """Return the latest picture of each camera."""
@@ -212,14 +216,17 @@ class RunHistory:
         self._is_leaf = np.array([False, *(node.is_leaf for node in self.nodes)])
         self._is_condition = np.array([False, *(node.category == "condition" for node in self.nodes)])
         self.states.now = self.states.now.grown(len(self.nodes))
+        added = len(self.nodes) + 1 - len(self._node_versions)
+        self._node_versions = np.append(self._node_versions, np.full(added, -1))
         self.tree_version = self.version
 
     def shown(self, event: StatesEvent) -> Transitions:
         """Return the changes of an event by uids of ``nodes``, with NO for false conditions."""
         offset, count = self.nodes.range_of(event.tree)
-        told = [(offset + uid, state) for uid, state in event.changes if 0 < uid <= count and 0 <= state <= SKIPPED]
-        uids, states = np.array(told, dtype=np.uint32).reshape(-1, 2).T
-        return self.with_answers(Transitions(np.full(len(uids), event.time), uids, states.astype(np.uint8)))
+        told = np.fromiter(chain.from_iterable(event.changes), np.int64, 2 * len(event.changes)).reshape(-1, 2)
+        uids, states = told[(told > [0, -1]).all(axis=1) & (told <= [count, SKIPPED]).all(axis=1)].T
+        moment = np.full(len(uids), event.time)
+        return self.with_answers(Transitions(moment, (offset + uids).astype(np.uint32), states.astype(np.uint8)))
 
     def _take_states(self, event: StatesEvent) -> None:
         changes = self.shown(event)
@@ -239,8 +246,7 @@ class RunHistory:
         for begin in range(0, len(changes), PIECE):
             fresh = self.states.extend(changes[begin : begin + PIECE], ticks[begin : begin + PIECE])
             self.timeline.change(fresh)
-            for uid in reversed(dict.fromkeys(fresh.uids[::-1].tolist())):
-                self.changed_nodes.touch(uid, self.version)
+            self._node_versions[fresh.uids] = self.version
 
     def with_answers(self, changes: Transitions) -> Transitions:
         """Replace FAILURE by NO for false conditions; in the order of time, by uids of ``nodes``."""

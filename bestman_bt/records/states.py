@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,10 +65,11 @@ class NodeStates:
         since = self.since[uids]
         since[follows] = times[:-1][follows[1:]]
         ran = before == RUNNING
-        np.add.at(self.seconds, uids[ran], np.maximum(0.0, times - since)[ran])
-        np.add.at(self.starts, uids[~ran & (states != IDLE)], 1)
-        np.add.at(self.successes, uids[states == SUCCESS], 1)
-        np.add.at(self.failures, uids[(states == FAILURE) | (states == NO)], 1)
+        size = len(self.states)
+        self.seconds += np.bincount(uids[ran], np.maximum(0.0, times - since)[ran], size)
+        self.starts += np.bincount(uids[~ran & (states != IDLE)], minlength=size).astype(np.uint32)
+        self.successes += np.bincount(uids[states == SUCCESS], minlength=size).astype(np.uint32)
+        self.failures += np.bincount(uids[(states == FAILURE) | (states == NO)], minlength=size).astype(np.uint32)
         # Of several values for one place, numpy keeps the last.
         self.states[uids] = states
         told, runs = states != IDLE, states == RUNNING
@@ -78,17 +79,18 @@ class NodeStates:
 
     def running(self) -> list[int]:
         """Return the uids that run, in the order of the tree."""
-        return [int(uid) for uid in np.flatnonzero(self.states == RUNNING)]
+        return np.flatnonzero(self.states == RUNNING).tolist()
 
-    def statistics(self, uids: Iterable[int], time: float) -> dict[str, list[float]]:
+    def statistics(self, uids: ArrayLike, time: float) -> dict[str, list[float]]:
         """Return uid → starts, successes, failures and seconds of running up to ``time``, for nodes that have
         started.
         """
-        seconds = self.seconds + np.where(self.states == RUNNING, np.maximum(0.0, time - self.since), 0.0)
-        counts = np.stack([self.starts, self.successes, self.failures], axis=1)
-        return {
-            str(uid): [*counts[uid].tolist(), round(float(seconds[uid]), 3)] for uid in uids if self.starts[uid] > 0
-        }
+        told = np.asarray(uids, dtype=np.intp)
+        told = told[self.starts[told] > 0]
+        runs = np.where(self.states[told] == RUNNING, np.maximum(0.0, time - self.since[told]), 0.0)
+        seconds = np.round(self.seconds[told] + runs, 3)
+        columns = (told, self.starts[told], self.successes[told], self.failures[told], seconds)
+        return {str(uid): counts for uid, *counts in zip(*(column.tolist() for column in columns), strict=True)}
 
 
 @dataclass(frozen=True)
