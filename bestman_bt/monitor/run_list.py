@@ -212,12 +212,12 @@ class RunList:
         self._attached: dict[Path, AttachedRun] = {}
         self._ended: dict[str, AttachedRun] = {}
         self._recorded: dict[str, RecordedRun] = {}
-        self._told: list[dict[str, Any]] = []
+        self._told: tuple[int, list[dict[str, Any]]] = (0, [])
         self._tasks: list[asyncio.Task[None]] = []
 
     async def start(self) -> None:
         """Search for runs now, then periodically."""
-        await asyncio.to_thread(self._look_for_folders)
+        await self._look_for_folders()
         self._look_for_executors()
         self._tasks = [asyncio.create_task(self._look()), asyncio.create_task(self._look_at_folders())]
 
@@ -242,9 +242,14 @@ class RunList:
         """Return whether no executor runs and no page is open."""
         return not self.watchers and not any(run.is_live for run in self._attached.values())
 
+    def _followed(self) -> list[AttachedRun]:
+        return [*(run for run in self._attached.values() if run.history.about), *self._ended.values()]
+
+    def _loaded(self) -> list[RecordedRun]:
+        return [run for run in self._recorded.values() if run.is_loaded]
+
     def _runs(self) -> list[MonitoredRun]:
-        live = [run for run in self._attached.values() if run.history.about]
-        live += self._ended.values()
+        live = self._followed()
         folders = {run.history.about.get("folder") for run in live}
         recorded = [run for run in self._recorded.values() if str(run.folder) not in folders]
         return [*live, *recorded]
@@ -259,7 +264,7 @@ class RunList:
     async def _look_at_folders(self) -> None:
         while True:
             await asyncio.sleep(FOLDER_PERIOD)
-            await asyncio.to_thread(self._look_for_folders)
+            await self._look_for_folders()
 
     def _look_for_executors(self) -> None:
         for socket in sorted(socket_folder().glob("*.sock")):
@@ -281,14 +286,16 @@ class RunList:
             name = f"{stem}-{number}"
         return name
 
-    def _look_for_folders(self) -> None:
-        known = {run.folder for run in self._recorded.values()}
-        for given in self._folders:
-            for folder in run_folders(given):
-                if folder not in known:
-                    run = RecordedRun(identity_of(folder), folder)
-                    run.look()
-                    self._recorded[run.id] = run
+    async def _look_for_folders(self) -> None:
+        found = await asyncio.to_thread(self._new_recorded, {str(run.folder) for run in self._recorded.values()})
+        self._recorded.update((run.id, run) for run in found)
+
+    def _new_recorded(self, known: set[str]) -> list[RecordedRun]:
+        folders = [folder for given in self._folders for folder in run_folders(given, known=known)]
+        found = [RecordedRun(identity_of(folder), folder) for folder in dict.fromkeys(folders)]
+        for run in found:
+            run.look()
+        return found
 
     async def _forget(self) -> None:
         unseen = [run for run in self._ended.values() if not run.watchers]
@@ -296,12 +303,13 @@ class RunList:
             del self._ended[run.id]
             with contextlib.suppress(OSError):
                 await run.stop()
-        loaded = [run for run in self._recorded.values() if run.is_loaded and not run.watchers]
+        loaded = [run for run in self._loaded() if not run.watchers]
         for recorded in sorted(loaded, key=lambda run: run.opened)[: max(0, len(loaded) - MAX_LOADED)]:
             recorded.unload()
 
     def _tell_changes(self) -> None:
-        told = self.summaries()
+        """What a recorded run is told as changes only while it is loaded."""
+        told = (len(self._recorded), [run.summary() for run in (*self._followed(), *self._loaded())])
         if told != self._told:
             self._told = told
             self.version += 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -63,20 +64,27 @@ def has_record(folder: Path) -> bool:
     return _has_one(folder, RECORDS)
 
 
-def run_folders(given: Path, parts: Collection[str] = RECORDS, depth: int = 1) -> list[Path]:
+def run_folders(
+    given: Path, parts: Collection[str] = RECORDS, depth: int = 1, known: Collection[str] = ()
+) -> list[Path]:
     """Return the run folders of a path: itself, those at most ``depth`` folders below it, or a log of BehaviorTree.CPP.
 
-    A run folder has one of the files ``parts``. Links to run folders count; other links are not followed.
+    A run folder has one of the files ``parts``. Links to run folders count; other links are not followed. Paths in
+    ``known`` are left out without a look at them.
     """
-    return [given] if is_log(given) else list(_below(given, parts, depth))
+    if str(given) in known:
+        return []
+    return [given] if is_log(given) else list(_below(given, parts, depth, known))
 
 
-def _below(folder: Path, parts: Collection[str], depth: int) -> Iterator[Path]:
+def _below(folder: Path, parts: Collection[str], depth: int, known: Collection[str]) -> Iterator[Path]:
     if _has_one(folder, parts):
         yield folder
     elif depth and folder.is_dir():
-        for inner in sorted(folder.iterdir()):
-            yield from _below(inner, parts, 0 if inner.is_symlink() else depth - 1)
+        with os.scandir(folder) as entries:
+            unknown = sorted(folder / entry.name for entry in entries if entry.path not in known)
+        for inner in unknown:
+            yield from _below(inner, parts, 0 if inner.is_symlink() else depth - 1, known)
 
 
 def _has_one(folder: Path, parts: Collection[str]) -> bool:

@@ -7,6 +7,7 @@ import json
 import lzma
 import os
 import re
+import shutil
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -303,6 +304,35 @@ def test_new_run_folders_are_found(folder: Path, tmp_path: Path) -> None:
     assert run_folders(tmp_path) == [folder]
     assert run_folders(folder / "pictures") == []
     assert run_folders(tmp_path / "nowhere") == []
+
+
+def test_known_run_folders_cost_nothing_until_something_changes(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked: list[Path] = []
+    is_file, summary = Path.is_file, RecordedRun.summary
+    monkeypatch.setattr(Path, "is_file", lambda path: looked.append(path) or is_file(path))
+    monkeypatch.setattr(RecordedRun, "summary", lambda run: looked.append(run.folder) or summary(run))
+
+    async def watch() -> None:
+        runs = RunList([tmp_path])
+        await runs._look_for_folders()
+        runs._tell_changes()
+        (run,) = runs._recorded.values()
+        looked.clear()
+        await runs._look_for_folders()
+        runs._tell_changes()
+        assert not [path for path in looked if path.is_relative_to(folder)]
+        assert runs.version == 1
+        await run.open()
+        runs._tell_changes()
+        assert runs.version == 2
+        shutil.copytree(folder, tmp_path / "another")
+        await runs._look_for_folders()
+        runs._tell_changes()
+        assert (runs.version, len(runs.summaries())) == (3, 2)
+
+    asyncio.run(watch())
 
 
 def test_of_recorded_runs_that_nobody_looks_at_those_that_were_opened_last_are_held(folder: Path) -> None:
