@@ -97,12 +97,11 @@ class Process:
 
 
 class Monitor:
-    """``bestman-bt monitor --connect`` in a process of its own."""
+    """``bestman-bt monitor`` in a process of its own; ``folder``: where it looks for executors."""
 
-    def __init__(self, port: int, folder: Path) -> None:
+    def __init__(self, folder: Path, *arguments: str) -> None:
         self.runs = folder / "runs"
-        command = [sys.executable, "-m", "bestman_bt.cli.main", "monitor", "--port", "0", "--no-browser"]
-        command += ["--connect", f"groot2://127.0.0.1:{port}", "--runs", str(self.runs)]
+        command = [sys.executable, "-m", "bestman_bt.cli.main", "monitor", "--port", "0", "--no-browser", *arguments]
         environment = {**os.environ, "XDG_RUNTIME_DIR": str(folder), "PYTHONPATH": str(Path(__file__).parents[1])}
         self.process = subprocess.Popen(
             command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -133,7 +132,7 @@ class Monitor:
 
         host = self.address.removeprefix("http://").rstrip("/")
         origin = {"Origin": f"http://{host}"}
-        with connect(f"ws://{host}/ws", additional_headers=origin, max_size=None, proxy=None) as page:
+        with connect(f"ws://{host}/ws", additional_headers=origin, max_size=None, proxy=None, open_timeout=60) as page:
             page.send(json.dumps({"do": "open", "id": run["id"]}))
             yield page
 
@@ -148,11 +147,16 @@ class Monitor:
         return self.process.communicate()[1]
 
 
+def connected(port: int, folder: Path) -> Monitor:
+    """A monitor that watches and records a port."""
+    return Monitor(folder, "--connect", f"groot2://127.0.0.1:{port}", "--runs", str(folder / "runs"))
+
+
 @contextmanager
 def watched(port: int) -> Iterator[Monitor]:
     """A monitor that watches a port."""
     with tempfile.TemporaryDirectory() as folder:
-        monitor = Monitor(port, Path(folder))
+        monitor = connected(port, Path(folder))
         try:
             yield monitor
         finally:
@@ -287,7 +291,7 @@ def hostile() -> Message:
             thread = threading.Thread(target=_send_without_end, args=(server, greeting, frame), daemon=True)
             thread.start()
             with tempfile.TemporaryDirectory() as folder:
-                monitor = Monitor(server.getsockname()[1], Path(folder))
+                monitor = connected(server.getsockname()[1], Path(folder))
                 time.sleep(0.3)
                 before = monitor.most_memory()
                 time.sleep(6.0)

@@ -308,7 +308,7 @@ class RunList:
             recorded.unload()
 
     def _tell_changes(self) -> None:
-        """What a recorded run is told as changes only while it is loaded."""
+        """Notify pages of a changed list; the summary of a recorded run changes only while it is loaded."""
         told = (len(self._recorded), [run.summary() for run in (*self._followed(), *self._loaded())])
         if told != self._told:
             self._told = told
