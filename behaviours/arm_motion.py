@@ -147,13 +147,20 @@ def _recover_from_collision(skill: Skill, world: CollisionWorld) -> SkillCorouti
 
 
 def follow_path(
-    skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0
+    skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0, free: bool = False
 ) -> SkillCoroutine[None]:
-    """Follow joint waypoints (N, n), radians, from the current positions, at a fraction ``speed`` of the usual
-    speed.
+    """Follow joint waypoints (N, n), radians, from the current positions, at a fraction ``speed`` of the usual speed.
+
+    ``free``: no contact is expected; a contact ends the motion as COLLISION, and the arm goes back the way it came.
     """
     trajectory = yield from timed_path(skill, path, world, speed)
-    yield skill.skills.arm.follow(trajectory)
+    try:
+        yield skill.skills.arm.follow(trajectory, free=free)
+    except SkillFailure as failure:
+        if free and failure.code == MotionErrorCode.COLLISION:
+            reached = int(np.argmin(np.abs(path - skill.skills.arm_positions()).max(axis=1)))
+            yield from follow_path(skill, path[max(reached, 1) :: -1], world, speed)
+        raise
 
 
 def timed_path(

@@ -32,7 +32,7 @@ class ArmMotionParameters:
     carrying_acceleration: PositiveFraction = 0.21
     recovery_speed: PositiveFraction = 0.05
     recovery_acceleration: PositiveFraction = 0.05
-    approach_speed: PositiveFraction = 0.35
+    approach_speed: PositiveFraction = 0.1
     retreat_speed: PositiveFraction = 0.5
     max_held_tilt: Annotated[Positive, "rad"] = math.radians(25.0)
     held_clearance: Annotated[NonNegative, "m"] = 0.012

@@ -96,7 +96,7 @@ class Open(ArmNode, Skill):
         """Take the handle, follow, let go, withdraw; how far it is open then."""
         skills, leaf = self.skills, opening.leaf
         contact = world_at_leaf(skills, leaf, opening.start, "hand")
-        yield from follow_path(self, plan.into, contact, skills.parameters.arm_motion.approach_speed)
+        yield from follow_path(self, plan.into, contact, skills.parameters.arm_motion.approach_speed, free=True)
         self._felt: Obstacle | None = None
         try:
             yield skills.gripper.close(self.force)

@@ -117,7 +117,7 @@ class Push(ArmNode, Skill):
     def _push(self, belief: ObjectBelief, plan: PushPlan) -> SkillCoroutine[None]:
         skills, name = self.skills, belief.name
         speed = skills.parameters.arm_motion.approach_speed
-        yield from follow_path(self, plan.into, skills.arm_world(self._untouched(belief)), speed)
+        yield from follow_path(self, plan.into, skills.arm_world(self._untouched(belief)), speed, free=True)
         outcome: GuardedOutcome = yield skills.arm.move_until(
             plan.direction, self.speed, plan.gap + plan.distance, self.max_force
         )
