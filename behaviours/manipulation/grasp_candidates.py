@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
 from bestman_bt.engine import OneOf
-from bestman_bt.messages import Box, PlacedShape, Pose
+from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose
 from bestman_bt.world_model.world_model import HandleBelief, ObjectBelief
 
 if TYPE_CHECKING:
@@ -23,6 +24,9 @@ OBLIQUE = 0.5
 """Cosine between the hand's direction and that straight into a drawer or a cupboard, at least."""
 SURROUNDINGS_SPACING = 0.01
 """Distance between the points that represent other objects, metres."""
+
+YAW_STEP = math.radians(10.0)
+"""Angle between the yaws at which an object of uncertain yaw is kept free of the hand, radians."""
 
 GraspApproach = Annotated[str, OneOf(lambda: ("", "top", "side"))]
 APPROACH = "from where the hand comes, top or side; by default any"
@@ -45,7 +49,10 @@ def _candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspCandid
     support_height = float(base_from_object.position[2] + belief.model.bounds()[0, 2])
     if belief.recognised:
         target = GraspTarget.of_model(belief.model, base_from_object)
-        candidates = skills.grasp_pose.plan(target, skills.gripper_model, support_height)
+        cautious = replace(target, surroundings=_at_other_yaws(belief, base_from_map))
+        candidates = skills.grasp_pose.plan(cautious, skills.gripper_model, support_height)
+        if not candidates:
+            candidates = skills.grasp_pose.plan(target, skills.gripper_model, support_height)
         return _from_the_open_side(skills, belief, candidates)
     box = belief.model.collision[0]
     target = GraspTarget(
@@ -91,14 +98,38 @@ def handle_grasp_candidates(skills: SkillContext, belief: HandleBelief) -> tuple
     return skills.handle_grasp_pose.plan(target, skills.gripper_model, support_height=0.0)
 
 
-def _surroundings(skills: SkillContext, belief: ObjectBelief, base_from_map: Pose) -> NDArray[np.float64]:
-    """Points of everything else that is believed near an object, (N, 3) metres in the base frame."""
+def _at_other_yaws(belief: ObjectBelief, base_from_map: Pose) -> NDArray[np.float64] | None:
+    """Return where parts of an object without symmetry may also be, such as the handle of a mug that is seen from the
+    other side: points (N, 3) of its surface at all possible yaws, in the base frame.
+    """
+    from scipy.spatial import KDTree
+
+    from bestman_bt.perception.tracking import at_yaw
+
+    if belief.model.symmetry_order != 1:
+        return None
+    yaws = [yaw for middle, half in belief.yaw_set.arcs for yaw in np.arange(middle - half, middle + half, YAW_STEP)]
+    if not yaws:
+        return None
+    points = np.concatenate([at_yaw(belief, yaw).apply(_surface(belief.model)) for yaw in yaws])
+    distances, _ = KDTree(belief.pose.apply(_surface(belief.model))).query(points)
+    return base_from_map.apply(points[distances > SURROUNDINGS_SPACING])
+
+
+def _surface(model: ObjectModel) -> NDArray[np.float64]:
+    """Points of a model's surface, (N, 3) metres, in its frame."""
     from bestman_bt.perception.pose_estimation.model_surface import sample_shape
 
+    return np.concatenate(
+        [part.pose.apply(sample_shape(part.shape, SURROUNDINGS_SPACING)[0]) for part in model.collision]
+    )
+
+
+def _surroundings(skills: SkillContext, belief: ObjectBelief, base_from_map: Pose) -> NDArray[np.float64]:
+    """Points of everything else that is believed near an object, (N, 3) metres in the base frame."""
     points = [np.empty((0, 3))]
     for other in skills.world.objects.values():
         near = np.linalg.norm(other.pose.position - belief.pose.position) < NEIGHBOURHOOD
         if other.name != belief.name and near:
-            parts = [(other.pose @ part.pose, part.shape) for part in other.model.collision]
-            points += [pose.apply(sample_shape(shape, SURROUNDINGS_SPACING)[0]) for pose, shape in parts]
+            points.append(other.pose.apply(_surface(other.model)))
     return base_from_map.apply(np.concatenate(points))

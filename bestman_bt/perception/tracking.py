@@ -197,7 +197,7 @@ class GlobalNearestNeighbour(Tracker):
             )
             if turned:
                 return True
-            there = _at_yaw(sighting, before.pose.yaw)
+            there = at_yaw(sighting, before.pose.yaw)
         distance = float(np.linalg.norm(before.pose.position - there.position))
         return distance > self._gate(before, sighting, drift)
 
@@ -219,11 +219,11 @@ def _seen_again(before: ObjectBelief, sighting: ObjectBelief, moved: bool) -> Ob
     known_better = not moved and before.yaw_set.arcs and before.yaw_set.width < sighting.yaw_set.width
     if not known_better:
         return replace(sighting, name=before.name, since=since)
-    pose = _at_yaw(sighting, before.pose.yaw)
+    pose = at_yaw(sighting, before.pose.yaw)
     return replace(sighting, name=before.name, pose=pose, yaw_set=before.yaw_set, since=since)
 
 
-def _at_yaw(sighting: ObjectBelief, yaw: float) -> Pose:
+def at_yaw(sighting: ObjectBelief, yaw: float) -> Pose:
     """Return the pose of what was seen if its yaw is ``yaw``, radians.
 
     Of models without symmetry, what looks alike at both yaws stays where it was seen: the body of a mug, not its

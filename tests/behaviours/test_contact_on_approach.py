@@ -1,4 +1,7 @@
-"""A finger that touches an object on the way in: the arm stops, goes back, and takes the object where it is seen next."""
+"""A finger that touches an object on the way in: the arm stops, goes back, and takes it where it is seen next.
+
+The handle of the mug is hidden, at first and later: its yaw is uncertain, and the hand keeps off where it may be.
+"""
 
 from __future__ import annotations
 
