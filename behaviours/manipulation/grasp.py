@@ -24,7 +24,7 @@ from behaviours.skill import (
 )
 from bestman_bt.control.gripper import HELD_WIDTH
 from bestman_bt.engine import In, InOut, Out
-from bestman_bt.messages import GRAVITY, MotionErrorCode, Pose
+from bestman_bt.messages import GRAVITY, Pose
 from bestman_bt.messages.shapes import Count, Positive
 from bestman_bt.perception.view import View
 from bestman_bt.world_model.world_model import HeldObject, ObjectBelief
@@ -229,9 +229,8 @@ class Grasp(ArmNode, Skill):
         try:
             # Open fingers touch nothing on their way if the object is where it was seen.
             yield from follow_path(self, grasp.approach.into, contact, arm_motion.approach_speed, free=True)
-        except SkillFailure as failure:
-            if failure.code == MotionErrorCode.COLLISION:
-                self.grasps = []
+        except SkillFailure:
+            self.grasps = []  # the object may have moved
             raise
         self.grasps = []
         yield skills.gripper.close(self.force or self._force(grasp))
