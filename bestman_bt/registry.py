@@ -11,6 +11,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any, ClassVar, TypeVar
@@ -236,7 +237,9 @@ ALGORITHMS = Registry(
 
 def class_and_preset(algorithm: Any) -> tuple[type, dict[str, Any]]:
     """Return the class of a registered algorithm and the fields that it sets: those of an instance, none of a class."""
-    return (algorithm, {}) if isinstance(algorithm, type) else (type(algorithm), vars(algorithm))
+    if isinstance(algorithm, type):
+        return algorithm, {}
+    return type(algorithm), {field.name: getattr(algorithm, field.name) for field in fields(algorithm) if field.init}
 
 
 PLUGIN_EXAMPLES = {

@@ -15,6 +15,8 @@ from bestman_bt.engine import load_tree
 from bestman_bt.manipulation.motion_planning.ompl_planners import KPIECE
 from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar
+from bestman_bt.navigation.local_planning.critics import CriticWeights
+from bestman_bt.navigation.local_planning.dwa import DWA
 from bestman_bt.registry import ALGORITHMS, UnknownNameError, class_and_preset, undone
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.runtime.algorithms import (
@@ -113,6 +115,11 @@ def test_a_planner_or_follower_that_a_tree_names_is_made_or_refused_with_the_clo
 def test_a_preset_sets_the_parameters_that_are_not_given() -> None:
     settings = ["algorithms.motion_planning.algorithm=kpiece", "algorithms.motion_planning.attempts=9"]
     assert make_algorithm(load_run("fetch_cup", settings=settings), "motion_planning") == replace(KPIECE, attempts=9)
+    with undone(ALGORITHMS):
+        ALGORITHMS.add("local_planning/slow", DWA(max_speed=0.2, critics=CriticWeights(path=9.0)))
+        settings = ["algorithms.local_planning.algorithm=slow", "algorithms.local_planning.horizon=2"]
+        slow = make_algorithm(load_run("fetch_cup", settings=settings), "local_planning")
+    assert (type(slow), slow.max_speed, slow.critics.path, slow.horizon) == (DWA, 0.2, 9.0, 2.0)
 
 
 def test_faults_of_several_slots_are_told_at_once() -> None:
