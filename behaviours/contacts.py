@@ -1,4 +1,4 @@
-"""Intended contacts, declared by the skills while they last; every other contact is a collision."""
+"""Intended contacts, declared by skills for their duration; all other contacts are collisions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The folder of this user's running programs, where they leave sockets and locks for each other."""
+"""The folder for sockets and locks of the user's running programs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What pytest learns where this package is installed: ``pytest --pyargs hal.conformance --driver my_package:MyRobot``.
+"""The pytest plug-in of this package: ``pytest --pyargs hal.conformance --driver my_package:MyRobot``.
 
 pytest loads it at every start, so it imports nothing and adds no option until that suite is requested.
 Wherever the suite's checks run, it ends the report with what did not apply.

@@ -120,7 +120,7 @@ LEAF_FAILS = {
     **UNKNOWN_ARTICULATION,
     **ARM_PLANNING_FAILS,
     **FOLLOWING_FAILS,
-    "hand_not_empty": "put down what is held: FindPlacePose, PlaceOn, Release",
+    "hand_not_empty": "put the held object down: FindPlacePose, PlaceOn, Release",
     "not_withdrawn": "Retreat",
 }
 

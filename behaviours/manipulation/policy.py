@@ -182,7 +182,7 @@ class RunPolicy(ArmNode, Skill):
     FAILS: ClassVar = {
         **NO_CAMERA,
         "not_found": "DetectObject first",
-        "hand_not_empty": "put down what is held: FindPlacePose, PlaceOn, Release",
+        "hand_not_empty": "put the held object down: FindPlacePose, PlaceOn, Release",
         "workspace": "stand where the policy's box holds the goal: FindStandPose, NavigateTo",
         "collision": "come from another posture: Retreat, MoveArm",
         "stalled": "look again and start over: MoveArm, DetectObject, RunPolicy; or pick by PlanGrasp, Grasp",

@@ -70,7 +70,7 @@ class Push(ArmNode, Skill):
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
         **ARM_PLANNING_FAILS,
-        "hand_not_empty": "put down what is held: FindPlacePose, PlaceOn, Release",
+        "hand_not_empty": "put the held object down: FindPlacePose, PlaceOn, Release",
         "not_found": "DetectObject first",
         "no_approach": "stand elsewhere: FindPushStand, NavigateTo",
         "blocked": "an unseen obstacle is in the path: DetectObjects",

@@ -1,4 +1,4 @@
-"""Nav2's nodes on goals and on the motion of the base, which also pace the ticks of a child."""
+"""Nav2's nodes about goals and the motion of the base, including decorators that limit the tick rate of a child."""
 
 from __future__ import annotations
 

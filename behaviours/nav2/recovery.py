@@ -1,4 +1,4 @@
-"""Nav2's recoveries: clearing of the costmap, and conditions on what would help.
+"""Nav2's recoveries: clearing of the costmap, and conditions that select a recovery.
 
 Cleared obstacles that still exist are seen again immediately.
 """

@@ -1,4 +1,4 @@
-"""Tidying: which seen objects are out of place, and where there is free space for them."""
+"""Tidying: observed objects outside their region, and free places for them."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ def identity(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
         firmware = subject.signed_firmware.get(name, "")
         driver = subject.model.connections[name].driver
         if not told.serial_number and not owed:
-            yield not_applicable(name, f"a controller behind {driver} tells no serial number")
+            yield not_applicable(name, f"a controller behind {driver} reports no serial number")
             continue
         text = f"{told.model or driver}, serial number {told.serial_number or 'not reported'}, firmware {told.firmware}"
         if owed and told.serial_number != owed:
@@ -44,7 +44,7 @@ def _of_each_arm(
 
     def look_at(subject: BroughtUpRobot, name: str, arm: Arm) -> CheckFinding:
         told = subject.robot.arm_facts(name)
-        return not_applicable(name, "its controller tells nothing of it") if told is None else look(subject, name, told)
+        return not_applicable(name, "its controller does not report it") if told is None else look(subject, name, told)
 
     return for_each_part(Arm, "no arm is", look_at)
 
@@ -58,7 +58,7 @@ def _limits(subject: BroughtUpRobot, name: str, group: JointGroup) -> CheckFindi
     text = f"{group.joint_names[worst]} is {spare[worst]:.3f} rad from the end of its range"
     told = subject.robot.arm_facts(name) if name in subject.arms else None
     if told is None or told.joint_limits is None:
-        return judged(name, inside, f"{text}; the controller tells no ranges", spare=float(spare[worst]))
+        return judged(name, inside, f"{text}; the controller reports no ranges", spare=float(spare[worst]))
     beyond = np.maximum(told.joint_limits[:, 0] - model.lower, model.upper - told.joint_limits[:, 1])
     widest = int(np.argmax(beyond))
     within = bool(beyond[widest] <= RANGE_TOLERANCE)
@@ -80,7 +80,7 @@ def _agreed(
     def look_at(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> CheckFinding:
         found = compare(subject.model, arm, told)
         if found is None:
-            return not_applicable(arm, f"its controller does not tell {untold}")
+            return not_applicable(arm, f"its controller does not report {untold}")
         return judged(arm, found.agrees, found.text, **found.measured)
 
     return _of_each_arm(look_at)

@@ -1,4 +1,5 @@
-"""A program that moves the robot a little, over and over, until it is killed: for the steps that kill its processes."""
+"""Program that repeats small motions of the robot until it is killed; used by the bring-up steps that kill its
+processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Each part moves a little, and as its robot file says: joints by a degree, the empty hand, the base.
+"""Bring-up steps with small motions of each part, compared with the robot file: joints by a degree, the empty hand, the
+base.
 
 Joints go by that and the way that they are told, and no other joint does. The hand without anything in it opens,
 closes, stands half open, and takes a force; it is open afterwards. The base drives 0.2 m and turns by 30°, and back, by
@@ -56,14 +57,14 @@ def _signs_of(subject: BroughtUpRobot, name: str, group: JointGroup) -> CheckFin
         figures[joint] = round(math.degrees(float(moved[index])), 3)
         asked = math.degrees(there[index] - here[index])
         if error > JOINT_TOLERANCE:
-            text = f"{joint} was told {asked:+.2f}° and moved {figures[joint]:+.2f}°{f' ({why})' if why else ''}"
+            text = f"{joint} was commanded {asked:+.2f}° and moved {figures[joint]:+.2f}°{f' ({why})' if why else ''}"
             return judged(name, False, text, **figures)
         if shift > SHIFT_TOLERANCE:
             text = (
                 f"the controller's tool moves {1e3 * shift:.1f} mm otherwise than ours when {joint} turns {asked:+.0f}°"
             )
             return judged(name, False, text, **figures)
-    text = f"{len(group.joint_names)} joints moved as told, within {math.degrees(worst):.2f}°"
+    text = f"{len(group.joint_names)} joints moved as commanded, within {math.degrees(worst):.2f}°"
     return judged(name, True, text, **figures)
 
 
@@ -76,12 +77,10 @@ def _widths(subject: BroughtUpRobot, name: str, part: Gripper) -> CheckFinding:
         why = subject.finish(part.move(width))
         figures[what.replace(" ", "_")] = told = part.width()
         if why or abs(told - width) > WIDTH_TOLERANCE:
-            text = (
-                f"{what}: told to be {1e3 * width:.1f} mm wide, it is {1e3 * told:.1f} mm{f' ({why})' if why else ''}"
-            )
+            text = f"{what}: commanded {1e3 * width:.1f} mm wide, it is {1e3 * told:.1f} mm{f' ({why})' if why else ''}"
             return judged(name, False, text, **figures)
         if what == "closed" and part.state().object_held:
-            return judged(name, False, "closed on nothing, it tells that it holds something", **figures)
+            return judged(name, False, "closed without an object, it reports a held object", **figures)
     text = f"{1e3 * figures['closed']:.1f} to {1e3 * figures['open']:.1f} mm, half {1e3 * figures['half']:.1f} mm"
     return judged(name, True, text, **figures)
 
@@ -126,7 +125,7 @@ def _there_and_back(
     why = why or subject.finish(ways[1]())
     turned = math.degrees(moved.theta)
     text = (
-        f"told {told}, it went {1e3 * moved.x:+.0f} mm ahead, {1e3 * moved.y:+.0f} mm aside, "
+        f"commanded {told}, it went {1e3 * moved.x:+.0f} mm ahead, {1e3 * moved.y:+.0f} mm aside, "
         f"{turned:+.1f}° to the left{f' ({why})' if why else ''}"
     )
     passed = fits(moved) and not why

@@ -61,7 +61,9 @@ def bringup(
         _check_connections(name, subject.model)
         file = begun(subject, path)
         if path.is_file() and not file.steps and not again:
-            print(f"{path} belongs to another content of the robot's file: all steps are run again", file=sys.stderr)
+            print(
+                f"{path} was made for an earlier version of the robot's file: all steps are run again", file=sys.stderr
+            )
         chosen = [known[one] for one in step] if step else list(STEPS) if again else left(file)
         failed = _do(subject, path, chosen, ask, again, quiet=as_json)
         file = begun(subject, path)

@@ -21,7 +21,7 @@ Run = Annotated[
 ]
 
 RunOption = Annotated[str | None, typer.Option("--run", help="As of status; not needed where only one runs.")]
-_NODE_HELP = "A path as status tells it, or a number."
+_NODE_HELP = "A node path as status prints it, or a number."
 NodeArgument = Annotated[str, typer.Argument(metavar="NODE", help=_NODE_HELP)]
 OptionalNode = Annotated[str | None, typer.Argument(metavar="[NODE]", help=_NODE_HELP, show_default=False)]
 

@@ -29,9 +29,9 @@ _WIDTH, _HEIGHT, _FOCAL_LENGTH = 960, 720, 900.0
 def command(
     file: Annotated[Path, typer.Argument(help="A cloud: .ply, .pcd, .xyz or .pts, in metres, z up.")],
     voxel: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="Leave one point in each cube, as of 5mm.")
+        str | None, typer.Option(metavar="LENGTH", help="Keep one point per cube of this edge length, such as 5mm.")
     ] = None,
-    clean: Annotated[bool, typer.Option("--clean", help="Drop lone points.")] = False,
+    clean: Annotated[bool, typer.Option("--clean", help="Remove outliers.")] = False,
     out: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="Write the points, with normals, in any of these formats."),

@@ -19,7 +19,7 @@ def _writable_picture(path: Path | None) -> Path | None:
 
 def command(
     first: Annotated[str, typer.Argument(metavar="A", help="The folder of an evaluation, or FOLDER:ENTRY.")],
-    second: Annotated[str, typer.Argument(metavar="B", help="What is compared with it, seed by seed.")],
+    second: Annotated[str, typer.Argument(metavar="B", help="The evaluation to compare it with, seed by seed.")],
     out: Annotated[
         Path | None,
         typer.Option("-o", "--out", metavar="FILE", help="A picture, PNG or SVG.", callback=_writable_picture),

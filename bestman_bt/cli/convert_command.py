@@ -1,4 +1,4 @@
-"""Example: bestman-bt convert old.xml -o new.xml. What a person should look at goes to standard error."""
+"""Example: bestman-bt convert old.xml -o new.xml. Notes for manual review go to standard error."""
 
 from __future__ import annotations
 

@@ -141,10 +141,11 @@ class EpisodeOptions:
     """The episodes to run; the scene and the robot if they differ from the task's."""
 
     episodes: Annotated[
-        int | None, typer.Option(min=1, help="How many seeds of each; 10, or what the suite says.", show_default=False)
+        int | None,
+        typer.Option(min=1, help="Number of seeds of each; default: that of the suite, else 10.", show_default=False),
     ] = None
     seed: Annotated[
-        int | None, typer.Option(min=0, help="The first seed; 0, or what the suite says.", show_default=False)
+        int | None, typer.Option(min=0, help="The first seed; default: that of the suite, else 0.", show_default=False)
     ] = None
     scene: Scene = None
     robot: Robot = None
@@ -222,7 +223,9 @@ def command(
     execution: JobOptions = JobOptions(),
     out: Annotated[
         Path | None,
-        typer.Option(help="Keep everything here and go on where it stopped.", show_default="runs/evaluations/NAME"),
+        typer.Option(
+            help="Folder for all results; an interrupted evaluation is resumed.", show_default="runs/evaluations/NAME"
+        ),
     ] = None,
     compare: Annotated[
         bool, typer.Option("--compare", help="Compare each entry, seed by seed, with the first one of its task.")

@@ -1,4 +1,4 @@
-"""The command line: verbs are imported when they are used, so that the small ones answer at once."""
+"""The command line. Verbs are imported on use, so that light commands start quickly."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ VERBS = {
     "domain": "show what task planners may order, and write it as PDDL",
     "show": "print a tree, or the trees of a folder",
     "convert": "write a tree file of BehaviorTree.CPP 3 as version 4",
-    "diff": "tell what changed between two tree files, as text and as a picture",
+    "diff": "show the differences between two tree files, as text and as a picture",
     "stub": "write Python skeletons of the leaves that have no code here",
-    "simulate": "run a tree in simulated time, without robot and leaves, and tell what was tried",
+    "simulate": "run a tree in simulated time with simulated leaves, and report its coverage",
     "nodes": "list the nodes that trees may use, with their ports",
     "validate": "check tree files without running them",
-    "map": "show a map: what is free, occupied and unknown",
+    "map": "show a map: free, occupied and unknown space",
     "object": "add, list and show objects",
     "robots": "list robots and the parts that they are made of",
     "robot": "show, check and import robots and their parts",
     "calibrate": "calibrate a lens, a camera on an arm or on a head, from views of a board",
-    "twin": "stand in for a robot's controllers, over a simulated world in real time",
+    "twin": "emulate a robot's controllers over a simulated world, in real time",
     "monitor": "show running executors, and recorded runs, in the browser",
-    "report": "write a page that tells of a run, or of many",
-    "explain": "tell why a run failed: what was in the way, the pose tried last, a picture",
+    "report": "write a report of a run, or of several",
+    "explain": "show why a run failed: obstacle, last pose tried, image",
     "export": "write the state changes of a recorded run for other tools",
     "render": "make pictures and a film of a simulated run that has ended",
     "replay": "open what runs recorded in the Rerun viewer",
-    "status": "tell how the running executions stand",
+    "status": "show the state of the running executions",
     "pause": "pause a running execution between two ticks",
     "resume": "let a paused execution go on",
     "step": "let a paused execution do one tick",
@@ -50,7 +50,7 @@ VERBS = {
     "unbreak": "clear breakpoints of a running execution",
     "set": "write a blackboard entry of a running execution",
     "stop": "stop the robots of one or all running executors",
-    "version": "print the versions of this package and of what it stands on",
+    "version": "print the versions of this package and of its dependencies",
 }
 
 NUMBERS = {"int": "whole number", "int range": "whole number", "float": "number", "float range": "number"}

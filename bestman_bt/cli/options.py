@@ -110,7 +110,7 @@ Png = Annotated[
 Robot = Annotated[str | None, typer.Option(help="A shipped robot or a YAML file.")]
 SavedWorld = Annotated[
     Path | None,
-    typer.Option("--world", metavar="FILE", help="What is believed, as a run writes it: world.yaml in its folder."),
+    typer.Option("--world", metavar="FILE", help="The initial beliefs: world.yaml of a run folder."),
 ]
 Groot2Port = Annotated[
     int | None,

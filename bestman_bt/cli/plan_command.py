@@ -1,6 +1,6 @@
-"""Examples: bestman-bt plan --goal "on(mug, table) and closed(drawer)" --builder reactive -o tree.xml;
-bestman-bt plan "bring the mug from the drawer to the table" --planner language --run. Exit codes: 0 there is a plan
-(with --run: it succeeded), 1 there is none or the run failed, 2 the input was invalid, 130 it was not to be run.
+"""Examples: bestman-bt plan --goal "on(mug, table) and closed(drawer)" --builder reactive -o tree.xml; bestman-bt plan
+"bring the mug from the drawer to the table" --planner language --run. Exit codes: 0 there is a plan (with --run: it
+succeeded), 1 there is none or the run failed, 2 the input was invalid, 130 the user declined to run it.
 """
 
 from __future__ import annotations
@@ -51,10 +51,10 @@ def shown_log(package: str) -> Iterator[None]:
 class GoalOptions:
     """The goal, and the planner, the builder and their limits."""
 
-    text: Annotated[str | None, typer.Argument(metavar="[TEXT]", help="What is wanted, in words.")] = None
-    goal: Annotated[
-        str | None, typer.Option(metavar="FACTS", help="What is wanted: facts joined by and, or FILE.pddl.")
-    ] = None
+    text: Annotated[str | None, typer.Argument(metavar="[TEXT]", help="The goal in natural language.")] = None
+    goal: Annotated[str | None, typer.Option(metavar="FACTS", help="The goal: facts joined by and, or FILE.pddl.")] = (
+        None
+    )
     given: Annotated[
         list[str] | None,
         typer.Option("--given", metavar="FACTS", help="Where things are that were not seen: 'on(cup, table)'."),
@@ -71,7 +71,7 @@ class GoalOptions:
         if self.text is not None and self.goal is not None:
             raise wrong_input("bestman-bt plan", "give a text or --goal, one of them")
         if self.text is not None and not self.text.strip():
-            raise wrong_input("bestman-bt plan", "the text is empty; say what is wanted")
+            raise wrong_input("bestman-bt plan", "the text is empty; describe the goal")
         if ":" in self.planner:
             raise wrong_input("--planner", "one of your own is brought by --plugin FILE.py and named by its decorator")
 
@@ -107,7 +107,7 @@ class ExecutionOptions:
     """Whether the plan is run, and the folder of its run folder."""
 
     run: Annotated[bool, typer.Option("--run", help="Run it at once, and plan again on failure.")] = False
-    yes: Annotated[bool, typer.Option("--yes", help="Run what a model made of a text without asking you.")] = False
+    yes: Annotated[bool, typer.Option("--yes", help="Run a plan of a language model without confirmation.")] = False
     runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs")
 
     def check(self, text: str | None, world: Path | None) -> None:

@@ -22,7 +22,7 @@ verbs = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
     no_args_is_help=True,
-    help="Show, check and import robots and their parts, bring what describes them.",
+    help="Show, check and import robots and their parts, and download robot descriptions.",
     epilog=__doc__,
 )
 Name = Annotated[str, typer.Argument(help="A robot's name or YAML file, or BASE+ARM+HAND of three parts.")]

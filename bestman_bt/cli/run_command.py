@@ -61,7 +61,8 @@ from hal.twins.remote_truth import RemoteTruth
 
 
 class Groot2View:
-    """Serves the tree that a run ticks, until the context ends. Raises ConfigurationError if that cannot be."""
+    """Serves the tree of a run to Groot2 until the context ends. Raises ConfigurationError if the port cannot be
+    opened."""
 
     def __init__(self, port: int) -> None:
         self._port = port
@@ -154,7 +155,8 @@ class DriverOptions:
         Path | None, typer.Option(metavar="RUN", help="With --driver replay: a run folder made with --record.")
     ] = None
     judge: Annotated[
-        Path | None, typer.Option(metavar="SOCKET", help="With --driver hardware on twins: the judge that they told.")
+        Path | None,
+        typer.Option(metavar="SOCKET", help="With --driver hardware on twins: the judge's socket, which they print."),
     ] = None
 
 
@@ -367,7 +369,7 @@ def _ask_judge(judge: Path, driver: str) -> None:
     try:
         _ = RemoteTruth(judge).object_names
     except (OSError, LookupError, ValueError) as error:
-        message = f"no judge of twins answers there: {error}; twins that were started with --judge tell its socket"
+        message = f"no judge of twins answers there: {error}; twins started with --judge print its socket"
         raise ConfigurationError([Problem(f"--judge {judge}", None, "", message)]) from error
 
 

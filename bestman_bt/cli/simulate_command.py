@@ -50,7 +50,7 @@ def command(  # noqa: PLR0913 - its options, each by its name
     ] = None,
     tree_id: Annotated[str | None, typer.Option("--tree", metavar="ID", help="Another tree of an XML file.")] = None,
     svg: Annotated[
-        Path | None, typer.Option(metavar="FILE.svg", help="Write a picture, coloured by what the runs came to.")
+        Path | None, typer.Option(metavar="FILE.svg", help="Write a picture, coloured by the results of the runs.")
     ] = None,
     page: MonitorOptions = MonitorOptions(),
     others: OtherFiles = OtherFiles(),

@@ -1,4 +1,4 @@
-"""Examples: bestman-bt speed 30%; bestman-bt speed 1 fetch_cup; bestman-bt speed tells how fast it may be."""
+"""Examples: bestman-bt speed 30%; bestman-bt speed 1 fetch_cup; bestman-bt speed (shows the current scale)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from bestman_bt.errors import InputError
 Share = Annotated[
     str | None,
     typer.Argument(
-        metavar="[SHARE]", help="Of the usual speed, 5% to 100%: 30% or 0.3. Without it: tell it.", show_default=False
+        metavar="[SHARE]",
+        help="Fraction of the normal speed, 5% to 100%: 30% or 0.3. Without it, the current one is shown.",
+        show_default=False,
     ),
 ]
 

@@ -1,4 +1,4 @@
-"""Reaches executors of this user through their control sockets; exit code 1 where one did not obey."""
+"""Stops executors of this user through their control sockets; exit code 1 if one did not obey."""
 
 from __future__ import annotations
 

@@ -24,7 +24,9 @@ def command(
     execution: JobOptions = JobOptions(),
     out: Annotated[
         Path | None,
-        typer.Option(help="Keep everything here and go on where it stopped.", show_default="runs/evaluations/NAME"),
+        typer.Option(
+            help="Folder for all results; an interrupted evaluation is resumed.", show_default="runs/evaluations/NAME"
+        ),
     ] = None,
     page: MonitorOptions = MonitorOptions(),
     as_json: Json = False,

@@ -44,7 +44,7 @@ class TwinOptions:
 def command(
     asked: TwinOptions = TwinOptions(),
     judge: Annotated[
-        bool, typer.Option("--judge", help="Open the judge's socket: what is true, for evaluation.")
+        bool, typer.Option("--judge", help="Open the judge's socket, with the ground truth for evaluation.")
     ] = False,
     fault: Annotated[
         str | None,
@@ -134,7 +134,7 @@ def _make_fault(fault: str, at: Path | None) -> None:
             question["value"] = value
         ask(at, question)
     except OSError as error:
-        message = f"no twins answer there: {error.strerror or error}; they tell their socket when they start"
+        message = f"no twins answer there: {error.strerror or error}; they print their socket when they start"
         raise ConfigurationError([Problem(f"--at {at}", None, "", message)]) from error
     except (LookupError, ValueError) as error:
         raise ConfigurationError([Problem(f"--fault {fault}", None, "", str(error))]) from error

@@ -251,7 +251,7 @@ class _Salvaging:
         if len(fields) < 2:
             return
         at = next(index for index, problem in enumerate(self.problems) if problem.field == fields[0])
-        message = f"{self.problems[at].message}; the same goes for {len(fields) - 1} more of this list"
+        message = f"{self.problems[at].message}; the same fault in {len(fields) - 1} more of this list"
         self.problems[at] = dataclasses.replace(self.problems[at], message=message)
         self.problems[:] = [problem for problem in self.problems if problem.field not in fields[1:]]
 

@@ -75,7 +75,7 @@ def no_pybullet_data() -> str:
     """Return the remedy for missing PyBullet models."""
     with_it = f", {install_command('sim')} with it" if PYBULLET_HAS_WHEELS else ""
     return (
-        "is in pybullet_data, which is not here: `bestman-bt robot descriptions` brings it without the simulator"
+        "is in pybullet_data, which is not here: `bestman-bt robot descriptions` downloads it without the simulator"
         + with_it
     )
 

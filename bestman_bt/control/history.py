@@ -1,4 +1,4 @@
-"""Values of the last seconds with their times, so that a late image or scan meets the robot as it stood then."""
+"""Buffers of recent timed values, to look up the robot's state at the stamp of a delayed image or scan."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Odometry of a base that its gyroscope improves."""
+"""Base odometry fused with a gyroscope."""
 
 from __future__ import annotations
 

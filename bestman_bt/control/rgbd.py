@@ -126,7 +126,7 @@ class RGBDSensor:
             positions = self.joints.at(image.stamp)
             base = self.world.base.pose if self.base_at is None else self.base_at(image.stamp)
         except NotRecordedError as error:
-            text = f"nothing tells where the robot was when {self.name} took its image: {error}"
+            text = f"the pose of the robot is unknown for the image of {self.name}: {error}"
             raise CameraError(CameraErrorCode.STALE, text, self.name) from error
         base_from_camera = self.kinematics.pose(self.camera.optical_frame, positions)
         own_body = self._self_filter.mask(image, base_from_camera, positions, self.world.hands)

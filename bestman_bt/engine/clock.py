@@ -1,4 +1,4 @@
-"""The engine's time: Timeout, Delay, Sleep and the tick loop all read one clock."""
+"""Clocks of the engine, read by Timeout, Delay, Sleep and the tick loop."""
 
 from __future__ import annotations
 

@@ -167,7 +167,7 @@ def audit(
     ]
     calls = [f"{name} was called {count} times after the scene was built" for name, count in record.calls.items()]
     if record.missed_looks:
-        calls.append(f"the monitor was kept from looking {record.missed_looks} times")
+        calls.append(f"the monitor missed {record.missed_looks} observations")
     others = _events_of_others(record.events, script)
     details += others
     seen = [f"{detail.stamp:.2f} s: {detail.text}" for detail in sorted(details, key=lambda detail: detail.stamp)]

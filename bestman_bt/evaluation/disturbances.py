@@ -1,4 +1,4 @@
-"""The script of a task's disturbances, each triggered by a belief of the robot that is also true."""
+"""The scripted disturbances of a task, each triggered once a belief of the robot and the ground truth agree."""
 
 from __future__ import annotations
 

@@ -268,7 +268,7 @@ class JudgedSession:
                     failure=NodeFailure("", RECORDING_OVER, recorded.why),
                     not_judged=result.not_judged
                     if judge is None
-                    else "not judged: the recording was over before its tree",
+                    else "not judged: the recording ended before its tree",
                 )
             why = result.failure.why if result.failure is not None else result.not_judged
             telemetry.end(str(result.outcome), result.tree_status, why, execution.sim_time_s)

@@ -1,4 +1,4 @@
-"""Many judged runs of one task in one flat document."""
+"""Summary of many judged runs of one task as a flat document."""
 
 from __future__ import annotations
 

@@ -22,7 +22,8 @@ _COMMA = re.compile(r",(?![^\[{]*[\]}])")
 
 
 def combinations(settings: Sequence[str], together: bool = False) -> list[tuple[str, ...]]:
-    """``["a=1,2", "b=x"]`` → ``[("a=1", "b=x"), ("a=2", "b=x")]``: all combinations, the last setting varying fastest.
+    """Return all combinations, the last setting varying fastest: ``["a=1,2", "b=x"]`` → ``[("a=1", "b=x"), ("a=2",
+    "b=x")]``.
 
     ``together``: combine the first values of all settings, then the second ones, and so on. Raises ConfigurationError
     if no setting has several values.

@@ -1,4 +1,4 @@
-"""Search of postures for a new robot: one for transport, and one ready to work."""
+"""Search for the postures of a new robot: ``home``, ``carry`` and ``carry_beside``."""
 
 from __future__ import annotations
 

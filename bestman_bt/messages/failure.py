@@ -1,4 +1,4 @@
-"""Failures: one record that travels from the controller of a part to the result of a run."""
+"""The failure record, passed from the controller of a part to the result of a run."""
 
 from __future__ import annotations
 

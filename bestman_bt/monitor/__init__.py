@@ -1,4 +1,4 @@
-"""Watching executors from outside: their events, the live page, Groot2. Executors are met only through sockets."""
+"""Monitoring of executors: their events, the live page, Groot2. Executors are accessed only through sockets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The asking side of the control channel: which executors run, and requests to them."""
+"""The client of the control channel: finds running executors and sends requests to them."""
 
 from __future__ import annotations
 

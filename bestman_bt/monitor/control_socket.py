@@ -1,4 +1,4 @@
-"""The answering side of a control channel: a Unix socket in this user's folder, one JSON object a line."""
+"""The server of a control channel: a Unix socket in the user's folder, one JSON object per line."""
 
 from __future__ import annotations
 

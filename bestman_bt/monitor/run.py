@@ -1,4 +1,4 @@
-"""A run that the monitor shows: one that an executor carries out now, or one that a folder recorded."""
+"""A run shown by the monitor: executed now, or recorded in a folder."""
 
 from __future__ import annotations
 

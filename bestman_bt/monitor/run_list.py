@@ -1,4 +1,4 @@
-"""All runs that the monitor knows: executors of this machine, which come and go, and run folders."""
+"""All runs shown by the monitor: the current executors of this machine, and run folders."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An execution of a tree that is not ours, shown and recorded as one of ours: run folder, control channel, events."""
+"""An external execution, shown and recorded like one of this package: run folder, control channel, events."""
 
 from __future__ import annotations
 

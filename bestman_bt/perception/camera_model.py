@@ -1,4 +1,5 @@
-"""Rectification: from the image of a lens with distortion to that of an ideal pinhole, so that algorithms see no other.
+"""Rectification: from the image of a lens with distortion to that of an ideal pinhole, so that algorithms need no other
+model.
 
 Brown, "Decentering distortion of lenses", 1966, in the form and order of OpenCV: k1, k2, p1, p2, k3.
 """

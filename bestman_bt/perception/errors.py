@@ -1,4 +1,4 @@
-"""What perception raises."""
+"""Errors of perception."""
 
 from __future__ import annotations
 

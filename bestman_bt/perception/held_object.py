@@ -1,4 +1,4 @@
-"""Is there something between the fingers? Asked of a camera that sees them."""
+"""Detection of an object between the fingers by a camera that sees them."""
 
 from __future__ import annotations
 

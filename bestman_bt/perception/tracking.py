@@ -1,4 +1,4 @@
-"""Tracking: which seen things are which believed objects, and what has been moved, removed or added."""
+"""Tracking: assigns observations to believed objects, and detects moved, removed and added ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One RGB-D image together with the place from which it was taken."""
+"""An RGB-D image with its camera pose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""View planning: from where would another look tell most about an object?"""
+"""View planning: camera poses ranked by the expected information about an object."""
 
 from __future__ import annotations
 

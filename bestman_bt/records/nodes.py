@@ -1,4 +1,4 @@
-"""The nodes of a run as one list: the main tree's, and below their leaf those of trees loaded while it ran."""
+"""The nodes of a run as one list: those of the main tree, and of trees loaded at run time below the loading leaf."""
 
 from __future__ import annotations
 

@@ -116,12 +116,12 @@ def _faults(file: BringUpFile, model: RobotModel) -> list[str]:
     faults = []
     if file.content != model.content:
         faults.append(
-            f"was signed for another content of {model.name}'s file or its parts: bring the robot up again "
-            f"(bestman-bt robot bringup {model.name}), or take the file away to go slowly"
+            f"was signed for another version of {model.name}'s file or its parts: bring the robot up again "
+            f"(bestman-bt robot bringup {model.name}), or delete the file to run slowly"
         )
     elsewhere = [name for name, connection in model.connections.items() if not _is_loopback(connection.address)]
     if file.twin and elsewhere:
-        faults.append(f"was signed for a twin, and {elsewhere[0]} is at an address that is no twin's")
+        faults.append(f"was signed for a twin, and {elsewhere[0]} is at an address that is not a twin's")
     return faults
 
 

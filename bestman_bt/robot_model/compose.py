@@ -1,4 +1,4 @@
-"""Composition of robots from parts: one URDF, and everything else that programs need to know."""
+"""Composition of robots from parts: one URDF, with groups, limits, frames, sensors and postures."""
 
 from __future__ import annotations
 
@@ -379,7 +379,7 @@ def with_calibration(document: Document, folder: Path, faults: ProblemCollector)
             found = read_document(path, faults.problems)
             parts, known = found.data.get("parts"), document.data.get("parts") or {}
             if not isinstance(parts, dict):
-                message = "is missing: this is no file that bestman-bt calibrate wrote"
+                message = "is missing: this file was not written by bestman-bt calibrate"
                 raise ConfigurationError([found.problem(("parts",), message)])
             for part in [part for part in parts if part not in known]:
                 message = f"the robot has no such part; {suggestion(str(part), [str(k) for k in known])}"

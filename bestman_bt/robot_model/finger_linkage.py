@@ -1,4 +1,4 @@
-"""Fingers on a linkage: which opening width belongs to which position of the joints that drive them."""
+"""Fingers on a linkage: the opening width as a function of the driven joints."""
 
 from __future__ import annotations
 

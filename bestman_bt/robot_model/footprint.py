@@ -1,4 +1,4 @@
-"""The footprint of a base: the convex hull, in the plane, of the collision shapes that ride on it rigidly."""
+"""The footprint of a base: the planar convex hull of all collision shapes fixed to it."""
 
 from __future__ import annotations
 

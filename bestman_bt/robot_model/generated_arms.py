@@ -1,4 +1,4 @@
-"""Arms that are drawn from their Denavit-Hartenberg parameters, with tubes of our own for shapes."""
+"""Arms generated from Denavit-Hartenberg parameters, with tubes as link shapes."""
 
 from __future__ import annotations
 

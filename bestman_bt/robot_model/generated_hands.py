@@ -1,4 +1,4 @@
-"""Hands that are drawn from dimensions."""
+"""Hands generated from dimensions."""
 
 from __future__ import annotations
 

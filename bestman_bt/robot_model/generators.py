@@ -1,4 +1,4 @@
-"""Parts that are drawn from dimensions instead of a URDF file, by name; here posts, heads and sensors."""
+"""Parts generated from dimensions instead of a URDF file, by name: bases, posts, heads and sensors."""
 
 from __future__ import annotations
 

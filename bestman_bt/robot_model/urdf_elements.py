@@ -177,10 +177,10 @@ def structure_faults(robot: ET.Element) -> list[str]:
         for what, link in (("parent", parent_of(joint)), ("child", child_of(joint))):
             if link not in links:
                 hint = suggestion(link, links)
-                faults.append(f"the {what} of joint {joint.get('name')!r} is {link!r}, which is no link; {hint}")
+                faults.append(f"the {what} of joint {joint.get('name')!r} is {link!r}, which is not a link; {hint}")
     held_twice = _twice(child_of(joint) for joint in joints)
     if held_twice:
-        faults.append(f"is no tree: {', '.join(held_twice)} hangs on two joints")
+        faults.append(f"is not a tree: {', '.join(held_twice)} hangs on two joints")
     carried = {child_of(joint) for joint in joints}
     roots = [name for name in dict.fromkeys(links) if name not in carried]
     if not roots:
@@ -213,7 +213,9 @@ def value_faults(elements: Iterable[ET.Element]) -> list[str]:
             for mimic in element.findall("mimic"):
                 leader = mimic.get("joint", "")
                 if leader not in joints:
-                    faults.append(f"{what} mimics {leader!r}, which is no joint; {suggestion(leader, sorted(joints))}")
+                    faults.append(
+                        f"{what} mimics {leader!r}, which is not a joint; {suggestion(leader, sorted(joints))}"
+                    )
     leaders = {e.get("name", ""): m.get("joint", "") for e in elements if (m := e.find("mimic")) is not None}
     circles = [name for name in leaders if _follows_itself(name, leaders)]
     if circles:

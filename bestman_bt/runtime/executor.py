@@ -82,7 +82,7 @@ class ExecutionWatcher(Protocol):
         """Called after each tick."""
 
     def held(self, hold: PauseReason | None) -> None:
-        """Called when the execution starts to wait, with None when it continues. Optional."""
+        """Called with the reason when the execution pauses, and with None when it continues. Optional."""
         return
 
 

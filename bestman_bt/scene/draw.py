@@ -1,4 +1,4 @@
-"""Drawing of worlds from scenes: the seed decides on objects, poses, start, goals and routes of people."""
+"""Draws worlds from scenes: objects, poses, start, goals and routes of people follow from the seed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scenes from YAML: one file, or one that extends another, and what is placed wrongly in it."""
+"""Loads scenes from YAML, including files that extend others, and checks all placements."""
 
 from __future__ import annotations
 
@@ -313,7 +313,7 @@ def _opening_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]
     doors = [f"{piece}/{leaf.name}" for piece, model in every.items() for leaf in model.articulations]
     for name in scene.file.moving_doors if scene.file.generator is None else ():
         if name not in doors and _can_be_judged(name, scene, document):
-            yield document.problem(("moving_doors", name), f"is no door here; {suggestion(name, doors)}")
+            yield document.problem(("moving_doors", name), f"is not a door here; {suggestion(name, doors)}")
 
 
 def _surface_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]:
@@ -360,7 +360,7 @@ def _unknown_surface(
         if name == "floor":
             remedy = "leave 'on' out" if path[0] == "furniture" else "name a surface of furniture, such as table/top"
             what = "furniture without 'on' stands there" if path[0] == "furniture" else "nothing lies there"
-            yield document.problem(path, f"the floor is no surface: {what}; {remedy}")
+            yield document.problem(path, f"the floor is not a surface: {what}; {remedy}")
         elif _can_be_judged(name, scene, document):
             yield document.problem(path, str(error.args[0]))
 

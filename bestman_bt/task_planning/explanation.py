@@ -1,4 +1,5 @@
-"""Explanations of missing plans: from the goal back to what is unreachable even if nothing is ever undone."""
+"""Explains why there is no plan: chains from the goal back to facts that are unreachable under the delete
+relaxation."""
 
 from __future__ import annotations
 
@@ -24,10 +25,10 @@ def explain(problem: PlanningProblem) -> str:
     frontier, unmet = _Frontier(problem), problem.unmet_in(problem.state)
     lines = [line for goal in unmet for line in frontier.lines(goal)]
     if not lines and len(unmet) == 1:
-        return f"nothing that {unmet[0]} needs is out of reach, but no order of actions brings it about"
+        return f"nothing that {unmet[0]} needs is out of reach, but no order of actions achieves it"
     if not lines and unmet:
         wanted = " and ".join(map(str, unmet))
-        return f"each part of the goal is within reach alone, but no order of actions brings about {wanted} together"
+        return f"each part of the goal is within reach alone, but no order of actions achieves {wanted} together"
     return "\n".join(dict.fromkeys(lines))
 
 
@@ -119,7 +120,7 @@ class _Frontier:
     def _words(self, root: Literal) -> str:
         if root.negated:
             return f"{root.fact} is believed, and nothing changes that"
-        return f"{root} is not believed, and nothing brings it about"
+        return f"{root} is not believed, and no action achieves it"
 
 
 def _instances(problem: PlanningProblem, operator: Operator) -> Iterator[Action]:

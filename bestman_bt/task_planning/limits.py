@@ -28,7 +28,7 @@ from bestman_bt.task_planning.symbolic.problem import (
 ALLOWED = "allowed"
 """The predicate of things that may be used, in problems with limits."""
 
-_FORBIDDEN = re.compile(rf"{ALLOWED}\(([^)]*)\) is not believed, and nothing brings it about")
+_FORBIDDEN = re.compile(rf"{ALLOWED}\(([^)]*)\) is not believed, and no action achieves it")
 _ALLOWED = re.compile(rf"{ALLOWED}\(([^)]*)\)")
 _NUMBER = re.compile(r"[+-]?\d+(\.\d+)?(e[+-]?\d+)?", re.ASCII)
 _FORM = "steps=20; cost=40; only=PickUp, PutAt; without=knife, fridge/door"

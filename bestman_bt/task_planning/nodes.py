@@ -59,7 +59,7 @@ class Holds(SkillCondition):
     place_ = In[str | None](SurfaceName, "for {place} in the fact", required=False, port="place")
     container = In[str | None](ArticulationName, "for {container} in the fact", required=False)
     FAILS: ClassVar = {
-        "not_believed": "bring it about: Plan, ExecutePlan",
+        "not_believed": "achieve it: Plan, ExecutePlan",
         "unknown_name": "name what there is on the map",
     }
 
@@ -166,7 +166,7 @@ class Plan(_Planning, Skill):
         "bad_goal": "correct the goal",
         "unknown_name": "name a planner or builder that there is",
         "no_plan": "ask for less, or with other limits",
-        "unsolvable": "ask for something that can be reached: the message says what nothing brings about",
+        "unsolvable": "ask for something that can be reached: the message names what no action achieves",
     }
 
     def execute(self) -> SkillCoroutine[None]:

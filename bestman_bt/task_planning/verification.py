@@ -1,4 +1,4 @@
-"""Is a tree fit to be run by this robot, here? Checked before anything moves.
+"""Checks before execution whether a tree is valid for a robot and its scene.
 
 Ports, names and types; nothing but abilities; what the robot has; who needs the same part at a time; hints on what is
 out of reach; at last a dry run on facts.

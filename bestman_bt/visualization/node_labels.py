@@ -1,4 +1,4 @@
-"""Short labels of nodes: the name, and before it the symbol of the literature for what is no leaf."""
+"""Short labels of nodes: the name, preceded by the common symbol of control nodes and decorators."""
 
 from __future__ import annotations
 

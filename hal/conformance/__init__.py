@@ -1,4 +1,4 @@
-"""What every implementation of the Robotics API owes, as checks.
+"""Conformance checks for implementations of the Robotics API.
 
 ``CHECKS`` get a connected robot that stands still with free space of 1 m around it, and ``settle`` is called after
 each. ``LIFE_CHECKS`` get a robot of their own that is not connected. A broken promise raises ConformanceError.

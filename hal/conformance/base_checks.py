@@ -1,4 +1,4 @@
-"""What a base owes: metres and radians in its own frame, distances and turns by odometry, and a dead-man."""
+"""Checks of bases: metres and radians in the base frame, distances and turns by odometry, command timeout."""
 
 from __future__ import annotations
 

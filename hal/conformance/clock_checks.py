@@ -1,4 +1,4 @@
-"""What a clock owes."""
+"""Checks of the clock."""
 
 from __future__ import annotations
 

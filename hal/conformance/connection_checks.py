@@ -1,4 +1,4 @@
-"""What a robot owes before, at the beginning and at the end of a connection; these checks get it disconnected."""
+"""Checks of a robot before, at the start and at the end of a connection; they receive it disconnected."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a robot tells of itself before it is connected; it has to be what its model says."""
+"""Checks that a robot's description before connecting agrees with its model."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def frames_are_those_of_the_model(robot: Robot) -> None:
     ]
     frames |= {sensor.name: sensor.frame for sensor in others}
     for name, frame in frames.items():
-        require(frame in links, f"{name} measures in {frame!r}, which is no link of the robot's model")
+        require(frame in links, f"{name} measures in {frame!r}, which is not a link of the robot's model")
 
 
 def an_unknown_part_is_refused_with_the_names_there_are(robot: Robot) -> None:

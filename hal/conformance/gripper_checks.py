@@ -1,4 +1,4 @@
-"""What grippers owe: the widths asked, and motions that can be cancelled."""
+"""Checks of grippers: requested widths, and motions that can be cancelled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a robot refuses: commands beyond limits, malformed ones, and those that are not finite."""
+"""Checks that commands beyond limits, malformed ones and non-finite ones are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What motions owe: they arrive, can be cancelled and superseded, and their end is final."""
+"""Checks of motions: they reach their target, can be cancelled and superseded, and their end is final."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a check says that an implementation does not keep its word."""
+"""The error of a failed check, and helpers to raise it."""
 
 from __future__ import annotations
 

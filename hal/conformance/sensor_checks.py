@@ -1,4 +1,4 @@
-"""What sensors owe: readings in SI units, as described, stamped with the robot's clock."""
+"""Checks of sensors: readings in SI units, as described by the model, with stamps of the robot's clock."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def lidars_give_ranges_within_theirs(robot: Robot) -> None:
         hit = scan.ranges[np.isfinite(scan.ranges)]
         inside = bool(np.all((hit >= scan.range_min) & (hit <= scan.range_max)))
         require(inside, f"{lidar.name} gave ranges outside [{scan.range_min}, {scan.range_max}]")
-        require(scan.angle_increment != 0.0, f"{lidar.name} tells no angle between its beams")
+        require(scan.angle_increment != 0.0, f"{lidar.name} reports no angle between its beams")
         model = robot.model.of(LidarPart)[lidar.name]
         same = abs(scan.range_max - model.range_max) <= SAME * model.range_max
         require(same, f"{lidar.name} says it reaches {scan.range_max} m, its model {model.range_max} m")
@@ -152,7 +152,7 @@ def pads_tell_forces_taxel_by_taxel(robot: Robot) -> None:
         right = len(shape) == 2 and np.shape(reading.shear) == (*shape, 2) and np.shape(reading.sliding) == (2,)
         require(right, f"{pad.name} gave pressures {shape}, shears {np.shape(reading.shear)}")
         finite = all(bool(np.all(np.isfinite(values))) for values in (reading.pressure, reading.shear, reading.sliding))
-        require(finite, f"{pad.name} gave what is no number")
+        require(finite, f"{pad.name} returned a value that is not a number")
 
 
 def bumpers_tell_zones_that_they_have(robot: Robot) -> None:
@@ -169,7 +169,7 @@ def batteries_tell_their_charge(robot: Robot) -> None:
         reading = battery.read()
         require(0.0 <= reading.charge <= 1.0, f"{battery.name} has a charge of {reading.charge}; 0 to 1 is possible")
         sound = 0.0 < reading.voltage < 1000.0 and bool(np.isfinite(reading.current))
-        require(sound, f"{battery.name} tells {reading.voltage} V and {reading.current} A")
+        require(sound, f"{battery.name} reports {reading.voltage} V and {reading.current} A")
 
 
 def who_declares_commands_missing_takes_none(robot: Robot) -> None:

@@ -1,4 +1,4 @@
-"""What ``stop()`` owes: rest within half a second, a latch, and no older command that acts afterwards."""
+"""Checks of ``stop()``: rest within half a second, a latched stop, and no effect of earlier commands afterwards."""
 
 from __future__ import annotations
 

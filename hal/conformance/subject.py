@@ -1,4 +1,4 @@
-"""What the checks need to know of a robot: its parts by kind, and how to wait for them."""
+"""The robot under test: its parts by kind, and helpers to move it and wait for it."""
 
 from __future__ import annotations
 

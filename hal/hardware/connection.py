@@ -1,4 +1,4 @@
-"""One controller of a real robot: a vendor's class connects it, everything else about it is the same for all."""
+"""The connection to one controller of a real robot; vendors' subclasses define only the protocol."""
 
 from __future__ import annotations
 

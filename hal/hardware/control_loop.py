@@ -1,4 +1,4 @@
-"""A thread that does one thing at a fixed rate, and knows how late it was."""
+"""A thread that calls a function at a fixed rate and measures its lateness."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What controllers tell of themselves and of their arms, to be compared with the robot's file."""
+"""Data that controllers report about themselves and their arms, for comparison with the robot's file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joints that stand outside of their configured range are moved back into it, slowly, under supervision."""
+"""Moves joints that are outside of their configured range slowly back into it, under supervision."""
 
 from __future__ import annotations
 

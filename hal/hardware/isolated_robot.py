@@ -1,4 +1,4 @@
-"""A real robot whose connections live in a process of their own, so that planning never holds up its set-points."""
+"""A real robot whose connections run in a separate process, so that planning never delays its set-points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The process that holds a robot's connections: apart from the one that plans, whose computations would hold it up.
+"""The process that owns a robot's connections, separate from the planning process, whose computations would delay it.
 
 Started by ``IsolatedRobot`` with the descriptors of its sockets. Over the first one come stops and cancels, which wait
 for nothing; over the second one what concerns the whole robot; over one for each part commands and readings of it.

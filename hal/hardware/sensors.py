@@ -1,4 +1,4 @@
-"""Sensors behind a controller: the robot model describes them, a connection brings what they read."""
+"""Sensors behind a controller: described by the robot model, read through the connection."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def lens_differences(told: CameraIntrinsics, file: CameraIntrinsics) -> tuple[st
 def is_another_camera(told: CameraIntrinsics, file: CameraIntrinsics) -> str:
     """Return why the camera does not match the robot file; empty if it does."""
     if (told.width, told.height) != (file.width, file.height):
-        return f"tells images of {told.width} x {told.height}, the robot model says {file.width} x {file.height}"
+        return f"reports images of {told.width} x {told.height}, the robot model says {file.width} x {file.height}"
     for name, its, written in (("", told.fx, file.fx), ("vertical ", told.fy, file.fy)):
         if abs(its - written) > OTHER_LENS * written:
             return f"tells a {name}focal length of {its:.1f} pixels, the robot model says {written:.1f}"

@@ -1,4 +1,4 @@
-"""A stop that comes from outside: a button, a scanner, a PLC, another robot, told in datagrams."""
+"""An external stop signal by UDP, for example from a button, a scanner, a PLC or another robot."""
 
 from __future__ import annotations
 

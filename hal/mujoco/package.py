@@ -1,4 +1,5 @@
-"""The package mujoco (extra ``mujoco``), imported here alone; without it, every use of it says what to install."""
+"""The package mujoco (extra ``mujoco``), imported only here; without it, any use raises an error with the install
+command."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The numbers behind MuJoCo's physics; docs/engines.md says what each of them is for."""
+"""Parameters of MuJoCo's physics; docs/engines.md explains each of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Makes a drawn world and the robot as one model of MuJoCo; the only place where bodies, joints and frictions are set.
+"""Builds a drawn world and the robot as one MuJoCo model; the only place where bodies, joints and frictions are set.
 
 Bodies are numbered as MuJoCo numbers their root links, links and the joints that carry them as MuJoCo numbers links.
 """
@@ -79,7 +79,7 @@ class _Contact:
 
 @dataclass
 class Shapes:
-    """A specification of MuJoCo's that bodies with shapes are added to."""
+    """Adds bodies and shapes to a MuJoCo specification."""
 
     parameters: MujocoParameters
     spec: Any = field(default_factory=lambda: mujoco.MjSpec())

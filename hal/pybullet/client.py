@@ -1,4 +1,4 @@
-"""The one door to pybullet: every call passes here, and what an honest run must not do is counted."""
+"""The only access to pybullet: all calls pass here, and calls forbidden in an audited run are counted."""
 
 from __future__ import annotations
 

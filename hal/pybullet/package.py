@@ -1,4 +1,5 @@
-"""The package pybullet (extra ``sim``). Robots that are real do without it, so it is missed when a world is started.
+"""The package pybullet (extra ``sim``). Real robots do not need it, so a missing package is reported only when a
+simulation starts.
 
 It is imported here alone, without the line about its build time that it writes to standard error.
 """

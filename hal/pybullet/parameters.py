@@ -1,4 +1,4 @@
-"""The numbers behind PyBullet's physics; docs/simulation.md tells what each of them cures."""
+"""Parameters of PyBullet's physics; docs/simulation.md explains each of them."""
 
 from __future__ import annotations
 

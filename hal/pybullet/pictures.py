@@ -1,4 +1,4 @@
-"""Pictures for people by PyBullet's software renderer, and what it is told of a viewpoint or a lens."""
+"""Images by PyBullet's software renderer, with its view and projection matrices."""
 
 from __future__ import annotations
 

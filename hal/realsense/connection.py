@@ -100,9 +100,9 @@ class RealSenseConnection(Connection):
         if other := is_another_camera(self._lens, k):
             raise ConnectionFailedError(f"{self.name}: {self._camera} {other}")
         self._part.intrinsics = self._lens
-        remarks = [f"{self._camera} tells {number}, which is used" for number in lens_differences(self._lens, k)]
+        remarks = [f"{self._camera} reports {number}, which is used" for number in lens_differences(self._lens, k)]
         if max(map(abs, told.coeffs), default=0.0) > LEAST_DISTORTION:
-            remarks.append(f"{self._camera} tells a distortion of {told.coeffs}, which is not removed")
+            remarks.append(f"{self._camera} reports a distortion of {told.coeffs}, which is not removed")
         self.remarks = tuple(remarks)
         self._newest = None
         self._camera_times.clear()

@@ -1,1 +1,1 @@
-"""Runs recorded at the Robotics API, and played back through it."""
+"""Recording of runs at the Robotics API, and their replay."""

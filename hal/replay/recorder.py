@@ -1,4 +1,4 @@
-"""Writes down everything that a program reads from a robot and commands it, between the two."""
+"""Records all readings and commands between a program and a robot."""
 
 from __future__ import annotations
 

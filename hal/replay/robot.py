@@ -1,4 +1,4 @@
-"""A robot that is a recording: it returns the recorded readings, and accepts the recorded commands."""
+"""A robot that replays a recording: it returns the recorded readings and accepts the recorded commands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recording, read: what each part told when, and what it was commanded."""
+"""A recording in memory: timed readings and commands of each part."""
 
 from __future__ import annotations
 
@@ -222,7 +222,7 @@ class _TapeReader:
             }
             robot, start, time_step = str(header["robot"]), _number(header, "start"), _number(header, "time_step")
         except MALFORMED as error:
-            words = f"is no description of a robot: {type(error).__name__}: {error}"
+            words = f"is not a description of a robot: {type(error).__name__}: {error}"
             raise self._error(1, words) from error
         if time_step <= 0.0:
             raise self._error(1, f"gives a time step of {time_step} s; it should be above 0")

@@ -1,4 +1,4 @@
-"""The two ways to a Robotiq 2F gripper: the URCap's socket on port 63352, and Modbus TCP. Numbers of 0 to 255."""
+"""The two protocols of a Robotiq 2F gripper: the URCap's socket on port 63352, and Modbus TCP. Values are 0 to 255."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class RosCamera:
         told = self.lens = replace(self.info.latest(), distortion=file.distortion)
         if other := is_another_camera(told, file):
             raise ConnectionFailedError(f"{self._name} {other}")
-        return tuple(f"{self._name} tells {number}, which is used" for number in lens_differences(told, file))
+        return tuple(f"{self._name} reports {number}, which is used" for number in lens_differences(told, file))
 
     def take(self) -> RGBDImage:
         """Return an image whose colour and depth were both captured after the call.
@@ -377,7 +377,7 @@ class RosBase(BaseChannel):
 
 
 class TransformOdometry:
-    """Readings from the transforms of ``odom_frame`` to ``base_frame``: velocities by differences."""
+    """Odometry from the transform of ``odom_frame`` to ``base_frame``; velocities are finite differences."""
 
     SHORTEST = 0.005
 

@@ -1,4 +1,5 @@
-"""One websocket to a rosbridge server, by roslibpy: it never reconnects by itself, so no command acts late."""
+"""One websocket to a rosbridge server, by roslibpy: it never reconnects by itself, so that no command is delivered
+late."""
 
 from __future__ import annotations
 

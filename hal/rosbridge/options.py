@@ -1,4 +1,4 @@
-"""What a robot's YAML may say about a robot behind rosbridge."""
+"""Options of a rosbridge connection in a robot's YAML."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""A simulated robot over any physics engine: channels, sensors, and who watches that a run is honest."""
+"""A simulated robot over any physics engine: channels, sensors, and the audit of a run."""

@@ -1,4 +1,4 @@
-"""What the monitor has seen of a run: facts, not judgements (those are bestman_bt.evaluation.audit's)."""
+"""The observations of the audit monitor during a run; bestman_bt.evaluation.audit judges them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Simulated batteries: what the motors draw, and what that leaves."""
+"""Simulated batteries: consumption of the motors and remaining charge."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an engine tells of the bodies in its world: their numbers by name, contacts, motions."""
+"""Data of an engine about its bodies: numbers by name, contacts, motions."""
 
 from __future__ import annotations
 

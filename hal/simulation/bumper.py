@@ -1,4 +1,4 @@
-"""Simulated bumpers: contacts of the chassis and its wheels with anything but the floor, told strip by strip."""
+"""Simulated bumpers: contacts of chassis and wheels with anything but the floor, reported per strip."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Watches what the robot and the objects that it holds press on, and how deep bodies overlap."""
+"""Records contacts of the robot and its held objects, and the penetration depth of bodies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Interventions in a run: puts objects elsewhere, pushes drawers shut, makes what is held slip."""
+"""Interventions in a run: moves objects, pushes drawers shut, makes held objects slip."""
 
 from __future__ import annotations
 

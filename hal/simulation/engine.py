@@ -1,4 +1,4 @@
-"""What a physics engine does for a simulated robot: all that the rest of ``hal.simulation`` asks of it."""
+"""The interface of a physics engine for ``hal.simulation``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The motors of parallel fingers as a channel: force-limited; what they hold, they hold by friction."""
+"""The motors of parallel fingers as a channel: force-limited; objects are held by friction alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Simulated force-torque sensors: the balance of forces on all that hangs on the sensor.
+"""Simulated force-torque sensors: the balance of forces on everything mounted on the sensor.
 
 Bullet's own joint feedback leaves out most of what the gear between two fingers carries, so a bar that pushes the
 fingers aside would hardly be felt; contacts, weight and inertia give the same wrench completely.

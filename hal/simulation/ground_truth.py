@@ -1,4 +1,4 @@
-"""What is true in the simulation, for evaluation alone."""
+"""The ground truth of the simulation, for evaluation only."""
 
 from __future__ import annotations
 

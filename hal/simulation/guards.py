@@ -1,4 +1,4 @@
-"""Who may read the truth and act on the world past the Robotics API: what an honest run does not do is counted."""
+"""Guards against access to the simulation that bypasses the Robotics API: such reads and actions are counted."""
 
 from __future__ import annotations
 

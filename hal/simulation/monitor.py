@@ -1,4 +1,4 @@
-"""The honesty monitor: looks at the simulation 60 times a second and keeps a record of what should not be."""
+"""The audit monitor: observes the simulation 60 times a second and records violations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One look of the monitor at the simulation: taken once, shared by its watchers."""
+"""One observation of the simulation by the audit monitor, shared by all watchers."""
 
 from __future__ import annotations
 

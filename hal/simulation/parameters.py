@@ -1,4 +1,4 @@
-"""The numbers behind a simulated robot, whatever the engine; docs/simulation.md tells what each of them cures."""
+"""Parameters of a simulated robot for all engines; docs/simulation.md explains each of them."""
 
 from __future__ import annotations
 

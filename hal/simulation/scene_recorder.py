@@ -1,4 +1,4 @@
-"""Snapshots of a whole scene for recordings and pictures; nothing that skills could use."""
+"""Snapshots of a whole scene for recordings and pictures; not accessible to skills."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Simulated sensors and encoders: rate, latency, and how they can fail."""
+"""Simulated sensors and encoders: rate, latency, and failures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Suction cups as a channel: air presses what the rim lies on against it, with at most the rated force."""
+"""Suction cups as a channel: an object that closes the rim is held with at most the rated force."""
 
 from __future__ import annotations
 

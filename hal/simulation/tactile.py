@@ -1,4 +1,4 @@
-"""Simulated tactile pads: the points where a finger touches, felt through a soft skin over taxels."""
+"""Simulated tactile pads: contact points of a finger, spread by a soft skin over the taxels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Pictures of the twins' world, developed in a process of their own: a frame takes longer than many physics steps."""
+"""Renders camera images of the twins' world in a separate process, because a frame takes longer than many physics
+steps."""
 
 from __future__ import annotations
 

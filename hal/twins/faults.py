@@ -1,4 +1,4 @@
-"""Faults on demand: what can go wrong with a controller, switched on and off while it runs."""
+"""Faults of a controller that can be switched on and off while it runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the machine keeps up with the twins: what a run against them fails for is told apart from a fault."""
+"""Monitors whether the machine keeps up with the twins, to distinguish overload from faults under test."""
 
 from __future__ import annotations
 

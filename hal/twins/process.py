@@ -1,4 +1,4 @@
-"""The twins in a process of their own, as a context manager."""
+"""Runs the twins in a separate process, as a context manager."""
 
 from __future__ import annotations
 

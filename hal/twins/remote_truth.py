@@ -1,4 +1,4 @@
-"""Ground truth of the twins' world, asked over the judge's socket: it judges runs on twins as those in simulation."""
+"""Ground truth of the twins' world through the judge's socket, to judge runs on twins like runs in simulation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a robot's controller does with streamed set-points: it follows them smoothly, and refuses jumps."""
+"""Emulates a controller's processing of streamed set-points: smooth tracking, and refusal of jumps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the twins' servers share: TCP ports with the faults of their wires, and questions as lines of JSON."""
+"""Common parts of the twins' servers: TCP ports with simulated wire faults, and requests as JSON lines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a UR's flange is, and which joint speeds move it, as the controller counts: in its own base frame."""
+"""Forward and differential kinematics of a UR arm in the controller's base frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The program that ur-rtde uploads, as far as it acts: a loop that takes commands from RTDE registers.
+"""Emulates the program that ur-rtde uploads: a loop that reads commands from RTDE registers.
 
 What a command does and how it is acknowledged is that of ``scripts/rtde_control.script`` in ur-rtde 1.6.5: register 0
 tells 1 when ready and 2 when a command is done, which the client answers by clearing it; real-time commands need no

@@ -1,4 +1,4 @@
-"""The stand-in for a camera on USB, which has no wire that another process could speak: rosbridge leads to it."""
+"""A replacement for a USB camera, which has no network protocol to emulate: clients reach it through rosbridge."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Universal Robots through ur-rtde (extra ``ur``), which runs in a process of its own while connected."""
+"""Universal Robots through ur-rtde (extra ``ur``), which runs in a separate process while connected."""

@@ -1,4 +1,4 @@
-"""The pipe to the process that runs ur-rtde: calls, set-points, and how old the newest reading is."""
+"""The pipe to the process that runs ur-rtde: calls, set-points, and the age of the newest reading."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ class URLink:
         self.kill()
 
     def abandon(self) -> None:
-        """End the process without waiting for that; ``close`` tidies up."""
+        """End the process without waiting for its end; ``close`` frees the resources."""
         process = self._process
         if process is not None:
             process.kill()

@@ -1,4 +1,5 @@
-"""What keeps a UR in the hands of people, and its release, over the dashboard server: with a wire of its own.
+"""Protective stops and other states of a UR that need a person, and their release, through a separate connection to the
+dashboard server.
 
 "Always inspect cause of protective stop before unlocking", the dashboard's server says: a person's part. So neither
 connecting nor ``clear_stop()`` comes here, only ``bestman-bt robot release``.

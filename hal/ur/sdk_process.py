@@ -1,4 +1,4 @@
-"""The vendor's SDK, unmodified, in a process of its own: run as a script, it imports nothing of ours.
+"""The vendor's SDK, unmodified, in a separate process: run as a script, without imports from this package.
 
 Two threads of ur-rtde decide for themselves: where a connection fails, they connect again and start their program on
 the controller again, wait without a limit, and write to the standard output. In a process that can be ended at any time
@@ -228,7 +228,7 @@ class SDKProcess:
                     for row in path
                 )
             )
-            self._await(self._playing, PROGRAM_TIME, "it tells of no program")
+            self._await(self._playing, PROGRAM_TIME, "it reports no program")
         finally:
             self._busy = False
 
@@ -348,7 +348,7 @@ class SDKProcess:
         if "payload" in settings:
             center = [settings[f"payload_{axis}"] for axis in "xyz"]
             self._control.setPayload(settings["payload"], center)
-        self._await(self._playing, PROGRAM_TIME, "it tells of no program")
+        self._await(self._playing, PROGRAM_TIME, "it reports no program")
 
     def _playing(self) -> bool:
         receive = self._receive

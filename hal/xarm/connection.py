@@ -122,7 +122,7 @@ class XArmConnection(Connection):
     one_client: ClassVar[bool] = True
     unsupported: Mapping[str, str] = {
         "command(efforts=…)": "the controller takes no joint torques",
-        "gripper force": "the gripper presses with a force of its own",
+        "gripper force": "the force of this gripper cannot be set",
     }
 
     def factories(self) -> Mapping[str, PartFactory]:

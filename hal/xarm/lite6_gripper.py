@@ -1,4 +1,4 @@
-"""The gripper of a Lite 6: two outputs of the tool open and close it, and nothing comes back."""
+"""The gripper of a Lite 6: two tool outputs open and close it, without feedback."""
 
 from __future__ import annotations
 

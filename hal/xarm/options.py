@@ -1,4 +1,4 @@
-"""What a robot's YAML may say about an xArm controller."""
+"""Options of an xArm controller in a robot's YAML."""
 
 from __future__ import annotations
 

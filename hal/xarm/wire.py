@@ -1,4 +1,4 @@
-"""The connection to one xArm controller: round trips, when it was last heard, what it reports."""
+"""The connection to one xArm controller: requests, time of the last reply, reported state."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def test_a_goal_is_not_judged_where_the_recording_is_over(bestman_bt: Answers, f
     tree.write_text(text.replace("</Sequence>", '<Sleep msec="600000"/></Sequence>'))
     over = bestman_bt("run", tree, "--driver", "replay", "--recording", next((folder / "runs").iterdir()), "--json")
     assert over.document["failure"]["error_code"] == "recording_over"
-    assert over.document["not_judged"] == "not judged: the recording was over before its tree"
+    assert over.document["not_judged"] == "not judged: the recording ended before its tree"
 
 
 def test_a_tree_goes_the_same_way_over_its_recording(bestman_bt: Answers, folder: Path) -> None:

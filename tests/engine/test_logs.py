@@ -87,7 +87,7 @@ def test_a_log_that_was_cut_off_is_read_up_to_there(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
-        (lambda data: b"PK" + data, "is no .btlog file"),
+        (lambda data: b"PK" + data, "is not a .btlog file"),
         (lambda data: data[:18] + b"\x02" + data[19:], "has the .btlog version 2"),
         (lambda data: data[:400], "cut off within its XML"),
         (lambda data: data[:20], "damaged"),

@@ -212,7 +212,7 @@ def test_details_come_in_the_order_of_time_and_calls_first_and_no_more_than_a_pa
     judged = audit(record)
     assert judged.findings[:2] == (
         "resetJointState was called 3 times after the scene was built",
-        "the monitor was kept from looking 2 times",
+        "the monitor missed 2 observations",
     )
     assert judged.findings[2:5] == ("0.50 s: seen at 0.5", "1.00 s: seen at 1", "1.50 s: seen at 1.5")
     assert len(judged.findings) == 2 + LISTED

@@ -377,7 +377,7 @@ def test_a_monitor_that_was_switched_off_is_noticed(robot, cup, judge) -> None:
     judged = judge()
     assert judged.tampering > 0
     assert not judged.honest
-    assert any("kept from looking" in finding for finding in judged.findings)
+    assert any("missed" in finding and "observations" in finding for finding in judged.findings)
 
 
 def test_a_reader_that_calls_itself_a_sensor_during_a_run_is_counted(robot, cup, judge) -> None:

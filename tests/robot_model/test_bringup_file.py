@@ -78,7 +78,7 @@ def test_a_bring_up_of_another_content_of_the_robots_file_is_refused(
     if same:
         assert with_bringup_limits(model)[1] == ""
         return
-    with pytest.raises(ConfigurationError, match=r"cell\.bringup: content: was signed for another content of cell"):
+    with pytest.raises(ConfigurationError, match=r"cell\.bringup: content: was signed for another version of cell"):
         with_bringup_limits(model)
 
 

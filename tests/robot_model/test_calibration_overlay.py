@@ -54,7 +54,7 @@ def test_a_robot_file_names_its_calibration_relative_to_itself(calibration: Path
     ("text", "words"),
     [
         ("parts: {head_kamera: {xyz: [0, 0, 0]}}", r"found.yaml:1: parts.head_kamera: .*did you mean 'head_camera'"),
-        ("kind: head", "is missing: this is no file that bestman-bt calibrate wrote"),
+        ("kind: head", "is missing: this file was not written by bestman-bt calibrate"),
         (
             "parts:\n  head_camera:\n    xyz: [0, 0, 3 kg]",
             r"found.yaml:3: parts.head_camera.xyz\[2\]: expected a length",

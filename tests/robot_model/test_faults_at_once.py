@@ -77,7 +77,7 @@ def test_a_list_of_limits_without_units_is_one_fault(tmp_path: Path) -> None:
     faults = faults_of(tmp_path, f"{WHOLE}  head: {{part: {tmp_path}/head.yaml, mount: base}}\n")
     assert [fault.removeprefix("1: limits.") for fault in faults if fault.startswith("1: limits.")] == [
         "lower[0]: needs its unit: '-1.5 rad' or '-1.5 deg' or '-1.5 m', got -1.5",
-        "upper[0]: needs its unit: '2 rad' or '2 deg' or '2 m', got 2; the same goes for 1 more of this list",
+        "upper[0]: needs its unit: '2 rad' or '2 deg' or '2 m', got 2; the same fault in 1 more of this list",
         "velocity[0]: needs its unit: '1 rad/s' or '1 deg/s' or '1 m/s', got 1",
         "velocity[2]: should be greater than 0, got 0",
         "acceleration: is missing",

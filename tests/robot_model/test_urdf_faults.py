@@ -40,7 +40,7 @@ def test_a_circle_beside_a_tree_is_told(tmp_path: Path) -> None:
         ('effort="30"', 'effort="sixty"', "joint 'j1' gives its limit effort as 'sixty': that should be a number"),
         ('xyz="0 0 0.1"', 'xyz="0 0 nan"', "link 'foot' gives its xyz as '0 0 nan': that should be three numbers"),
         ('type="revolute"', 'type="floating"', "joint 'j1' is floating: only revolute, continuous, prismatic, fixed"),
-        ('mimic joint="left_joint"', 'mimic joint="nope"', "joint 'right_joint' mimics 'nope', which is no joint"),
+        ('mimic joint="left_joint"', 'mimic joint="nope"', "joint 'right_joint' mimics 'nope', which is not a joint"),
         ('name="l2"', 'name="l3"', "link 'l3' is defined twice"),
         ('name="j2"', 'name="j3"', "joint 'j3' is defined twice"),
         ('<link name="l2">', '<link name="l2"><inertial><mass value="-1"/></inertial>', "should not be negative"),
@@ -53,7 +53,7 @@ def test_a_fault_is_told_in_words(tmp_path: Path, before: str, after: str, words
 
 def test_a_parent_that_is_no_link_is_one_fault(tmp_path: Path) -> None:
     (fault,) = faults_of(tmp_path, arm_urdf().replace('<parent link="l2"/>', '<parent link="l22"/>'))
-    assert "the parent of joint 'j3' is 'l22', which is no link; did you mean 'l2'?" in fault
+    assert "the parent of joint 'j3' is 'l22', which is not a link; did you mean 'l2'?" in fault
 
 
 def test_joints_that_mimic_each_other_are_told(tmp_path: Path) -> None:

@@ -82,7 +82,7 @@ def test_an_origin_that_is_no_numbers_is_told(tmp_path: Path) -> None:
         (arm_urdf(extra='<link name="loose"/>'), "should have one root link, it has foot, loose"),
         (
             arm_urdf().replace('<child link="l3"/>', '<child link="l7"/>'),
-            "the child of joint 'j3' is 'l7', which is no link",
+            "the child of joint 'j3' is 'l7', which is not a link",
         ),
         (
             arm_urdf().replace('<child link="right_finger"/>', '<child link="left_finger"/>'),

@@ -1,4 +1,4 @@
-"""Coordination of several moving arms: one starts when its path does not cross the rest of another's."""
+"""Coordination of several moving arms: an arm starts only if its path does not cross the remaining path of another."""
 
 from __future__ import annotations
 
@@ -172,9 +172,7 @@ class _Turn(Motion[Result]):
         if not passes:
             self.fail(MotionErrorCode.OTHER_ARM_IN_THE_WAY, f"arm {other} rests in its way")
         elif left <= 0.0:
-            self.fail(
-                MotionErrorCode.OTHER_ARM_IN_THE_WAY, f"arm {other} moves in its way and was not waited for any longer"
-            )
+            self.fail(MotionErrorCode.OTHER_ARM_IN_THE_WAY, f"arm {other} moves in its way for longer than it waits")
 
     def watch(self, clock: Clock, passing: Passing) -> None:
         """Repeat the attempt."""

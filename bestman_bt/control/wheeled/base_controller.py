@@ -1,4 +1,4 @@
-"""Wheeled bases: localisation that runs all the time, and one driving action at a time on top of it."""
+"""Control of wheeled bases: continuous localisation, and one driving action at a time."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def _part(limit: float, value: float) -> float:
 def _words(velocity: Twist2D) -> str:
     if max(math.hypot(velocity.vx, velocity.vy), abs(velocity.wz)) < STANDING:
         return "its wheels do not turn as they should"
-    return "its wheels turn, and it stays where it is"
+    return "its wheels turn, but it does not move"
 
 
 @dataclass(frozen=True)
@@ -507,7 +507,7 @@ class BaseController:
             action.watch.restart()
             action.gave_way = now if action.gave_way is None else action.gave_way
             if now - action.gave_way > self._driving.patience:
-                self._halt(MotionErrorCode.BLOCKED, "people walk in the way of the base all the time")
+                self._halt(MotionErrorCode.BLOCKED, "people block the base continuously")
         else:
             action.gave_way = None
         if command.done:

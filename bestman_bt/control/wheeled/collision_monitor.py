@@ -1,4 +1,5 @@
-"""The last word before the wheels: as nav2's collision monitor, it knows neither path nor planner.
+"""Collision monitor: limits each velocity command just before the wheels, independent of path and planner, as Nav2's
+does.
 
 It holds what the lidar sees and what the bumper feels against the motion that is commanded, with the exact footprint,
 and what of the map no lidar sees, such as the top of a table, against what reaches above the lidar: a command goes

@@ -1,4 +1,4 @@
-"""Where a base is: its odometry at each control tick, a lidar scan every few, and whether it still knows."""
+"""Localisation loop: odometry at each control tick, a scan every few ticks, and detection of a lost pose."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class LocalisationCycle:
         if self._confirmed or estimate.position_std > self._localising.lost_position_std:
             return f"the base no longer knows where it is (±{estimate.position_std:.2f} m: {why})"
         return (
-            f"no scan fits where the base was told to be ({why}). Has something moved it, such as a run before this "
+            f"no scan fits at the given pose of the base ({why}). Has something moved it, such as a run before this "
             "one? Bring it back (ReturnToStart ends a tree at its start), restart its twin, or look where it is "
             "(Relocalise)"
         )
@@ -229,4 +229,4 @@ class LocalisationCycle:
 
 
 def _unplaced(error: NotRecordedError) -> NoDataError:
-    return NoDataError(f"nothing tells where the lidar was when it took its scan: {error}")
+    return NoDataError(f"the pose of the lidar is unknown for its scan: {error}")

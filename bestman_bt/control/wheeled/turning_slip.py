@@ -1,4 +1,5 @@
-"""How much wider the track of a base seems when it turns: measured in turns on the spot, against a gyroscope.
+"""Calibration of the turning slip of a base: the factor on its apparent track, measured by a gyroscope in turns in
+place.
 
 A. Mandow et al., "Experimental kinematics for wheeled skid-steer mobile robots", 2007: wheels that are dragged over the
 floor make the base turn as if its track were wider, by a factor that holds for one floor, load and speed.

@@ -1,4 +1,4 @@
-"""Nodes that tick one child after the other: sequences, fallbacks, IfThenElse, WhileDoElse, TryCatch."""
+"""Nodes that tick their children in order: sequences, fallbacks, IfThenElse, WhileDoElse, TryCatch."""
 
 from __future__ import annotations
 

@@ -285,7 +285,7 @@ def _fallen(states: npt.NDArray[np.uint8], segment: Transitions) -> Transitions:
 def _decoded(path: Path, data: bytes) -> BtLog:
     head = len(MAGIC)
     if data[:head] != MAGIC:
-        raise LogError(f"{path} is no .btlog file: it begins with {data[:head]!r} instead of {MAGIC!r}")
+        raise LogError(f"{path} is not a .btlog file: it begins with {data[:head]!r} instead of {MAGIC!r}")
     try:
         protocol, length = struct.unpack_from("<Bi", data, head)
         if protocol != PROTOCOL:

@@ -1,4 +1,5 @@
-"""XML files of py_trees (``py_trees.parsers.behaviour_tree_xml``, since 2.5), read as the nodes that mean the same.
+"""XML files of py_trees (``py_trees.parsers.behaviour_tree_xml``, since 2.5), read as the equivalent nodes of this
+engine.
 
 They look like files of BehaviorTree.CPP, with other names of control nodes and decorators, in any case of letters.
 """

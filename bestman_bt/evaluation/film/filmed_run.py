@@ -1,4 +1,4 @@
-"""A finished run with everything needed for pictures: its world, its robot, and all motion."""
+"""The data of a finished run for rendering: world, robot and motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A second copy of a run's world, in which recorded snapshots are set and rendered.
+"""A copy of a run's world for rendering recorded snapshots.
 
 It is not a simulation: poses are set and no time passes. The judged run has ended before.
 """

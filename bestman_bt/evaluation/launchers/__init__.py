@@ -1,1 +1,1 @@
-"""Who runs the episodes of an evaluation: processes of this machine, a Ray cluster, Slurm, or a launcher of yours."""
+"""Launchers that run the episodes of an evaluation: local processes, Ray, Slurm, or a user's own."""

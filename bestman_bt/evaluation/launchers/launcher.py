@@ -1,4 +1,4 @@
-"""The interface between an evaluation and what runs its episodes."""
+"""The interface between an evaluation and the launcher that runs its episodes."""
 
 from __future__ import annotations
 
@@ -128,10 +128,10 @@ class LaunchOptions:
 
 
 class Launcher(ABC):
-    """Runs episodes; a subclass says where. The figures of an evaluation do not depend on it.
+    """Runs episodes; subclasses define where. Results do not depend on the launcher.
 
-    An episode that ends its own process is an error. One whose worker was ended from outside is run again, at most
-    three times; ``lost`` counts that.
+    An episode that ends its own process counts as an error. If its worker was killed from outside, it is repeated at
+    most three times, counted in ``lost``.
     """
 
     def __init__(self, options: LaunchOptions | None = None) -> None:

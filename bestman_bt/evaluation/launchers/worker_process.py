@@ -1,4 +1,4 @@
-"""A worker process: a fresh interpreter that runs one episode after the other, and whose crash costs only its own.
+"""A worker process: a separate interpreter that runs episodes in sequence; a crash affects only the current one.
 
 Light to import: the processes that only pass episodes on never load what runs them.
 """

@@ -1,4 +1,4 @@
-"""``at_goal``: the base is at its goal, without a long detour.
+"""``at_goal``: the base is at its goal and took no long detour.
 
 The seed chooses the goal: somewhere on the free floor, or close to a piece of furniture.
 """
@@ -115,8 +115,8 @@ def true_costmap(world: World, robot: RobotModel) -> Costmap:
 def drive_goal(asked: AtGoalFields, world: World, known: SemanticMap, robot: RobotModel, seed: int) -> Pose2D:
     """Return the pose chosen by the seed, map_from_base. Raises SceneError if there is none.
 
-    The base has room there on the map and in the world, and a disc around the base can get there: in front of
-    furniture, to a place straight behind it.
+    The base is free of collision there, on the map and in the world, and the disc around the base can reach the pose;
+    in front of furniture, a point straight behind it.
     """
     rng = np.random.default_rng([seed, 5])
     truth, believed = true_costmap(world, robot), Costmap.from_map(known, base_footprint(robot))

@@ -1,1 +1,1 @@
-"""Learning-based manipulation: policies that give action chunks, and the motion that they make."""
+"""Learning-based manipulation: policies that return action chunks, and their execution."""

@@ -1,4 +1,4 @@
-"""Chunks as one continuous motion: each is blended into the one under way.
+"""Executes action chunks as one continuous motion: each is blended into the previous one.
 
 Where two chunks overlap in time, the weight of the older one falls from 1 to 0: the temporal ensembling of Zhao et al.
 (ACT, RSS 2023), with weights along the chunk as in Black et al., "Real-time execution of action chunking flow
@@ -235,7 +235,7 @@ class ChunkStream:
                 if best is not None and best[0] < _IN_TIME:
                     break
             if best is None:
-                raise PolicyActionError("there is no motion within the limits that goes on along the chunk")
+                raise PolicyActionError("no motion within the limits continues along the chunk")
             lateness, reached, segment = best
             late += max(0.0, lateness)
             count = max(1, math.ceil(segment.duration / self.period - 1e-9))

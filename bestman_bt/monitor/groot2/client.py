@@ -159,7 +159,7 @@ class Groot2Client:
 
     def _records(self, content: bytes, form: np.dtype[Any]) -> np.ndarray[Any, np.dtype[Any]]:
         if len(content) % form.itemsize:
-            words = f"{len(content)} bytes, which is no multiple of {form.itemsize}"
+            words = f"{len(content)} bytes, which is not a multiple of {form.itemsize}"
             raise Groot2Error(f"{self._address} sends states of {words}")
         return np.frombuffer(content, form)
 
@@ -173,7 +173,7 @@ def parse_address(given: str) -> tuple[str, int]:
     scheme, mark, place = given.partition("://")
     host, _, port = place.rpartition(":")
     if not mark or scheme != "groot2" or not host or not port.isdigit() or not 0 < int(port) < 65535:
-        words = f"{given!r} is no address of a process: groot2://HOST:PORT, such as groot2://127.0.0.1:1667"
+        words = f"{given!r} is not the address of a process: groot2://HOST:PORT, such as groot2://127.0.0.1:1667"
         if scheme == "groot1":
             words = f"{given!r}: the protocol of the first Groot (BehaviorTree.CPP 3) is not supported"
         raise Groot2Error(words)

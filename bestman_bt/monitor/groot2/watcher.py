@@ -1,4 +1,4 @@
-"""Watches a process by Groot2's protocol, across restarts, and shows each execution as one of ours."""
+"""Watches a process through Groot2's protocol, across restarts, and shows each execution like one of this package."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Costmaps: the distance of each cell to the next obstacle, and the cost of driving there.
+"""Costmaps: the distance of each cell to the nearest obstacle, and the cost of driving there.
 
 As in nav2, places nearer than the inscribed radius are lethal and the cost decays with the distance beyond it. In
 contrast to nav2, each cell holds an exact signed distance (from the outlines, not from other cells) and reads are

@@ -1,4 +1,4 @@
-"""Recessed edges: openings at the border of a panel, whose lip fingers reach over and hook."""
+"""Detection of recessed edges: openings at the border of a panel with a lip that fingers can hook."""
 
 from __future__ import annotations
 

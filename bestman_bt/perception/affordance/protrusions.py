@@ -1,4 +1,4 @@
-"""Bars and knobs: small things before a front, with the front to be seen around them."""
+"""Detection of bars and knobs: small objects in front of a panel that is visible around them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A front as if seen straight on: cells of its plane, what the camera saw through each, and the borders of panels."""
+"""A front rectified to a frontal view: cells of its plane, the measurement in each, and the borders of panels."""
 
 from __future__ import annotations
 

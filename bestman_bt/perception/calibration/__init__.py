@@ -1,1 +1,1 @@
-"""Calibration: lenses, depth, and where cameras sit, from views of a board."""
+"""Calibration of lenses, depth and camera poses from views of a board."""

@@ -1,4 +1,4 @@
-"""The systematic error of a depth sensor, from views of a board whose plane its corners tell."""
+"""The systematic error of a depth sensor, from views of a board whose plane is known from its corners."""
 
 from __future__ import annotations
 

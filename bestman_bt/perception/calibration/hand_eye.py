@@ -1,4 +1,4 @@
-"""Hand-eye calibration: where a camera sits on what carries it, from poses of the carrier and of a target seen."""
+"""Hand-eye calibration: the pose of a camera on its carrier, from poses of the carrier and of an observed target."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Extrinsics of a camera on a pan-tilt head: where the head stands, and how the camera sits on it.
+"""Extrinsics of a camera on a pan-tilt head: the mount of the head, and the pose of the camera on it.
 
 A board that stands still at an unknown place tells how the camera sits on the head (and so the offset of the tilt
 encoder, which is a turn of the camera about the tilt axis). A board whose place in the base is known, because the arm

@@ -1,1 +1,1 @@
-"""Detection: known objects by name, and other things by label."""
+"""Detection of known objects by name, and of other objects by label."""

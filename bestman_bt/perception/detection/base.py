@@ -1,4 +1,4 @@
-"""Detection: which of the known objects are in view, and what else stands there."""
+"""Detection: known objects in view, and unknown ones."""
 
 from __future__ import annotations
 

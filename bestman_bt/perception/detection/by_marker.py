@@ -1,4 +1,4 @@
-"""Detection of objects by the markers that they carry."""
+"""Detection of objects by markers attached to them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Detection by colour and shape: cheap looks first, registration only for what a cluster could be.
+"""Detection by colour and shape: a fast comparison first, registration only of plausible models.
 
 Each cluster is compared with what every model would look like from the camera (see color_palette and shape_signature).
 The likeliest models go to the pose estimator, the others not: so many models cost little. The estimator has the last

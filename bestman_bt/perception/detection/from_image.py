@@ -1,4 +1,4 @@
-"""From named boxes and masks in an image to things in space: which cluster is it, and where exactly?"""
+"""Converts named boxes and masks of an image to objects with poses: assigns the cluster and registers the model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A detector on another machine, asked over HTTP: open-vocabulary models on a GPU.
+"""A detector on another machine, queried over HTTP: open-vocabulary models on a GPU.
 
 The protocol is one POST of JSON (see remote_protocol and docs/detectors.md).
 """

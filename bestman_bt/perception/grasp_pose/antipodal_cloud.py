@@ -1,4 +1,4 @@
-"""Antipodal grasps on the measured cloud of an unknown object, with the hand checked against all that is known.
+"""Antipodal grasps on the measured cloud of an unknown object, with the hand checked against all known obstacles.
 
 Pairs of points whose normals oppose each other within friction cones (Nguyen 1988), and lines through the middle,
 give closing axes; hands turned about them are closed on the cloud and ranked by what the pads meet, as ten Pas et al.

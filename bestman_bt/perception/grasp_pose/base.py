@@ -1,4 +1,4 @@
-"""Grasp poses: where a parallel gripper can take an object."""
+"""Grasp planning for parallel grippers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""How likely a closed hand holds: contacts within their friction cones, broad patches that face each other, deep.
+"""Grasp quality of a closed hand: contacts within their friction cones, size and opposition of the contact patches,
+depth.
 
 The score is a logistic regression on what the pads meet. Its weights come from random shapes grasped in physics by a
 Franka hand (about 400 grasps, good and bad ones, on clouds of two noisy views), rounded; the arm of the weight, which

@@ -1,4 +1,4 @@
-"""Many tool frames at once: made around closing axes, thinned to different ones, points seen from each."""
+"""Arrays of tool frames: creation around closing axes, removal of similar ones, and points in each frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An open parallel hand as three boxes: what must stay clear of the object, of its surroundings and of the support."""
+"""An open parallel hand as three boxes, for clearances from the object, its surroundings and the support."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which grasp to try first: quality, room around the hand, and whether the arm gets there."""
+"""Ranking of grasps by quality, clearance of the hand and reachability."""
 
 from __future__ import annotations
 

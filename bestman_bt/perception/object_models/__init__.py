@@ -1,1 +1,1 @@
-"""What is worked out once about a new object: its symmetry, convex parts and a mesh of a sensible size."""
+"""Analysis of a new object: symmetry, convex parts, and mesh simplification."""

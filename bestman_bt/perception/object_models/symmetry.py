@@ -1,4 +1,4 @@
-"""The symmetry class of a surface about the vertical axis: by which turns it falls on itself."""
+"""The symmetry of a surface about the vertical axis: the rotations that map it onto itself."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pose estimation: which known object is this, and where exactly?"""
+"""Pose estimation: identity and pose of known objects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What speaks for a pose hypothesis, and the confidence that follows from it."""
+"""The evidence for a pose hypothesis, and the confidence computed from it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How well each yaw explains a view: a likelihood profile, and the set of yaws that it leaves open.
+"""The likelihood of each yaw given a view, and the set of plausible yaws.
 
 At every yaw of a grid the object is slid to where it fits best. Two things speak against a yaw: measured points far
 from the model (a handle was seen where the model has none), and model surface that would float in front of measured

@@ -1,1 +1,1 @@
-"""Segmentation of views into support surfaces and the things on them."""
+"""Segmentation of views into support surfaces and the objects on them."""

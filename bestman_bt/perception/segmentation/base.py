@@ -1,4 +1,4 @@
-"""Segmentation: from a view of a surface to the surface and the separate things that stand on it."""
+"""Segmentation of a view into a support surface and the separate objects on it."""
 
 from __future__ import annotations
 

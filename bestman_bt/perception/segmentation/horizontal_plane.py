@@ -1,6 +1,6 @@
-"""The support plane near an expected height: random samples, least squares, and the rectangle that holds its points.
+"""The support plane near an expected height: RANSAC, least squares, and the bounding rectangle of its points.
 
-Fischler and Bolles, "Random Sample Consensus", 1981; for a plane that is nearly horizontal, so that z = a x + b y + c.
+Fischler and Bolles, "Random Sample Consensus", 1981; applied to nearly horizontal planes z = a x + b y + c.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Region growing in the depth image: things end where the depth jumps, and along valleys between two of them.
+"""Region growing in the depth image: objects are separated at depth jumps and along concave valleys.
 
 The pixels above the surface are cut into smooth pieces (see depth_fragments), and pieces that can only belong to one
 standing thing are joined (see fragment_merging). Neighbours are neighbouring pixels: no search, so that things stay

@@ -1,4 +1,4 @@
-"""What is known of a support surface: free, taken, not there, or not seen; and where there is room on it.
+"""Classification of the cells of a support surface (free, occupied, missing, unseen), and its free places.
 
 A cell is free where the surface itself was measured. It is absent where a camera ray passes through the plane and hits
 something below it: so the surface ends before. What no ray reached is unseen.

@@ -1,4 +1,4 @@
-"""Calibration without hardware: a simulated robot that differs from its file records views; the truth is known."""
+"""Calibration without hardware: views are recorded by a simulated robot that differs from its file by known errors."""
 
 from __future__ import annotations
 

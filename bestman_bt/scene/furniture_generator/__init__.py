@@ -1,1 +1,2 @@
-"""Furniture made from options and chance: shelves, chests, fridges and the like, with doors, drawers and handles."""
+"""Generated furniture from options and random draws: shelves, chests, fridges and the like, with doors, drawers and
+handles."""

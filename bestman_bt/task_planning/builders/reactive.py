@@ -1,4 +1,4 @@
-"""Regressed kernels as a tree: before each action the robot determines again what is left to do."""
+"""Reactive plan execution by regressed kernels: before each action the tree determines the remaining steps."""
 
 from __future__ import annotations
 

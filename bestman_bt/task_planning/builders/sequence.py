@@ -1,4 +1,4 @@
-"""One action after the other, each only while the rest of the plan leads to the goal."""
+"""Sequential plan execution: each action starts only if the rest of the plan still reaches the goal."""
 
 from __future__ import annotations
 

@@ -185,7 +185,7 @@ def checked_goal(problem: PlanningProblem, answer: GoalAnswer) -> PlanningProble
     told, faults_of_told = _facts(problem, "told", answer.told)
     faults += faults_of_told
     no_place = [literal for literal in told if literal.negated or literal.fact.predicate != ON.name]
-    faults += [f"told: {literal} does not say where a thing is" for literal in no_place]
+    faults += [f"told: {literal} does not state where an object is" for literal in no_place]
     if not goal and not faults:
         faults.append("goal: empty; say as facts what shall hold at the end, or give a refusal")
     try:

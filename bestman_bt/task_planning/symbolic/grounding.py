@@ -32,7 +32,7 @@ def instantiate(problem: PlanningProblem, operator: Operator, arguments: Sequenc
         raise PlanningError(f"{operator.name} takes ({named}), got ({', '.join(arguments)})")
     for (port, kind), name in zip(operator.parameters.items(), arguments, strict=True):
         if name not in problem.objects:
-            raise PlanningError(f"{operator.name}: {port} is {name!r}, and nothing is called so")
+            raise PlanningError(f"{operator.name}: {port} is {name!r}, which does not exist")
         if not problem.is_a(name, kind):
             kinds = with_article(kind), with_article(problem.objects[name])
             raise PlanningError(f"{operator.name}: {port} should be {kinds[0]}, {name} is {kinds[1]}")
@@ -123,7 +123,7 @@ def ground(problem: PlanningProblem) -> GroundProblem:
     actions, reached = _joined(problem)
     missing = tuple(goal for goal in problem.unmet_in(problem.state) if goal not in reached)
     if missing:
-        raise Unsolvable(f"nothing brings about that {' and '.join(map(str, missing))}", missing)
+        raise Unsolvable(f"no action achieves that {' and '.join(map(str, missing))}", missing)
     return GroundProblem(problem, actions)
 
 

@@ -185,7 +185,7 @@ class _File:
         way, what = (*section.parts[1:], *section.parts[:1])[:2]
         minimize = isinstance(way, _Word) and way.text == "minimize"
         if len(section.parts) != 3 or not minimize or not isinstance(what, _List) or what.head != _TOTAL_COST:
-            self._fail(section, f"(:metric minimize ({_TOTAL_COST})) is what is supported")
+            self._fail(section, f"(:metric minimize ({_TOTAL_COST})) is the only supported form")
 
     def _check_types(self, section: _List, types: Mapping[str, str]) -> None:
         for kind in types:
@@ -245,7 +245,7 @@ class _File:
             counted = isinstance(function, _List) and function.head == _TOTAL_COST and len(function.parts) == 1
             if counted and isinstance(amount, _Word) and re.fullmatch(r"\d+(\.\d+)?", amount.text):
                 return float(amount.text)
-        return self._fail(part, f"(increase ({_TOTAL_COST}) NUMBER) is what is supported")
+        return self._fail(part, f"(increase ({_TOTAL_COST}) NUMBER) is the only supported form")
 
     def _conditions(self, part: _List, variables: Mapping[str, str]) -> list[Condition]:
         return [self._condition(one, variables) for one in self._conjuncts(part)]
@@ -276,7 +276,7 @@ class _File:
             self._fail(part, "forall takes a variable and a condition")
         typed = self._typed(self._as_list(part.parts[1]).parts)
         if len(typed) != 1:
-            self._fail(part, "forall over one variable is what is supported")
+            self._fail(part, "forall over one variable is the only supported form")
         ((variable, kind),) = typed.items()
         own = f"{{{variable[1:]}}}"
         while own in variables.values():  # it hides a variable of the same name

@@ -1,4 +1,4 @@
-"""A look as a recording: pictures, clouds and everything that was found, in three dimensions."""
+"""Recording of a perception preview: images, clouds and all detections in 3D."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ def test_an_image_of_a_time_that_nothing_tells_of_is_none(simulate, monkeypatch)
     it.base.localisation.begin()
     it.robot.clock.sleep(1.0)
     monkeypatch.setattr(it.base.localisation.odometer, "pose", silent)
-    with pytest.raises(CameraError, match="nothing tells where the robot was when head_camera took its image") as error:
+    with pytest.raises(CameraError, match="the pose of the robot is unknown for the image of head_camera") as error:
         sensor.capture()
     assert error.value.code is CameraErrorCode.STALE
     it.joints.close()

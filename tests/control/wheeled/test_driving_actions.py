@@ -309,7 +309,7 @@ def test_a_base_that_stands_for_a_limit_is_not_blocked_until_its_patience_has_an
     assert not handle.done
     it.sleep(0.4)
     assert handle.failure.code is MotionErrorCode.BLOCKED
-    assert "walk in the way" in handle.failure.text
+    assert "people block the base" in handle.failure.text
     it.controller.speed_limit = None
     assert it.wait(it.controller.drive(-0.2)).status is MotionStatus.SUCCEEDED
 
@@ -409,7 +409,7 @@ def test_a_base_that_is_not_where_it_was_told_to_be_says_what_may_have_moved_it_
     it.localizer.fits, it.localizer.reason = False, "nothing fits"
     it.controller.believe(START, 0.02, 0.02)
     text = it.wait(it.controller.drive(0.5), 5.0).failure.text
-    assert text.startswith("no scan fits where the base was told to be (nothing fits). Has something moved it")
+    assert text.startswith("no scan fits at the given pose of the base (nothing fits). Has something moved it")
     assert "ReturnToStart" in text
     it.localizer.fits = True
     it.wait(it.controller.drive(0.1))

@@ -153,10 +153,10 @@ def test_an_uncertain_estimate_is_none_to_drive_by(std: float, knows: bool) -> N
 
 def test_where_no_scan_has_ever_fitted_what_was_told_is_doubted() -> None:
     base = Cycle()
-    assert "no scan fits where the base was told to be (odometry alone)" in base.cycle.lost_reason
+    assert "no scan fits at the given pose of the base (odometry alone)" in base.cycle.lost_reason
     base.localizer.fits = False
     base.steps(8)
-    assert "no scan fits where the base was told to be (few hits)" in base.cycle.lost_reason
+    assert "no scan fits at the given pose of the base (few hits)" in base.cycle.lost_reason
 
 
 @pytest.mark.parametrize(("std", "lost"), [(0.0999, False), (0.1001, True)])
@@ -184,7 +184,7 @@ def test_told_another_place_it_begins_anew_and_is_lost_until_a_scan_fits_there()
     assert base.cycle.lost
     assert not base.cycle.settled
     assert base.cycle.is_localized, "what did not fit elsewhere counts no longer"
-    assert "no scan fits where the base was told to be" in base.cycle.lost_reason
+    assert "no scan fits at the given pose of the base" in base.cycle.lost_reason
     base.localizer.fits = True
     base.steps(4)
     assert not base.cycle.lost

@@ -226,7 +226,7 @@ def test_costs_count_as_the_metric_says(files):
     assert read_pddl(*files(DOMAIN.replace("(total-cost) 2", "(total-cost) 0"))).operators[0].cost == 0.0
     assert read_pddl(*files(DOMAIN, shortest)).operators[0].cost == 1.0
     for old, new, line in (("(total-cost) 2", "(fuel) 2", 9), ("minimize", "maximize", 6)):
-        with pytest.raises(PddlError, match="is what is supported") as raised:
+        with pytest.raises(PddlError, match="is the only supported form") as raised:
             read_pddl(*files(DOMAIN.replace(old, new), PROBLEM.replace(old, new)))
         assert raised.value.line == line
 

@@ -197,7 +197,7 @@ class PickingExpert:
             positions = self.kinematics.track(nearer, state.positions)
             if positions is not None:
                 return self._moved(state, np.clip(positions, self.arm.lower, self.arm.upper), gripper), gripper
-        raise PolicyError("the expert cannot go on: its arm has come to a limit")
+        raise PolicyError("the expert cannot continue: its arm has reached a limit")
 
     def _grips(self, width: float) -> bool:
         return abs(width - self.picked.width) < 0.002
