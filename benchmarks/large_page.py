@@ -4,7 +4,7 @@
 
 Live: every node of the tree changes at 20 Hz while a page is open. ``messages_per_second`` and ``behind_s``, from the
 change to the message, depend on what else the machine does; the processor time of the monitor for each tick does not.
-Idle: the share of a core that the monitor takes without executors, and without run folders. Prints JSON.
+Idle: the share of a core that the monitor takes without executors, of one run folder and of many. Prints JSON.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def main() -> None:
         execute(options.execute)
     document = {
         "live": live(options.nodes, options.seconds),
-        "idle_share": {folders: idle(folders, options.seconds) for folders in (0, options.folders)},
+        "idle_share": {folders: idle(folders, options.seconds) for folders in (1, options.folders)},
         "machine": {"processors": os.cpu_count(), "kind": platform.machine(), "python": platform.python_version()},
         "versions": {name: version(name) for name in ("bestman-bt", "numpy", "pydantic")},
     }

@@ -106,6 +106,9 @@ def new_tree(
 class Gaps(ABC):
     """Handles nodes and trees that have no code here, but may exist in another BehaviorTree.CPP process."""
 
+    suggests = True
+    """Whether the problems say what may help against unknown nodes; a search by spelling takes milliseconds each."""
+
     def __init__(self) -> None:
         self.problems: list[TreeProblem] = []
 
@@ -129,7 +132,7 @@ def _checked(
 ) -> tuple[str, set[str]]:
     """Return the tree to run and the left-out names (``Tree.left_out``); raises as ``load_tree`` does."""
     main = main_tree_of(documents, main_tree)
-    checker = check_documents(documents, registry, compiler, main)
+    checker = check_documents(documents, registry, compiler, main, suggests=gaps is None or gaps.suggests)
     wrong = checker.wrong
     if gaps is not None:
         gaps.fill(checker)
@@ -212,13 +215,13 @@ def entries_named_in(attributes: Mapping[str, Any]) -> set[str]:
 
 
 def check_documents(
-    documents: Documents, registry: NodeRegistry, compiler: ScriptCompiler, main: str | None
+    documents: Documents, registry: NodeRegistry, compiler: ScriptCompiler, main: str | None, suggests: bool = True
 ) -> Checker:
     """Check every tree in the documents, and append the faults to their problems.
 
     Faulty nodes in trees that ``main`` does not use do not prevent loading; None: all trees count as used.
     """
-    checker = Checker(registry, compiler, documents)
+    checker = Checker(registry, compiler, documents, suggests)
     used = documents.trees.keys() if main is None or len(documents.trees) == 1 else documents.used_trees(main)
     for tree_id, definition in documents.trees.items():
         checker.check(definition, used=tree_id in used)

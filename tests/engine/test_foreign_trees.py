@@ -14,6 +14,7 @@ from bestman_bt.engine.models.overview import overview_dot, overview_svg, overvi
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.status import SUCCESS
 from bestman_bt.engine.validation import validate_file
+from bestman_bt.engine.xml import checking
 from bestman_bt.engine.xml.writer import full_tree_xml
 
 
@@ -213,3 +214,15 @@ def test_a_package_of_too_many_files_is_refused(package: Path, monkeypatch: pyte
     monkeypatch.setattr("bestman_bt.engine.models.package.MAX_FILES", 3)
     with pytest.raises(TreeLoadError, match="more than 3 XML files"):
         Package.open([package])
+
+
+def test_names_of_unknown_nodes_are_compared_with_known_ones_only_where_a_hint_is_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compared: list[str] = []
+    monkeypatch.setattr(checking, "closest", lambda name, known: compared.append(name) or "Sleep")
+    (tmp_path / "tree.xml").write_text(document("<Slep/>"))
+    assert set(missing_nodes(open_tree(tmp_path / "tree.xml"))) == {"Slep"}
+    assert compared == []
+    (problem,) = validate_file(tmp_path / "tree.xml")
+    assert (problem.suggestion, compared) == ("did you mean 'Sleep'?", ["Slep"])

@@ -101,6 +101,8 @@ def missing_nodes(tree: Tree) -> dict[str, NodeInfo]:
 class Placeholders(Gaps):
     """Inserts placeholders for unknown parts."""
 
+    suggests = False
+
     def fill(self, checker: Checker) -> None:
         """Replace each node without code, or with unknown ports, by a placeholder of its type, and each missing tree by
         a placeholder tree."""
@@ -122,6 +124,8 @@ class StrictPlaceholders(Placeholders):
     """Placeholders for nodes and trees without code. Faults of nodes with code are errors, unless a TreeNodesModel, of
     the file or among ``models``, declares a node of this name with other ports.
     """
+
+    suggests = True
 
     def __init__(self, models: Models) -> None:
         super().__init__()

@@ -41,13 +41,16 @@ class Checker:
     """Checks all trees of one set of documents, and appends the problems to ``documents.problems``.
 
     ``wrong``: faulty elements, each with the faulty attribute (empty: the element itself). ``misfits``: those that may
-    be valid in another BehaviorTree.CPP process.
+    be valid in another BehaviorTree.CPP process. ``suggests``: whether unknown nodes are reported with what may help.
     """
 
-    def __init__(self, registry: NodeRegistry, compiler: ScriptCompiler, documents: Documents) -> None:
+    def __init__(
+        self, registry: NodeRegistry, compiler: ScriptCompiler, documents: Documents, suggests: bool = True
+    ) -> None:
         self.registry = registry
         self.compiler = compiler
         self.documents = documents
+        self.suggests = suggests
         self.file = documents.file
         self.wrong: list[tuple[Element, str]] = []
         self.misfits: list[Element] = []
@@ -103,7 +106,7 @@ class Checker:
         if (info is None or info.known_from) and name:
             self._missing = True
             if name not in self._remedies:
-                self._remedies[name] = self._remedy(name)
+                self._remedies[name] = self._remedy(name) if self.suggests else ""
             self._report(element, "", f"unknown node '{name}'", self._remedies[name])
         if info is not None:
             self._missing = not info.builtin or name in EXTENSIONS
