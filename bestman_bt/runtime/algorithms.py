@@ -100,6 +100,7 @@ SLOTS: dict[str, AlgorithmSlot] = {
 
 
 _OF_ARMS = ("kinematics", "collision")
+_ClassAndPreset = tuple[type[Any], dict[str, Any]]
 
 
 class Algorithms:
@@ -314,9 +315,7 @@ def _choose(
         if example := PLUGIN_EXAMPLES.get(f"{SLOTS[slot].kind}/{name}"):
             message = f"{name!r} is a plug-in now: name it as {example!r}, a file of bestman-bt's sources"
         wrong = [config.problem(("algorithms", slot, "algorithm"), message)]
-        raise ConfigurationError(
-            [*wrong, *_parameters_of_none(config, slot, values, [cls for cls, _ in algorithms.values()])]
-        )
+        raise ConfigurationError([*wrong, *_parameters_of_none(config, slot, values, algorithms.values())])
     algorithm, preset = algorithms[name]
     refuse_unfinished(algorithm, SLOTS[slot].base, f"algorithms.{slot}")
     with module_of(algorithm) as module:
@@ -340,10 +339,10 @@ def _choose(
 
 
 def _parameters_of_none(
-    config: RunConfig, slot: str, values: Iterable[str], algorithms: Iterable[type[Any]]
+    config: RunConfig, slot: str, values: Iterable[str], algorithms: Iterable[_ClassAndPreset]
 ) -> Iterator[Problem]:
     """Parameters that no algorithm of a slot has, beside the name of an algorithm that there is not."""
-    types = [parameters_of(algorithm, slot) for algorithm in algorithms]
+    types = [parameters_of(algorithm, slot) for algorithm, _ in algorithms]
     known = {field.name for one in types if one is not None for field in dataclasses.fields(one)}
     for name in values:
         if name not in known:
@@ -351,12 +350,12 @@ def _parameters_of_none(
             yield config.problem(("algorithms", slot, name), message)
 
 
-def algorithms_by_slot() -> dict[str, dict[str, tuple[type[Any], dict[str, Any]]]]:
+def algorithms_by_slot() -> dict[str, dict[str, _ClassAndPreset]]:
     """Return slot → its registered algorithms, by name: the class and the fields that the name sets."""
     return {slot: _in_slot(slot) for slot in SLOTS}
 
 
-def _in_slot(slot: str) -> dict[str, tuple[type[Any], dict[str, Any]]]:
+def _in_slot(slot: str) -> dict[str, _ClassAndPreset]:
     """Return the registered algorithms that a slot may hold, by name."""
     base, kind = SLOTS[slot].base, SLOTS[slot].kind
     named = {name: class_and_preset(ALGORITHMS.resolve(name)) for name in ALGORITHMS if name.startswith(f"{kind}/")}
