@@ -1,4 +1,7 @@
-"""Rendered RGB-D images of scenes with known truth: TinyRenderer and the noise of a structured-light camera."""
+"""Rendered RGB-D images of scenes with known truth, and the noise of a structured-light camera.
+
+PyBullet's TinyRenderer draws them; where PyBullet has no wheels, MuJoCo.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.messages import Box, CameraIntrinsics, Cylinder, Mesh, PlacedShape, Pose, RGBDImage, Sphere
 from bestman_bt.perception.view import View
 from hal.pybullet.package import pybullet
@@ -47,13 +51,7 @@ def render_view(
     noise: DepthNoise | None = None,
 ) -> View:
     """What a camera sees of coloured shapes, placed in the frame."""
-    client = pybullet.connect(pybullet.DIRECT)
-    try:
-        for placed, color in parts:
-            _draw(client, placed.shape, placed.pose, color)
-        rgb, depth = _picture(client, frame_from_camera)
-    finally:
-        pybullet.disconnect(client)
+    rgb, depth = (_by_pybullet if DEFAULT_SIMULATOR == "pybullet" else _by_mujoco)(parts, frame_from_camera)
     image = RGBDImage(rgb, (noise or DepthNoise()).apply(depth, rng), intrinsics(), 0.0)
     return View(image, frame_from_camera)
 
@@ -152,8 +150,26 @@ def _camera_image(client: int, frame_from_camera: Pose, size: tuple[int, int]) -
     return image
 
 
-def _picture(client: int, frame_from_camera: Pose) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    _, _, rgba, buffer, _ = _camera_image(client, frame_from_camera, (WIDTH, HEIGHT))
+def _by_pybullet(
+    parts: Sequence[tuple[PlacedShape, Color]], frame_from_camera: Pose
+) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    client = pybullet.connect(pybullet.DIRECT)
+    try:
+        for placed, color in parts:
+            _draw(client, placed.shape, placed.pose, color)
+        _, _, rgba, buffer, _ = _camera_image(client, frame_from_camera, (WIDTH, HEIGHT))
+    finally:
+        pybullet.disconnect(client)
     rgb = np.reshape(np.asarray(rgba, dtype=np.uint8), (HEIGHT, WIDTH, 4))[..., :3]
     depth_buffer = np.reshape(np.asarray(buffer, dtype=np.float64), (HEIGHT, WIDTH))
     return np.ascontiguousarray(rgb), FAR * NEAR / (FAR - (FAR - NEAR) * depth_buffer)
+
+
+def _by_mujoco(
+    parts: Sequence[tuple[PlacedShape, Color]], frame_from_camera: Pose
+) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    from hal.mujoco.renderer import shown
+
+    with shown(parts) as renderer:
+        rgb, depth = renderer.pinhole(frame_from_camera, intrinsics(), NEAR, FAR)
+    return np.ascontiguousarray(rgb), depth

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
@@ -162,13 +163,9 @@ class Renderer:
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
 
 
-def render_object(
-    parts: Sequence[tuple[PlacedShape, tuple[float, float, float]]],
-    viewpoint: Viewpoint,
-    width: int = 480,
-    height: int = 480,
-) -> NDArray[np.uint8]:
-    """Render shapes with their colours on white: (height, width, 3) uint8."""
+@contextmanager
+def shown(parts: Sequence[tuple[PlacedShape, tuple[float, float, float]]]) -> Iterator[Renderer]:
+    """A renderer of shapes with their colours, without a simulation."""
     shapes = Shapes(MujocoParameters())
     shapes.light()
     body = shapes.body(shapes.spec.worldbody, "object", Pose())
@@ -178,6 +175,17 @@ def render_object(
     mujoco.mj_forward(model, data)
     renderer = Renderer(model, data)
     try:
-        return smooth(renderer.view(viewpoint, 2 * width, 2 * height), 2)
+        yield renderer
     finally:
         renderer.close()
+
+
+def render_object(
+    parts: Sequence[tuple[PlacedShape, tuple[float, float, float]]],
+    viewpoint: Viewpoint,
+    width: int = 480,
+    height: int = 480,
+) -> NDArray[np.uint8]:
+    """Render shapes with their colours on white: (height, width, 3) uint8."""
+    with shown(parts) as renderer:
+        return smooth(renderer.view(viewpoint, 2 * width, 2 * height), 2)
