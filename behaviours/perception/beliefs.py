@@ -177,9 +177,10 @@ def _sighting(view: RGBDView, found: Detection, surface: str | None) -> ObjectBe
 
 
 def believed_thing(view: RGBDView, cluster: Cluster, surface: str | None, models: Collection[str]) -> ObjectBelief:
-    """Return a thing that no model explains, named where a detector has a name for it: its box is its model.
+    """Return the belief of an object without a model, named by the detector's label if any; its model is its bounding
+    box.
 
-    ``models``: their names. What bears one of these and was not fitted has confidence 0.
+    ``models``: names of the known models. An object with such a label whose model was not fitted has confidence 0.
     """
     from bestman_bt.perception.detection.base import LabelledCluster
     from bestman_bt.perception.tracking import THING

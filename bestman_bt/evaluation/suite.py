@@ -349,7 +349,7 @@ def _successes_faults(document: Document, kind: str, key: str, entry: EntryConfi
     elif asked is not None and (asked.at_least is None) == (asked.at_most is None):
         yield document.problem(path, "one of 'at_least' and 'at_most' should be given")
     elif asked is not None and max(asked.at_least or 0, asked.at_most or 0) > asked.of:
-        yield document.problem(path, f"more than all {asked.of} are asked")
+        yield document.problem(path, f"exceeds the number of episodes, {asked.of}")
 
 
 ALWAYS_ASKED = ("errors", "false successes", "audit")

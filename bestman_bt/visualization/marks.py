@@ -57,7 +57,7 @@ class SurfaceMark:
 
 @dataclass(frozen=True)
 class SceneMarks:
-    """Everything that was found. ``obstacles``: other solid shapes that are believed."""
+    """The perceived scene. ``obstacles``: other believed solid shapes."""
 
     objects: tuple[ObjectMark, ...] = ()
     handles: tuple[HandleMark, ...] = ()

@@ -105,7 +105,7 @@ class RobotiqChannel(GripperChannel):
         self.heard = 0.0
 
     def open(self, wire: RobotiqWire) -> None:
-        """Connect and activate; ConnectionFailedError, without the address."""
+        """Connect and activate. Raises ConnectionFailedError; the message does not contain the address."""
         self._wire, self._status = wire, None  # what it may hold it holds still
         self._lateness.forget()
         try:

@@ -48,7 +48,7 @@ class TwinProcess:
 
     @property
     def process(self) -> subprocess.Popen[str]:
-        """The process; RuntimeError before it was started."""
+        """The process. Raises RuntimeError before ``start``."""
         if self._process is None:
             raise RuntimeError("the twins were not started")
         return self._process

@@ -97,7 +97,7 @@ class XArmController:
             self.halt()
 
     def clear_error(self) -> None:
-        """Forget the error; the state stays STOPPED."""
+        """Clear the error; the state remains STOPPED."""
         self.error = 0
 
     def trip(self, error: int) -> None:

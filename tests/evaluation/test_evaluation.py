@@ -133,7 +133,7 @@ def test_all_faults_of_a_suite_are_told_at_once(tmp_path: Path) -> None:
         load_suite(path)
     told = str(caught.value)
     assert "unknown task 'fetch_cop'; did you mean 'fetch_cup'?" in told
-    assert "bad.yaml:3: tasks.fetch_cup.successes: more than all 2 are asked" in told
+    assert "bad.yaml:3: tasks.fetch_cup.successes: exceeds the number of episodes, 2" in told
     assert "bad.yaml:4: tasks.other.successes: one of 'at_least' and 'at_most' should be given" in told
     assert "bad.yaml:6: controls.other: is the name of a task of this suite, too" in told
     assert "finger_fraction" in told
@@ -143,7 +143,7 @@ def test_all_faults_of_a_suite_are_told_at_once(tmp_path: Path) -> None:
     assert "bad.yaml:8: controls.lost.successes.off: unknown field" in told
     assert "bad.yaml:8: controls.lost.causes[1]: should be text, got 3" in told
     assert "controls.lost.successes: " not in told
-    assert "bad.yaml:9: controls.renamed.successes: more than all 2 are asked" in told
+    assert "bad.yaml:9: controls.renamed.successes: exceeds the number of episodes, 2" in told
     assert "mine.yaml:4: goals[0].at_goal.to: unknown field" in told
     assert "mine.yaml:5: predicate: unknown predicate 'arrived'" in told
 

@@ -172,7 +172,7 @@ class _Turn(Motion[Result]):
         if not passes:
             self.fail(MotionErrorCode.OTHER_ARM_IN_THE_WAY, f"arm {other} rests in its way")
         elif left <= 0.0:
-            self.fail(MotionErrorCode.OTHER_ARM_IN_THE_WAY, f"arm {other} moves in its way for longer than it waits")
+            self.fail(MotionErrorCode.OTHER_ARM_IN_THE_WAY, f"arm {other} blocks its path for longer than it waits")
 
     def watch(self, clock: Clock, passing: Passing) -> None:
         """Repeat the attempt."""

@@ -157,7 +157,7 @@ class FollowGoal:
             max_side=self.max_side,
         )
         if math.isinf(self.distance) and math.isinf(self.angle):
-            raise ValueError("a following needs a distance or an angle to end at")
+            raise ValueError("a constrained motion needs a distance or an angle at which it ends")
 
 
 class ConstraintFollowing:

@@ -21,7 +21,7 @@ from bestman_bt.scene.scene import FurnitureModel
 
 @dataclass(frozen=True)
 class ApartmentPiece:
-    """``open``: openings of its doors, radians by name."""
+    """A piece of furniture at its place. ``open``: openings of its doors, radians by name."""
 
     name: str
     model: FurnitureModel

@@ -106,7 +106,7 @@ def test_an_arm_that_waits_gives_up_after_its_patience(scene: Scene) -> None:
     assert not motion.done
     scene.clock.sleep(0.2)
     assert (motion.status, motion.failure.code, motion.failure.part) == (MotionStatus.FAILED, IN_THE_WAY, "left")
-    assert motion.failure.text == "arm right moves in its way for longer than it waits"
+    assert motion.failure.text == "arm right blocks its path for longer than it waits"
     scene.put("right", ASIDE)
     scene.clock.sleep(0.5)
     assert scene.started == ["right"]
