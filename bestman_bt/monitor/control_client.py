@@ -12,9 +12,6 @@ from urllib.parse import quote
 from bestman_bt.errors import Error
 from bestman_bt.runtime_folder import runtime_folder
 
-# Where a monitor is found, and what it says it is.
-
-
 SERVICE = "bestman-bt monitor"
 """The answer of ``/health``, without a token."""
 TOKEN_VARIABLE = "BESTMAN_BT_MONITOR_TOKEN"

@@ -15,9 +15,6 @@ from bestman_bt.monitor.run import MonitoredRun, RunError, running_first
 from bestman_bt.records.events import Event, EventError, ImageEvent, RunEvent, Topic, from_line
 from bestman_bt.records.reader import run_folders
 
-# A run of an executor of this machine, followed through its control socket.
-
-
 LONGEST_LINE = 16 << 20
 """Bytes of one event."""
 FOLLOWED: tuple[Topic, ...] = ("states", "blackboard", "robot", "scan", "log")

@@ -23,9 +23,6 @@ from bestman_bt.monitor.updates import Message, Updates
 from bestman_bt.records.history import RunHistory
 from bestman_bt.records.timeline import outcomes
 
-# Where two runs parted: the first leaf that returned something else, or another leaf that returned first.
-
-
 MAX_OUTCOMES = 100_000
 """That are compared."""
 
@@ -139,8 +136,6 @@ class Viewer:
             for identity in list(self._open):
                 self._close(identity)
 
-    # ---- to the page
-
     async def _write(self) -> None:
         while True:
             while not self._answers.empty():
@@ -171,8 +166,6 @@ class Viewer:
 
     async def _tell(self, message: Message) -> None:
         await self._send(encoded(message))
-
-    # ---- from the page
 
     async def _read(self) -> None:
         allowance, since = float(REQUESTS_A_SECOND), time.monotonic()

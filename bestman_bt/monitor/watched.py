@@ -91,8 +91,6 @@ class WatchedExecution:
         self.say("info" if outcome == "success" else "warning", f"{self.run.task} ends: {outcome}: {why}")
         self.tell(EndEvent(self.standing.time, outcome, STATUS_NAMES[self._result], why))
 
-    # ---- as a channel
-
     def answer(self, message: Any) -> dict[str, Any]:
         """Carry out one request of the control channel."""
         what = message.get("do") if isinstance(message, dict) else None

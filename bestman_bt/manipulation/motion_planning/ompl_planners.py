@@ -21,8 +21,6 @@ from bestman_bt.manipulation.motion_planning.query import PlanningQuery
 from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPlanner
 from bestman_bt.messages.shapes import Count
 
-# One search by a planner of OMPL: exact solutions only, seeded, ended by counts.
-
 
 def ompl_search(
     query: PlanningQuery,

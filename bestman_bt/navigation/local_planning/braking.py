@@ -15,8 +15,6 @@ from bestman_bt.navigation.local_planning.footprint_check import FootprintMotion
 from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle
 from bestman_bt.robot_model.part_config import MobilePart
 
-# Giving way to people who walk: slower, or at rest, where the base would come into the way of one of them.
-
 
 @dataclass(eq=False)
 class GiveWay:
@@ -64,9 +62,6 @@ class GiveWay:
         turned = np.stack([cos * own[..., 0] + sin * own[..., 1], cos * own[..., 1] - sin * own[..., 0]], axis=-1)
         distances: NDArray[np.float64] = self._motion.distance(turned) - tracks[:, 4]
         return distances
-
-
-# Velocity commands within limits of acceleration and jerk.
 
 
 class JerkLimit:

@@ -14,8 +14,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-# A square of distances around the robot, for quick look-ups.
-
 
 @dataclass(frozen=True, eq=False)
 class DistanceGrid:

@@ -11,9 +11,6 @@ from bestman_bt.messages import Twist2D
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.local_planning.cost_to_go import DistanceGrid
 
-# When a footprint that moves at a constant twist touches points: nav2's "approach" with the exact outline.
-
-
 STEP = 0.02
 """Maximum motion of a point of the outline between two collision checks, metres."""
 MOST_STEPS = 60

@@ -15,9 +15,6 @@ from bestman_bt.messages.shapes import NonNegative, NotBelow, Positive, check_bo
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
 
-# How far along a path the base is.
-
-
 SPACING = 0.05
 WINDOW = 40
 """Points that the base may be further along at once."""

@@ -26,11 +26,10 @@ from bestman_bt.messages.grids import FREE, OCCUPIED, UNKNOWN
 from bestman_bt.messages.shapes import Count, Fraction, NonNegative, Positive
 from bestman_bt.navigation.global_planning.costmap import Costmap
 
-# Ways over the free floor, from one place to many at once (E. Dijkstra 1959).
-
 
 class FreeFloor:
-    """The cells of a costmap where the middle of the base is free."""
+    """The cells of a costmap where the middle of the base is free, with shortest paths between them (E. Dijkstra,
+    1959)."""
 
     def __init__(self, costmap: Costmap) -> None:
         free = costmap.distance > costmap.footprint.inscribed_radius
@@ -79,13 +78,11 @@ def _neighbours(free: NDArray[np.bool_], resolution: float) -> sparse.csr_matrix
     return sparse.coo_matrix(entries, shape=(int(free.sum()),) * 2).tocsr()
 
 
-# The shortest way that visits all of a few places (M. Held, R. Karp, "A dynamic programming approach", 1962).
-
-
 def shortest_tour(distances: NDArray[np.float64]) -> list[int]:
     """Return the order of the shortest open tour of the places of ``distances`` (N, N) from place 0.
 
-    The effort grows with 2**N: suitable for a dozen places. Unreachable places come last.
+    M. Held, R. Karp, "A dynamic programming approach", 1962. The effort grows with 2**N: suitable for a dozen places.
+    Unreachable places come last.
     """
     count = len(distances)
     if count < 2:

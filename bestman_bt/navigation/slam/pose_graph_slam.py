@@ -36,8 +36,6 @@ from bestman_bt.navigation.slam.point_to_line import OrientedPoints, PointToLine
 from bestman_bt.navigation.slam.pose_graph import Constraint, PoseGraph
 from bestman_bt.navigation.slam.submap import Keyframe, Submap
 
-# SLAM in the place of a localizer: the base controller drives on the map that is being made.
-
 
 @dataclass(frozen=True, eq=False)
 class LocatedEstimate(SlamEstimate):
@@ -72,16 +70,14 @@ def _located(estimate: SlamEstimate, odometry: Pose2D) -> LocatedEstimate:
     return LocatedEstimate(estimate.pose, estimate.covariance, estimate.match, estimate.loop_closures, odometry)
 
 
-# An occupancy grid that scans are drawn into, by log odds (H. Moravec, A. Elfes 1985; S. Thrun et al. 2005, ch. 9).
-
-
 GROWTH = 16
 """Cells by which the grid grows at a time."""
 
 
 @dataclass(eq=False)
 class LogOddsGrid:
-    """A growing log-odds grid. Each scan counts once per cell, as a hit if it is both hit and passed.
+    """A growing log-odds grid (H. Moravec, A. Elfes, 1985). Each scan counts once per cell, as a hit if it is both hit
+    and passed.
 
     ``resolution``: metres per cell. ``hit``, ``miss``: log odds that a scan adds to a cell that it hits or passes.
     ``limit``: bound of the log odds, so that changes are accepted after a while. A cell is occupied from ``occupied``
