@@ -51,7 +51,7 @@ class StandTarget:
 class FindBasePlacement(ArmNode, Skill, ABC):
     """Base class of skills that choose a base placement for the arm; each call returns another one."""
 
-    REQUIRES = ("base", "lidar", "arm", "gripper")
+    REQUIRES: ClassVar[tuple[str, ...]] = ("base", "lidar", "arm", "gripper")
     stand = Out(Pose2D, "where to stand, in the map frame", required=True)
 
     def on_load(self) -> None:
@@ -76,7 +76,6 @@ class FindBasePlacement(ArmNode, Skill, ABC):
 class FindStandAtFurniture(FindBasePlacement):
     """Base class of skills that place the base at the furniture of a surface; subclasses define the poses to reach."""
 
-    USES = ("wrist_camera",)
     surface = In[str](SurfaceName, "the surface to stand at, such as table")
     object = In[str | None](ObjectName, "the object to reach, if it has been seen", required=False)
     goal = In(Pose, "the place to reach, in the map frame", required=False)
@@ -180,6 +179,7 @@ class FindStandPose(FindStandAtFurniture):
     target gives another placement, until none is left.
     """
 
+    USES = ("wrist_camera",)
     approach = In[str](GraspApproach, APPROACH, default="")
 
     def _targets(self) -> list[StandTarget]:

@@ -276,6 +276,7 @@ class FindPushStand(FindStandAtFurniture):
     Each further call for the same object and goal gives another placement, until none is left.
     """
 
+    REQUIRES = ("base", "lidar", "arm")
     FAILS: ClassVar = {"not_found": "DetectObject first"}
     DECLARATION = Declaration(pre=("visible({object})",), effects=("stand_known({surface})",))
 
