@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
 from behaviours.parameters import ArmMotionParameters
-from behaviours.skill import Skill, SkillCoroutine, SkillFailure
+from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.manipulation.trajectory.base import SpeedScale
 from bestman_bt.messages import Failure, JointTrajectory, MotionErrorCode, MotionObstacle, MotionStage, Pose
 
@@ -147,20 +147,47 @@ def _recover_from_collision(skill: Skill, world: CollisionWorld) -> SkillCorouti
 
 
 def follow_path(
-    skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0, free: bool = False
+    skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0
 ) -> SkillCoroutine[None]:
-    """Follow joint waypoints (N, n), radians, from the current positions, at a fraction ``speed`` of the usual speed.
-
-    ``free``: no contact is expected; a contact ends the motion as COLLISION, and the arm goes back the way it came.
+    """Follow joint waypoints (N, n), radians, from the current positions, at a fraction ``speed`` of the usual
+    speed.
     """
     trajectory = yield from timed_path(skill, path, world, speed)
+    yield skill.skills.arm.follow(trajectory)
+
+
+def approach_object(
+    skill: Skill,
+    path: NDArray[np.float64],
+    world: CollisionWorld,
+    monitored: bool = True,
+    on_contact: Callable[[], None] = lambda: None,
+) -> SkillCoroutine[None]:
+    """Follow an approach (N, n), radians, slowly; after a contact, which fails as COLLISION, the arm goes back the way
+    it came.
+
+    ``monitored``: no contact is expected; else only what the driver reports ends it. ``on_contact``: called before the
+    arm goes back. If the way back fails, too, the failure is still that of the contact.
+    """
+    skills = skill.skills
+    speed = skills.parameters.arm_motion.approach_speed
+    trajectory = yield from timed_path(skill, path, world, speed)
     try:
-        yield skill.skills.arm.follow(trajectory, free=free)
+        yield skills.arm.follow(trajectory, free=monitored)
     except SkillFailure as failure:
-        if free and failure.code == MotionErrorCode.COLLISION:
-            reached = int(np.argmin(np.abs(path - skill.skills.arm_positions()).max(axis=1)))
+        if failure.code != MotionErrorCode.COLLISION:
+            raise
+        on_contact()
+        contact = failure
+        if failure.failure is not None:  # what was met is known here alone
+            met = replace(failure.failure, obstacle=skills.met(failure.failure))
+            contact = SkillFailure(failure.code, str(failure), met)
+        try:
+            reached = int(np.argmin(np.abs(path - skills.arm_positions()).max(axis=1)))
             yield from follow_path(skill, path[max(reached, 1) :: -1], world, speed)
-        raise
+        except (SkillFailure, *ALGORITHM_ERRORS) as second:
+            raise contact from second
+        raise contact from failure
 
 
 def timed_path(

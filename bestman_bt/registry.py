@@ -11,7 +11,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any, ClassVar, TypeVar
@@ -236,9 +236,14 @@ ALGORITHMS = Registry(
 
 
 def class_and_preset(algorithm: Any) -> tuple[type, dict[str, Any]]:
-    """Return the class of a registered algorithm and the fields that it sets: those of an instance, none of a class."""
+    """Return the class of a registered algorithm and the fields that it sets: those of an instance, none of a class.
+
+    Raises InputError for an instance of a class that is no dataclass: what it sets cannot be read.
+    """
     if isinstance(algorithm, type):
         return algorithm, {}
+    if not is_dataclass(algorithm):
+        raise InputError(f"a registered preset should be an instance of a dataclass, but is {algorithm!r:.80}")
     return type(algorithm), {field.name: getattr(algorithm, field.name) for field in fields(algorithm) if field.init}
 
 

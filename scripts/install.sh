@@ -5,7 +5,7 @@ set -eu
 
 supported='import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))'
 here="$(dirname "$0")"
-made_with='import os, sys; print(os.path.join(os.path.dirname(sys._base_executable), "python%d.%d" % sys.version_info[:2]))'
+made_with='import ensurepip, os, sys, venv; print(os.path.join(os.path.dirname(sys._base_executable), "python%d.%d" % sys.version_info[:2]))'
 kept="$("$here/../.venv/bin/python" -c "$made_with" 2>/dev/null)" || true
 python="${PYTHON:-}"
 for name in "$kept" python3.11 python3.12 python3.13 python3; do

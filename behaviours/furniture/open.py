@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.arm_motion import follow_path, move_free, unreached
+from behaviours.arm_motion import approach_object, move_free, unreached
 from behaviours.contacts import handle, stopping_at
 from behaviours.furniture.articulation import world_at_leaf
 from behaviours.furniture.articulation_measurement import articulation_from_motion
@@ -56,6 +56,7 @@ class Open(ArmNode, Skill):
     opened = Out(float, "reached opening, metres or radians")
     FAILS: ClassVar = {
         **LEAF_FAILS,
+        "collision": "it touched something on the way in: LookAt, DetectHandle; if the robot is stopped: ClearStop",
         "grip_lost": "look where the handle is now: FindLookStand, DetectHandle, then Open",
         "out_of_reach": "Open again, from another stand: FindOpenStand, NavigateTo",
         "handle_not_found": "DetectHandle first",
@@ -96,7 +97,7 @@ class Open(ArmNode, Skill):
         """Take the handle, follow, let go, withdraw; how far it is open then."""
         skills, leaf = self.skills, opening.leaf
         contact = world_at_leaf(skills, leaf, opening.start, "hand")
-        yield from follow_path(self, plan.into, contact, skills.parameters.arm_motion.approach_speed, free=True)
+        yield from approach_object(self, plan.into, contact, monitored=opening.touching == "nothing")
         self._felt: Obstacle | None = None
         try:
             yield skills.gripper.close(self.force)

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free, timed_path, unreached
+from behaviours.arm_motion import (
+    ARM_PLANNING_FAILS,
+    approach_object,
+    follow_path,
+    hand_contacts,
+    move_free,
+    timed_path,
+    unreached,
+)
 from behaviours.contacts import grasp as grasp_contact
 from behaviours.contacts import stopping_at, support, surface_below
 from behaviours.manipulation.grasp_candidates import APPROACH, GraspApproach, grasp_candidates
@@ -176,8 +184,8 @@ class PlanGrasp(ArmNode, Skill):
 class Grasp(ArmNode, Skill):
     """Grasp an object with the first of the planned grasps, and lift it; the remaining grasps are written to the port.
 
-    If the hand closes on nothing, or cannot lift the object, it opens, retreats, and drops all grasps, because the
-    object may have moved.
+    If the hand touches something on the way in, closes on nothing, or cannot lift the object, it opens, retreats, and
+    drops all grasps, because the object may have moved.
     """
 
     REQUIRES = ("arm", "gripper")
@@ -187,6 +195,7 @@ class Grasp(ArmNode, Skill):
     FAILS: ClassVar = {
         **ARM_PLANNING_FAILS,
         "no_path": "Grasp again: the next planned grasp",
+        "collision": "it touched something on the way in: DetectObject, PlanGrasp; if the robot is stopped: ClearStop",
         "grasp_failed": "the object has moved: DetectObject, PlanGrasp",
         "no_grasp": "PlanGrasp from another stand: FindStandPose, NavigateTo",
     }
@@ -226,13 +235,8 @@ class Grasp(ArmNode, Skill):
         skills = self.skills
         contact = skills.arm_world(skills.planning_scene(allowed_pairs=hand_contacts(skills, name)))
         arm_motion = skills.parameters.arm_motion
-        try:
-            # Open fingers touch nothing on their way if the object is where it was seen.
-            yield from follow_path(self, grasp.approach.into, contact, arm_motion.approach_speed, free=True)
-        except SkillFailure:
-            self.grasps = []  # the object may have moved
-            raise
-        self.grasps = []
+        yield from approach_object(self, grasp.approach.into, contact, on_contact=self._drop_grasps)
+        self._drop_grasps()
         yield skills.gripper.close(self.force or self._force(grasp))
         belief = skills.world.objects[name]
         width = grasp.candidate.width if belief.recognised else None
@@ -253,6 +257,10 @@ class Grasp(ArmNode, Skill):
         self._check_held(held.width if width is None else width)
         self._believe(replace(held, width=skills.gripper.width()))
         self.feedback_message = f"{name} in hand, {1e3 * skills.gripper.width():.0f} mm wide"
+
+    def _drop_grasps(self) -> None:
+        """The object may have moved."""
+        self.grasps = []
 
     def _believe(self, held: HeldObject) -> None:
         """The object is in the hand, and where it stood is free."""

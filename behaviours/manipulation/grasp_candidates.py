@@ -26,7 +26,7 @@ SURROUNDINGS_SPACING = 0.01
 """Distance between the points that represent other objects, metres."""
 
 YAW_STEP = math.radians(10.0)
-"""Angle between the yaws at which an object of uncertain yaw is kept free of the hand, radians."""
+"""Angle between the yaws at which an object of uncertain yaw is kept free of the hand, at most, radians."""
 
 GraspApproach = Annotated[str, OneOf(lambda: ("", "top", "side"))]
 APPROACH = "from where the hand comes, top or side; by default any"
@@ -38,10 +38,6 @@ def grasp_candidates(skills: SkillContext, belief: ObjectBelief, approach: str =
 
     ``approach``: ``top`` or ``side`` for those grasps alone.
     """
-    return tuple(one for one in _candidates(skills, belief) if approach in ("", one.approach))
-
-
-def _candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspCandidate, ...]:
     from bestman_bt.perception.grasp_pose.base import GraspTarget
 
     base_from_map = skills.map_from_base.inverse()
@@ -49,11 +45,15 @@ def _candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspCandid
     support_height = float(base_from_object.position[2] + belief.model.bounds()[0, 2])
     if belief.recognised:
         target = GraspTarget.of_model(belief.model, base_from_object)
-        cautious = replace(target, surroundings=_at_other_yaws(belief, base_from_map))
-        candidates = skills.grasp_pose.plan(cautious, skills.gripper_model, support_height)
-        if not candidates:
-            candidates = skills.grasp_pose.plan(target, skills.gripper_model, support_height)
-        return _from_the_open_side(skills, belief, candidates)
+        elsewhere = _at_other_yaws(belief, base_from_map)
+        # Off all places where parts may be, if there are such grasps, else off those where they are believed to be.
+        for surroundings in (elsewhere, None) if elsewhere is not None else (None,):
+            tried = replace(target, surroundings=surroundings)
+            candidates = skills.grasp_pose.plan(tried, skills.gripper_model, support_height)
+            candidates = _of_kind(approach, _from_the_open_side(skills, belief, candidates))
+            if candidates:
+                break
+        return candidates
     box = belief.model.collision[0]
     target = GraspTarget(
         box=replace(box, pose=base_from_object @ box.pose),
@@ -61,7 +61,11 @@ def _candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspCandid
         viewpoints=None if belief.viewpoint is None else base_from_map.apply(belief.viewpoint[None]),
         surroundings=_surroundings(skills, belief, base_from_map),
     )
-    return skills.unknown_grasp_pose.plan(target, skills.gripper_model, support_height)
+    return _of_kind(approach, skills.unknown_grasp_pose.plan(target, skills.gripper_model, support_height))
+
+
+def _of_kind(approach: str, candidates: tuple[GraspCandidate, ...]) -> tuple[GraspCandidate, ...]:
+    return tuple(one for one in candidates if approach in ("", one.approach))
 
 
 def _from_the_open_side(
@@ -108,9 +112,12 @@ def _at_other_yaws(belief: ObjectBelief, base_from_map: Pose) -> NDArray[np.floa
 
     if belief.model.symmetry_order != 1:
         return None
-    yaws = [yaw for middle, half in belief.yaw_set.arcs for yaw in np.arange(middle - half, middle + half, YAW_STEP)]
-    if not yaws:
+    arcs = belief.yaw_set.arcs
+    if not arcs:
         return None
+    yaws = [
+        middle + turn for middle, half in arcs for turn in np.linspace(-half, half, 1 + math.ceil(2 * half / YAW_STEP))
+    ]
     points = np.concatenate([at_yaw(belief, yaw).apply(_surface(belief.model)) for yaw in yaws])
     distances, _ = KDTree(belief.pose.apply(_surface(belief.model))).query(points)
     return base_from_map.apply(points[distances > SURROUNDINGS_SPACING])

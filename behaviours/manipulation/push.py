@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free, unreached
+from behaviours.arm_motion import ARM_PLANNING_FAILS, approach_object, follow_path, move_free, unreached
 from behaviours.contacts import push, stopping_at, support, surface_below
 from behaviours.manipulation.base_placement import FindStandAtFurniture, StandTarget
 from behaviours.parameters import PushParameters
@@ -72,6 +72,7 @@ class Push(ArmNode, Skill):
         **ARM_PLANNING_FAILS,
         "hand_not_empty": "put the held object down: FindPlacePose, PlaceOn, Release",
         "not_found": "DetectObject first",
+        "collision": "it touched something on the way in: DetectObject; if the robot is stopped: ClearStop",
         "no_approach": "stand elsewhere: FindPushStand, NavigateTo",
         "blocked": "an unseen obstacle is in the path: DetectObjects",
         "off_surface": "a goal farther from the edge",
@@ -116,8 +117,7 @@ class Push(ArmNode, Skill):
 
     def _push(self, belief: ObjectBelief, plan: PushPlan) -> SkillCoroutine[None]:
         skills, name = self.skills, belief.name
-        speed = skills.parameters.arm_motion.approach_speed
-        yield from follow_path(self, plan.into, skills.arm_world(self._untouched(belief)), speed, free=True)
+        yield from approach_object(self, plan.into, skills.arm_world(self._untouched(belief)))
         outcome: GuardedOutcome = yield skills.arm.move_until(
             plan.direction, self.speed, plan.gap + plan.distance, self.max_force
         )

@@ -1,4 +1,4 @@
-"""Small motions, mainly for recovery: Spin, BackUp, DriveOnHeading, Wait for the duration."""
+"""Small motions, mainly for recovery: Spin, BackUp, DriveOnHeading, Wait."""
 
 from __future__ import annotations
 

@@ -206,7 +206,10 @@ def nav2_problems(config: RunConfig) -> Iterator[Problem]:
                     yield config.problem(("nav2", kind, name), error.problems[0].message)
                 continue
             if ours:
-                ALGORITHMS.add(f"{slot}/{name}", algorithm)
+                known = f"{SLOTS[slot].kind}/{ours.removeprefix(f'{SLOTS[slot].kind}/')}"
+                ALGORITHMS.add(
+                    f"{slot}/{name}", ALGORITHMS.resolve(known) if known in ALGORITHMS.names() else algorithm
+                )
 
 
 def message_for_tree(error: ConfigurationError) -> str:
@@ -330,7 +333,7 @@ def _choose(
                 message = f"{name} takes no parameters, got {', '.join(values)}"
                 raise ConfigurationError([config.problem(("algorithms", slot), message)])
             return algorithm, {}
-        values = preset | values
+        values = {field: value for field, value in preset.items() if field not in SLOTS[slot].given} | values
         checked, problems = salvage(Document(values, {(): (f"algorithms.{slot}", None)}), parameters_type)
     if problems and faults is None:
         raise ConfigurationError([_placed(config, slot, problem) for problem in problems])

@@ -20,8 +20,8 @@ POLL = 0.05
 
 @dataclass(frozen=True, eq=False)
 class ReturnMotion:
-    """A motion of one part back into its joint range. ``joints``: the n joints outside of it, to move from ``here`` to
-    ``there``, (n,) radians each.
+    """A motion of one part back into its joint range. ``joints``: its n joints, which move from ``here`` to ``there``,
+    (n,) radians or metres each; those within the range stay.
     """
 
     part: str

@@ -38,6 +38,7 @@ def skills(monkeypatch: pytest.MonkeyPatch) -> Any:
 
     monkeypatch.setattr(grasp_module, "move_free", moved)
     monkeypatch.setattr(grasp_module, "follow_path", moved)
+    monkeypatch.setattr(grasp_module, "approach_object", moved)
     monkeypatch.setattr(grasp_module, "timed_path", timed)
     skills.planning_scene, skills.arm_world = lambda **_: None, lambda _: None
     skills.base_from_tool = lambda: in_base(0.7, 0.0, 0.85)

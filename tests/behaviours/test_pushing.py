@@ -57,6 +57,7 @@ def skills(monkeypatch: pytest.MonkeyPatch) -> Any:
 
     monkeypatch.setattr(push_module, "move_free", moved)
     monkeypatch.setattr(push_module, "follow_path", moved)
+    monkeypatch.setattr(push_module, "approach_object", moved)
     scene = SimpleNamespace(obstacles=(), adding=lambda *_: None)
     skills.planning_scene, skills.arm_world = lambda **_: scene, lambda _: None
     skills.base_from_tool = lambda: in_base(0.5, 0.0, 0.8)

@@ -12,11 +12,14 @@ from bestman_bt.configuration.document import Document
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import load_tree
+from bestman_bt.errors import InputError
 from bestman_bt.manipulation.motion_planning.ompl_planners import KPIECE
 from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar
 from bestman_bt.navigation.local_planning.critics import CriticWeights
 from bestman_bt.navigation.local_planning.dwa import DWA
+from bestman_bt.perception.detection.color_shape import ColorShape
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
 from bestman_bt.registry import ALGORITHMS, UnknownNameError, class_and_preset, undone
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.runtime.algorithms import (
@@ -120,6 +123,18 @@ def test_a_preset_sets_the_parameters_that_are_not_given() -> None:
         settings = ["algorithms.local_planning.algorithm=slow", "algorithms.local_planning.horizon=2"]
         slow = make_algorithm(load_run("fetch_cup", settings=settings), "local_planning")
     assert (type(slow), slow.max_speed, slow.critics.path, slow.horizon) == (DWA, 0.2, 9.0, 2.0)
+
+
+def test_a_preset_of_an_algorithm_that_uses_another_leaves_this_to_the_session() -> None:
+    with undone(ALGORITHMS):
+        ALGORITHMS.add("detection/few", ColorShape(segmentation=PlaneDbscan(), max_shape=2.5))
+        run = load_run("fetch_cup", settings=["algorithms.detection.algorithm=few"])
+        other = PlaneDbscan()
+        few = make_algorithm(run, "detection", segmentation=other)
+        assert (few.max_shape, few.segmentation is other) == (2.5, True)
+        ALGORITHMS.add("detection/none", object())
+        with pytest.raises(InputError, match="instance of a dataclass"):
+            make_algorithm(run, "detection", segmentation=other)
 
 
 def test_faults_of_several_slots_are_told_at_once() -> None:

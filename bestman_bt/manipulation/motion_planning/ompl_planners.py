@@ -111,12 +111,13 @@ KINDS: dict[str, Callable[[base.SpaceInformation], Any]] = {
 
 @dataclass(frozen=True)
 class OmplPlanner(SamplingPlanner):
-    """A planner of OMPL, with one search per attempt; all but KPIECE use ``max_checks``, the more the shorter the path.
+    """A planner of OMPL, with one search of at most ``max_checks`` per attempt.
 
-    ``planner``: which of OMPL's. ``aorrtc``: Repeated RRT-Connect, each time for a cost below the best path so far.
-    ``bit_star``: Batches of samples, searched in the order of the solution that they could give. ``kpiece``: Two trees
-    over a coarse grid of projections, grown where it is least explored; edges are checked at the end. ``rrt_star``: One
-    tree, rewired as it grows, so that paths get shorter; slow for goals that are hard to reach.
+    All but KPIECE use all of these checks; the more, the shorter the path. ``planner``: which of OMPL's. ``aorrtc``:
+    repeated RRT-Connect, each time for a cost below the best path so far. ``bit_star``: batches of samples, searched in
+    the order of the solution that they could give. ``kpiece``: two trees over a coarse grid of projections, grown where
+    it is least explored; edges are checked at the end. ``rrt_star``: one tree, rewired as it grows, so that paths get
+    shorter; slow for goals that are hard to reach.
     """
 
     planner: Literal["aorrtc", "bit_star", "kpiece", "rrt_star"] = field(kw_only=True)

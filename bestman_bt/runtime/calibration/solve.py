@@ -28,7 +28,7 @@ from bestman_bt.perception.calibration.boards import (
 from bestman_bt.perception.calibration.depth_error import DepthCalibration
 from bestman_bt.perception.calibration.head_camera import BoardView, ChainCalibration, ChainPoses, calibrate_head_camera
 from bestman_bt.perception.calibration.intrinsics import IntrinsicsCalibration
-from bestman_bt.registry import ALGORITHMS
+from bestman_bt.registry import ALGORITHMS, class_and_preset
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import ArmModel, JointGroupModel
 from bestman_bt.runtime.calibration.dataset import Dataset, Progress, RecordedView, pose_of
@@ -151,7 +151,8 @@ def solve_hand_eye(dataset: Dataset, method: str, progress: Progress) -> Calibra
     carriers, holders = chain_ends(dataset, chain, seen)
     in_camera = [board_pose(sighting, seen.intrinsics).eye_from_board for sighting in seen.sightings]
     world_from_carrier = [holder.inverse() @ carrier for holder, carrier in zip(holders, carriers, strict=True)]
-    algorithm = ALGORITHMS.resolve(f"calibration/{method}")()
+    kind, preset = class_and_preset(ALGORITHMS.resolve(f"calibration/{method}"))
+    algorithm = kind(**preset)
     views = [BoardView(*view) for view in zip(seen.sightings, carriers, holders, strict=True)]
     with seen.named():
         first = algorithm.calibrate(world_from_carrier, in_camera)
