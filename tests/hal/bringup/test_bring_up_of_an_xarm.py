@@ -36,7 +36,7 @@ FAULTS = [
     ("arm_controller", "other_load", "as_built", "payload", "counts on 2.92 kg at the flange"),
     ("arm_controller", "other_mounting", "as_built", "mounting", "180.0° apart"),
     ("arm_controller", "other_length", "as_built", "tool-pose", "5.00 mm and 0.00° from our kinematics"),
-    ("arm_controller", "turn_joint2", "as_commanded", "joint-signs", r"joint2 was told ([+-]).* moved (?!\1)"),
+    ("arm_controller", "turn_joint2", "as_commanded", "joint-signs", r"joint2 was commanded ([+-]).* moved (?!\1)"),
     ("arm_controller", "gripper_jam", "gripper_free", "gripper", "G34"),
     ("platform", "other_wrench_sign", "wrench_sign", "wrench", "the opposite sign"),
     ("platform", "no_dead_man", "dead_man", "dead-man", "has no dead-man"),
@@ -45,7 +45,7 @@ FAULTS = [
         "stuck",
         "free",
         "drive",
-        r"told 0\.2 m ahead, it went [+-]\d+ mm ahead.*are left when they should be done",
+        r"commanded 0\.2 m ahead, it went [+-]\d+ mm ahead.*are left when they should be done",
     ),
 ]
 
