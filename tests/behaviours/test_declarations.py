@@ -30,6 +30,7 @@ OF_ENUMERATIONS = {
     *FOLLOWING_FAILS,
     *(kind.code for kind in vars(policy_errors).values() if isinstance(kind, type) and hasattr(kind, "code")),
     NoSurfaceError.code,
+    "collision",  # of an approach that met something
     *("not_open", "timeout"),  # of a following that got to its end, or not
 }
 """Codes that stand in no skill as literals."""
