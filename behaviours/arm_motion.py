@@ -179,7 +179,7 @@ def approach_object(
             raise
         on_contact()
         contact = failure
-        if failure.failure is not None:  # what was met is known here alone
+        if failure.failure is not None:  # the obstacle is found from where the arm is now
             met = replace(failure.failure, obstacle=skills.met(failure.failure))
             contact = SkillFailure(failure.code, str(failure), met)
         try:

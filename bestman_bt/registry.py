@@ -238,7 +238,7 @@ ALGORITHMS = Registry(
 def class_and_preset(algorithm: Any) -> tuple[type, dict[str, Any]]:
     """Return the class of a registered algorithm and the fields that it sets: those of an instance, none of a class.
 
-    Raises InputError for an instance of a class that is no dataclass: what it sets cannot be read.
+    Raises InputError for an instance of a class that is not a dataclass, because its fields cannot be read.
     """
     if isinstance(algorithm, type):
         return algorithm, {}

@@ -259,7 +259,7 @@ class Grasp(ArmNode, Skill):
         self.feedback_message = f"{name} in hand, {1e3 * skills.gripper.width():.0f} mm wide"
 
     def _drop_grasps(self) -> None:
-        """The object may have moved."""
+        """Clear the planned grasps, because the object may have moved."""
         self.grasps = []
 
     def _believe(self, held: HeldObject) -> None:

@@ -46,7 +46,7 @@ def grasp_candidates(skills: SkillContext, belief: ObjectBelief, approach: str =
     if belief.recognised:
         target = GraspTarget.of_model(belief.model, base_from_object)
         elsewhere = _at_other_yaws(belief, base_from_map)
-        # Off all places where parts may be, if there are such grasps, else off those where they are believed to be.
+        # Prefer grasps that avoid the object at all of its possible yaws to those that avoid it at the estimated one.
         for surroundings in (elsewhere, None) if elsewhere is not None else (None,):
             tried = replace(target, surroundings=surroundings)
             candidates = skills.grasp_pose.plan(tried, skills.gripper_model, support_height)
@@ -118,8 +118,9 @@ def _at_other_yaws(belief: ObjectBelief, base_from_map: Pose) -> NDArray[np.floa
     yaws = [
         middle + turn for middle, half in arcs for turn in np.linspace(-half, half, 1 + math.ceil(2 * half / YAW_STEP))
     ]
-    points = np.concatenate([at_yaw(belief, yaw).apply(_surface(belief.model)) for yaw in yaws])
-    distances, _ = KDTree(belief.pose.apply(_surface(belief.model))).query(points)
+    surface = _surface(belief.model)
+    points = np.concatenate([at_yaw(belief, yaw).apply(surface) for yaw in yaws])
+    distances, _ = KDTree(belief.pose.apply(surface)).query(points)
     return base_from_map.apply(points[distances > SURROUNDINGS_SPACING])
 
 

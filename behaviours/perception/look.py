@@ -118,7 +118,7 @@ class LookAt(Skill):
     def on_load(self) -> None:
         """Raise ValueError if no target is given."""
         if not any(self.attributes.get(port) for port in ("point", "object", "surface")):
-            raise ValueError("there is no target: give a point, an object or a surface")
+            raise ValueError("no target is set: give a point, an object or a surface")
 
     def execute(self) -> SkillCoroutine[None]:
         """Turn the head to the target and wait until it is at rest."""

@@ -432,7 +432,7 @@ def judged_result(
     wall_time: float,
     failed: Node | None = None,
 ) -> RunResult:
-    """Return the result of an execution: by the truth where the task has goals, by the tree's status where not."""
+    """Return the result of an execution: by ground truth if the task has goals, else by the tree's status."""
     config = session.setup.config
     failure = _failure(session, execution, verdict, audited, failed)
     holds = verdict.holds if verdict is not None else None

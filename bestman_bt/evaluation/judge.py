@@ -32,7 +32,7 @@ def find_judge(config: RunConfig, known: Collection[Problem] = ()) -> Judge | No
 
 
 def judge_session(session: RobotSession, truth: Truth, clock: Clock | None, driven: float) -> Verdict:
-    """Return what the truth says of the task's goals, once all things had time to come to rest."""
+    """Evaluate the task's goals on the ground truth, after all objects have had time to come to rest."""
     setup = session.setup
     before = {name: truth.object_pose(name).position for name in setup.subjects if name in truth.object_names}
     if clock is not None:

@@ -200,10 +200,10 @@ class ExpectedYaw(ViewPlanner):
 
     def _samples(self, turned: YawObservability) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Indices of samples that change when the object turns, and of others, which may hide those."""
-        tells = turned.largest_distances > self.profile.telling
-        telling, others = np.flatnonzero(tells), np.flatnonzero(~tells)
-        telling = telling[evenly(len(telling), self.telling_samples)]
-        return telling, others[evenly(len(others), self.samples - len(telling))]
+        changes = turned.largest_distances > self.profile.telling
+        changing, others = np.flatnonzero(changes), np.flatnonzero(~changes)
+        changing = changing[evenly(len(changing), self.telling_samples)]
+        return changing, others[evenly(len(others), self.samples - len(changing))]
 
     def _yaws(self, hypothesis: PoseHypothesis) -> tuple[NDArray[np.float64], float]:
         """Turns (Y,) away from the likeliest yaw that are open, and the width that each stands for, radians."""

@@ -207,9 +207,7 @@ def nav2_problems(config: RunConfig) -> Iterator[Problem]:
                 continue
             if ours:
                 known = f"{SLOTS[slot].kind}/{ours.removeprefix(f'{SLOTS[slot].kind}/')}"
-                ALGORITHMS.add(
-                    f"{slot}/{name}", ALGORITHMS.resolve(known) if known in ALGORITHMS.names() else algorithm
-                )
+                ALGORITHMS.add(f"{slot}/{name}", ALGORITHMS.resolve(known) if known in ALGORITHMS else algorithm)
 
 
 def message_for_tree(error: ConfigurationError) -> str:

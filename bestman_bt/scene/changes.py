@@ -40,7 +40,7 @@ def draw_changes(
     robot: Pose2D,
     generator: Callable[[str], np.random.Generator],
 ) -> tuple[PlacedFurniture, ...] | None:
-    """Return the furniture with the moved and unmapped pieces, or None if there is no place for one of them.
+    """Return the furniture with the moved and unmapped pieces, or None if one of them cannot be placed.
 
     Such a piece may be an obstacle, but must not cut off floor that a disc of the scene's ``passage`` could reach,
     except the floor that it covers. A moved piece without such a place must not cut off more floor than at its old

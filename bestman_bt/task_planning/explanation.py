@@ -1,4 +1,4 @@
-"""Explains why there is no plan: chains from the goal back to facts that are unreachable under the delete
+"""Explains why no plan exists: chains from the goal back to facts that are unreachable under the delete
 relaxation."""
 
 from __future__ import annotations

@@ -88,7 +88,7 @@ class Sleep(StatefulAction):
         return SUCCESS if self.clock.now() >= self.end else RUNNING
 
     def on_halted(self) -> None:
-        """Do nothing: there is no motion to stop."""
+        """Do nothing, because no motion can be under way."""
 
 
 class AlwaysSuccess(SyncAction):

@@ -95,7 +95,7 @@ BOOST = 1000
 @dataclass(frozen=True)
 class Found:
     """The result of a search. ``actions``: numbers of the plan's actions, None if no plan was found. ``exhausted``:
-    there is no plan within the bound."""
+    no plan exists within the bound."""
 
     actions: tuple[int, ...] | None
     exhausted: bool = False
