@@ -89,7 +89,7 @@ class CameraRenderProcess:
         other.close()
         if not self._wire.poll(START_TIME) or self._wire.recv() != "ready":
             self.close()
-            raise TwinError("the camera_render_process for the cameras did not start")
+            raise TwinError("the process that renders the cameras did not start")
 
     def render(self, camera: str, state: WorldState, pack: Callable[[RGBDImage], Packed]) -> Packed:
         """Return the result of ``pack`` for the image; it runs in the other process, which imports it by name.

@@ -6,11 +6,10 @@ import json
 import queue
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TextIO
 
 from hal.twins.errors import TwinError
 from hal.twins.tcp_server import ask
@@ -18,6 +17,8 @@ from hal.twins.tcp_server import ask
 
 class TwinProcess:
     """``bestman-bt twin`` in the background, as a context manager; ends with it, or with this process.
+
+    Its messages go to the standard error: a machine that is too slow for it, the reason of a controller's stop.
 
     ``addresses``: connection → address. ``settings``: dotted keys → values that direct a robot's YAML to the twins.
     """
@@ -81,37 +82,39 @@ class TwinProcess:
 
     def start(self) -> None:
         """Start, and wait until the ports are open. Raises TwinError with the output of the process."""
-        with tempfile.TemporaryFile("w+") as errors:  # no pipe: their later output is not read
-            self._process = subprocess.Popen(
-                self._command, stdout=subprocess.PIPE, stderr=errors, stdin=subprocess.PIPE, text=True
-            )
-            first: queue.SimpleQueue[str] = queue.SimpleQueue()
-            output = self._process.stdout
-            assert output is not None
-            threading.Thread(target=lambda: first.put(output.readline()), daemon=True).start()
-            try:
-                line = first.get(timeout=self._start_timeout)
-            except queue.Empty:
-                line = ""
-            if not line.strip():
-                self._process.kill()
-                self._process.communicate()
-                errors.seek(0)
-                said = errors.read().strip().splitlines() or ["they said nothing"]
-                raise TwinError(f"the twins did not start: {said[-1]}")
+        self._process = process = subprocess.Popen(
+            self._command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.PIPE, text=True
+        )
+        output, errors = process.stdout, process.stderr
+        assert output is not None
+        assert errors is not None
+        said: list[str] = []
+        relay = threading.Thread(target=_relay, args=(errors, said), daemon=True)
+        relay.start()
+        first: queue.SimpleQueue[str] = queue.SimpleQueue()
+        threading.Thread(target=lambda: first.put(output.readline()), daemon=True).start()
+        try:
+            line = first.get(timeout=self._start_timeout)
+        except queue.Empty:
+            line = ""
+        if not line.strip():
+            process.kill()
+            process.wait()
+            relay.join()
+            raise TwinError(f"the twins did not start: {(said or ['they said nothing'])[-1]}")
         self._told = json.loads(line)
 
     def close(self) -> None:
         """End the process; idempotent."""
-        if self._process is None:
+        process, self._process = self._process, None
+        if process is None:
             return
-        self._process.terminate()
-        try:
-            self._process.communicate(timeout=5.0)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.communicate()
-        self._process = None
+        with process:  # closes the pipes
+            process.terminate()
+            try:
+                process.wait(timeout=5.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
 
     def __enter__(self) -> Self:
         self.start()
@@ -119,3 +122,10 @@ class TwinProcess:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _relay(errors: TextIO, said: list[str]) -> None:
+    """Pass on what the process writes, and keep it."""
+    for line in errors:
+        said.append(line.rstrip())
+        sys.stderr.write(line)

@@ -198,26 +198,28 @@ class URController:
         """
         powered = self.robot_mode != RobotMode.POWER_OFF and self.safety_mode != SafetyMode.ROBOT_EMERGENCY_STOP
         (self._world.without_power.discard if powered else self._world.without_power.add)(self._arm.name)
-        fresh = self._take_inputs(dt)
+        arrived = self._take_inputs(dt)
         program = self._program
         if program is not None:
             if not self._paused:
-                program.advance(dt, self._inputs, fresh, self._slider)
+                program.advance(dt, self._inputs, arrived, self._slider)
             self._watch(program, dt)
         if program is not None and program.payload is not None:
             self._payload = program.payload
         self._measure(program)
 
-    def _take_inputs(self, dt: float) -> bool:
-        now, fresh = time.monotonic(), False
+    def _take_inputs(self, dt: float) -> Sequence[Mapping[str, Any]]:
+        """Write what has arrived into the registers. Returns their contents after each command."""
+        now, arrived = time.monotonic(), []
         self._cycles_since += dt
         while self._arriving and self._arriving[0][0] <= now:
             for values in self._arriving.popleft()[1]:
                 self._inputs.update(values)
                 self._set_outputs(values)
                 if "input_int_register_0" in values:
-                    self._written, self._cycles_since, fresh = now, 0.0, True
-        return fresh
+                    self._written, self._cycles_since = now, 0.0
+                    arrived.append(dict(self._inputs))
+        return arrived
 
     def _set_outputs(self, values: Mapping[str, Any]) -> None:
         """Digital outputs: 8 standard, 8 configurable, 2 of the tool."""
@@ -239,11 +241,18 @@ class URController:
             np.any(np.abs(follower.setpoint - self._arm.positions()) > TRACKING_TOLERANCE)
         )
         self._astray = self._astray + dt if astray else 0.0
-        jumped = follower is not None and follower.too_fast
         if program.limit_exceeded:
-            self.trip(SafetyMode.VIOLATION)
-        elif jumped or program.protective_stop_asked or self._astray > TRACKING_TIME:
-            self.trip(SafetyMode.PROTECTIVE_STOP)
+            self._stop_for(SafetyMode.VIOLATION, "a set-point beyond a joint limit")
+        elif follower is not None and follower.too_fast:
+            self._stop_for(SafetyMode.PROTECTIVE_STOP, "a sudden change of the set-point")
+        elif self._astray > TRACKING_TIME:
+            self._stop_for(SafetyMode.PROTECTIVE_STOP, "the position deviates from the set-point")
+        elif program.protective_stop_asked:
+            self._stop_for(SafetyMode.PROTECTIVE_STOP, "the program asked for it")
+
+    def _stop_for(self, mode: SafetyMode, reason: str) -> None:
+        self._world.watch.tell(f"{self._arm.name}: {mode.name.lower().replace('_', ' ')}: {reason}")
+        self.trip(mode)
 
     def _as_told(self, wrench: Wrench) -> tuple[float, ...]:
         values = self._wrench_sign * np.concatenate([wrench.force, wrench.torque])

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
@@ -94,6 +94,12 @@ def path_of(script: str) -> list[Waypoint]:
     return [Waypoint(np.array([float(q) for q in joints.split(",")]), float(a), float(v)) for joints, a, v in moves]
 
 
+def _command(inputs: Mapping[str, Any]) -> tuple[int, list[float]]:
+    return int(inputs.get("input_int_register_0", 0)), [
+        float(inputs.get(f"input_double_register_{index}", 0.0)) for index in range(8)
+    ]
+
+
 class URProgram:
     """One run of the program on an arm; used in the world's thread."""
 
@@ -141,14 +147,19 @@ class URProgram:
         if self._motion is not None:
             self._next_move()
 
-    def advance(self, dt: float, inputs: Mapping[str, Any], fresh: bool, slider: float = 1.0) -> None:
-        """Execute one cycle. ``fresh``: whether new inputs arrived. ``slider``: of the pendant, 0 to 1."""
+    def advance(
+        self, dt: float, inputs: Mapping[str, Any], arrived: Sequence[Mapping[str, Any]], slider: float = 1.0
+    ) -> None:
+        """Execute one cycle.
+
+        ``inputs``: the registers. ``arrived``: their contents after each command since the last cycle: several where
+        this process was held up. ``slider``: of the pendant, 0 to 1.
+        """
         self._slider = slider
-        command = int(inputs.get("input_int_register_0", 0))
-        numbers = [float(inputs.get(f"input_double_register_{index}", 0.0)) for index in range(8)]
+        command, numbers = _command(inputs)
         if command in REAL_TIME:
-            if fresh:
-                self._stream(command, numbers)
+            if arrived:
+                self._stream(command, numbers, arrived)
             self.outputs["output_int_register_0"] = READY
         elif command == Command.NONE:
             self._executing = self._acknowledged = False
@@ -165,17 +176,20 @@ class URProgram:
             self._acknowledged = True
             self.outputs["output_int_register_0"] = DONE
 
-    def _stream(self, command: int, numbers: list[float]) -> None:
-        target = np.array(numbers[:6])
+    def _stream(self, command: int, numbers: list[float], arrived: Sequence[Mapping[str, Any]]) -> None:
         if command == Command.SERVO_JOINTS:
             if self._next_drift is not None or self._motion is not None:
                 self.ended = True
             elif self.follower is None:
                 self.halt()
                 self.follower = ServoFollower(self._arm.positions(), self._speed)
-            if self.follower is not None and self._reachable(target):
-                self.follower.take(np.clip(target, self._lower, self._upper), time.monotonic())
+            # A controller that was not held up would have compared each set-point with the one before.
+            for each, registers in map(_command, arrived):
+                goal = np.array(registers[:6])
+                if each == command and self.follower is not None and self._reachable(goal):
+                    self.follower.take(np.clip(goal, self._lower, self._upper), time.monotonic())
         elif command in (Command.SPEED_JOINTS, Command.SPEED_TOOL):
+            target = np.array(numbers[:6])
             if self.follower is not None or self._motion is not None:
                 self.ended = True
             elif command == Command.SPEED_TOOL:

@@ -82,11 +82,31 @@ def fake_program(script: str = "") -> tuple[URProgram, Any]:
     return URProgram(script, arm, URKinematics(load_robot_model("diff_ur5"), "arm")), told
 
 
+def give(program: URProgram, *commands: dict[str, float]) -> None:
+    """Run one cycle in which commands arrive."""
+    program.advance(0.01, commands[-1], commands)
+
+
+def servo(position: float) -> dict[str, float]:
+    return {"input_int_register_0": int(Command.SERVO_JOINTS), "input_double_register_0": position}
+
+
+@pytest.mark.parametrize(("positions", "jumped"), [((0.05, 0.1, 0.15, 0.2), False), ((0.05, 0.2), True)])
+def test_set_points_that_a_stalled_process_takes_together_are_judged_one_by_one(
+    positions: tuple[float, ...], jumped: bool
+) -> None:
+    program, _ = fake_program()
+    give(program, servo(0.0))
+    give(program, *map(servo, positions))
+    assert program.follower is not None
+    assert program.follower.too_fast is jumped
+
+
 @pytest.mark.parametrize("wrong", [7.0, float("nan")])
 def test_a_set_point_beyond_the_joints_limits_is_not_followed(wrong: float) -> None:
     program, told = fake_program()
     inputs = {"input_int_register_0": int(Command.SERVO_JOINTS), "input_double_register_0": wrong}
-    program.advance(0.004, inputs, True)
+    program.advance(0.004, inputs, [inputs])
     assert program.limit_exceeded
     assert np.all(np.array(told.moved) == 0.0)
 
@@ -94,15 +114,15 @@ def test_a_set_point_beyond_the_joints_limits_is_not_followed(wrong: float) -> N
 def test_a_speed_goes_on_until_speed_stop_whatever_its_time_is() -> None:
     program, told = fake_program()
     speed = {"input_int_register_0": int(Command.SPEED_JOINTS), "input_double_register_0": 0.3}
-    program.advance(0.01, {**speed, "input_double_register_7": 0.5}, True)
+    give(program, {**speed, "input_double_register_7": 0.5})
     for _ in range(800):
-        program.advance(0.01, speed, False)
+        program.advance(0.01, speed, [])
     assert told.velocities[0] == 0.3
-    program.advance(0.01, {"input_int_register_0": 0}, True)
-    program.advance(0.01, {"input_int_register_0": int(Command.SPEED_STOP)}, True)
+    give(program, {"input_int_register_0": 0})
+    give(program, {"input_int_register_0": int(Command.SPEED_STOP)})
     assert program.outputs["output_int_register_0"] == 1  # it is done when the arm rests
     told.velocities = np.zeros(6)
-    program.advance(0.01, {"input_int_register_0": int(Command.SPEED_STOP)}, False)
+    program.advance(0.01, {"input_int_register_0": int(Command.SPEED_STOP)}, [])
     assert program.outputs["output_int_register_0"] == 2
     assert not told.velocities.any()
 
@@ -112,7 +132,7 @@ def test_a_speed_goes_on_until_speed_stop_whatever_its_time_is() -> None:
 )
 def test_two_threads_that_move_the_arm_end_the_program(first: Command, second: Command) -> None:
     program, _ = fake_program()
-    program.advance(0.01, {"input_int_register_0": int(first)}, True)
+    give(program, {"input_int_register_0": int(first)})
     assert not program.ended
-    program.advance(0.01, {"input_int_register_0": int(second)}, True)
+    give(program, {"input_int_register_0": int(second)})
     assert program.ended
