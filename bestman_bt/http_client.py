@@ -148,7 +148,7 @@ def _content(answer: httpx.Response, most: int) -> bytes:
 
 
 def _seconds(text: str) -> float:
-    """Of a header ``Retry-After``; 0 where it gives a date or nothing."""
+    """Return the seconds of a header ``Retry-After``; 0 for a date or an empty one."""
     return float(text) if text.isascii() and text.isdigit() else 0.0
 
 
@@ -177,7 +177,7 @@ class _Deadline:
         return time.monotonic() - self._started
 
     def connected(self, event: str, info: Mapping[str, Any]) -> None:
-        """See httpx's request extension ``trace``: takes note of the connection."""
+        """Record the connection; see httpx's request extension ``trace``."""
         if event.endswith(("connect_tcp.complete", "start_tls.complete")):
             self._sockets.append(info["return_value"].get_extra_info("socket"))
 

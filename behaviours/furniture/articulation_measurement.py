@@ -91,16 +91,16 @@ def believe_shut_fronts(
 
 
 def _measured(piece: MapFurniture, leaf: MapArticulation, handle: Handle) -> Pose2D | None:
-    """Where the piece stands if the handle is on this leaf and that is shut, or None if it is not, as far as is
-    known.
+    """Return the pose of the furniture if the handle is on this closed articulation, or None if the handle is
+    elsewhere.
     """
     pose = _told(piece, leaf, handle)
     return pose if pose is not None and _explained(piece, pose) else None
 
 
 def _told(piece: MapFurniture, leaf: MapArticulation, handle: Handle) -> Pose2D | None:
-    """Where the piece would stand if the handle were on this leaf and that shut, or None if the panel is not its
-    front.
+    """Return the pose the furniture would have if the handle were on this closed articulation, or None if the panel is
+    not its front.
     """
     front = leaf.shapes[0]
     if handle.panel is None or handle.panel_size is None or not isinstance(front.shape, Box):
@@ -122,7 +122,7 @@ def _explained(piece: MapFurniture, pose: Pose2D) -> bool:
 
 
 def _off(piece: MapFurniture, pose: Pose2D) -> NDArray[np.float64]:
-    """Metres (2,) from the piece's place on the map, in its frame: x backwards."""
+    """Return the offset (2,), metres, from the furniture's mapped pose, in its frame: x backwards."""
     off: NDArray[np.float64] = piece.pose.inverse().apply(np.array([pose.xy]))[0]
     return off
 
@@ -249,7 +249,7 @@ def opening_by_board(leaf: FurnitureArticulation, plane: SupportPlane) -> float 
 
 
 def _error(leaf: FurnitureArticulation) -> float:
-    """By how much the map may be wrong about how far a leaf is open, radians or metres."""
+    """Return the largest error of the map about the articulation's opening, radians or metres."""
     piece = leaf.furniture
     return piece.heading_error if leaf.leaf.kind == "revolute" else 1.5 * piece.position_error
 
@@ -277,7 +277,7 @@ def _position(leaf: FurnitureArticulation, on_front: NDArray[np.float64], outwar
 
 
 def _rounded(leaf: FurnitureArticulation, position: float) -> float:
-    """0 where it counts as shut; no farther than it opens."""
+    """Return the opening, clipped to the articulation's range; 0 if it counts as shut."""
     return 0.0 if position < _error(leaf) + SHUT[leaf.leaf.kind] else min(position, leaf.leaf.upper)
 
 

@@ -167,7 +167,7 @@ class FindOpenStand(FindBasePlacement):
         return best
 
     def _rank(self, opening: Opening, belief: HandleBelief) -> Sequence[PathPlacement]:
-        """For all grasps."""
+        """Rank the base placements for all grasps."""
         return find_stands(self.skills, opening.leaf, self._ways(opening, belief))
 
     def _ways(self, opening: Opening, belief: HandleBelief) -> Iterator[ArticulationPath]:

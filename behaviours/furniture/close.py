@@ -208,7 +208,7 @@ def pushes(skills: SkillContext, leaf: FurnitureArticulation) -> Iterator[FrontP
 
 
 def _palm(gripper: GripperModel) -> NDArray[np.float64]:
-    """Points (N, 3) all over the palm of a hand with closed fingers, tool frame, ``PALM_STEP`` apart."""
+    """Return points (N, 3) all over the palm of a hand with closed fingers, tool frame, ``PALM_STEP`` apart."""
     from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandSize
 
     centres, halves = HandShape(gripper, HandSize()).boxes(np.array([gripper.part.min_width]))
@@ -219,7 +219,7 @@ def _palm(gripper: GripperModel) -> NDArray[np.float64]:
 
 
 def _distance(placed: PlacedShape, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Metres (N,) from a box to points (N, 3) in the frame of its pose; 0 inside."""
+    """Return the distance (N,), metres, from a box to points (N, 3) in the frame of its pose; 0 inside."""
     assert isinstance(placed.shape, Box)
     outside = np.abs(placed.pose.inverse().apply(points)) - np.array(placed.shape.size) / 2
     distance: NDArray[np.float64] = np.linalg.norm(np.maximum(outside, 0.0), axis=1)

@@ -92,7 +92,9 @@ class DetectHandle(Skill):
         self.feedback_message = f"{best}: {skills.world.handles[best].handle.kind}, {len(chosen)} in all"
 
     def _on_leaf(self, leaf: FurnitureArticulation, seen: list[Handle]) -> list[Handle]:
-        """Those on a door or drawer; it is believed to be as far open as the surest of them says."""
+        """Return the handles on a door or drawer, which is believed to be as far open as the most reliable of them
+        shows.
+        """
         skills = self.skills
         openings = [(handle, opening_seen(leaf, handle)) for handle in seen]
         found = [(handle, opening) for handle, opening in openings if opening is not None]
@@ -108,7 +110,7 @@ class DetectHandle(Skill):
         return [handle for handle, _ in found]
 
     def _believe_board(self, leaf: FurnitureArticulation, fronts: list[SupportPlane]) -> None:
-        """By its board a leaf is known to stand open where that is more than the map's error explains."""
+        """Believe that an articulation is open if its front is farther from closed than the map's error explains."""
         openings = [opening for front in fronts if (opening := opening_by_board(leaf, front)) is not None]
         if not openings:
             return
@@ -172,5 +174,5 @@ def _belongs(handle: Handle, furniture: MapFurniture) -> bool:
 
 
 def _area(furniture: MapFurniture) -> float:
-    """What stands on other furniture is smaller than that."""
+    """Return the floor area of the furniture, m²; furniture on other furniture has less."""
     return furniture.footprint[0] * furniture.footprint[1]

@@ -94,7 +94,7 @@ class Open(ArmNode, Skill):
         self.feedback_message = f"{leaf.articulation} open by {opened:.2f}"
 
     def _pull_open(self, opening: Opening, plan: HandlePull, posture: str) -> SkillCoroutine[float]:
-        """Take the handle, follow, let go, withdraw; how far it is open then."""
+        """Grasp the handle, follow the articulation, release, retreat; return the opening reached."""
         skills, leaf = self.skills, opening.leaf
         contact = world_at_leaf(skills, leaf, opening.start, "hand")
         yield from approach_object(self, plan.into, contact, monitored=opening.touching == "nothing")
@@ -121,7 +121,7 @@ class Open(ArmNode, Skill):
             raise SkillFailure("grasp_failed", f"the hand closed to {width:.0f} mm and does not hold the handle")
 
     def _held(self, plan: HandlePull, base_from_tool: Pose) -> NDArray[np.float64]:
-        """Where the held place (3,) is in the map frame."""
+        """Return the position (3,) of the grasped point in the map frame."""
         held: NDArray[np.float64] = (self.skills.map_from_base @ base_from_tool).apply(plan.guide.held_at[None])[0]
         return held
 

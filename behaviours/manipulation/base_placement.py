@@ -87,7 +87,7 @@ class FindStandAtFurniture(FindBasePlacement):
 
     @abstractmethod
     def _targets(self) -> list[StandTarget]:
-        """What would do, the best first."""
+        """Return the targets that would suffice, the best first."""
 
     def on_load(self) -> None:
         """Reset the tried placements and their target."""
@@ -95,7 +95,9 @@ class FindStandAtFurniture(FindBasePlacement):
         self._target = np.full(2, np.inf)
 
     def _best(self) -> SkillCoroutine[Pose2D]:
-        """The first along the furniture by the arm's reach; those that have been tried again once all have been."""
+        """Return the best placement along the furniture by the arm's reach; those tried before only once all have been
+        tried.
+        """
         furniture, _ = find_surface(self.skills, self.surface)
         targets = self._targets()
         if np.linalg.norm(targets[0].at - self._target) > SAME_TARGET:
@@ -111,7 +113,7 @@ class FindStandAtFurniture(FindBasePlacement):
     def _first_reached(
         self, furniture: MapFurniture, targets: Sequence[StandTarget]
     ) -> SkillCoroutine[tuple[BasePlacement, ...]]:
-        """Stands, best first, from where one of the targets is reached, those of the first one that is."""
+        """Return placements, best first, from which a target is reached: those of the first reachable target."""
         for target in targets:
             stands: tuple[BasePlacement, ...] = yield self.compute("stand_planning", self._rank, furniture, target)
             if stands:
@@ -131,7 +133,7 @@ class FindStandAtFurniture(FindBasePlacement):
         )
 
     def _beside(self, furniture: MapFurniture, target: StandTarget) -> list[Pose2D]:
-        """Stands at the furniture that have not been tried, free or not."""
+        """Return placements at the furniture that have not been tried, free or not."""
         front = float(np.array(self.skills.base.model.footprint)[:, 0].max())
         beside = self.skills.base_placement.beside(with_open_drawers(self.skills, furniture), target.at, front)
         return [stand for stand in beside if self._is_new(stand)]
@@ -205,7 +207,7 @@ class FindStandPose(FindStandAtFurniture):
         return [StandTarget(hands(np.array([*point, height])), point) for point in points]
 
     def _parts(self, furniture: MapFurniture, surface: MapSurface) -> NDArray[np.float64]:
-        """Points (N, 2) of a surface in the map frame, the middle first, then others nearer to its front."""
+        """Return points (N, 2) of a surface in the map frame: the middle first, then others nearer to its front."""
         shares = np.array([(0.0, 0.0), *((-PART, share * PART) for share in (0.0, 1.0, -1.0))])
         points = np.column_stack([shares * np.array(surface.size), np.zeros(len(shares))])
         in_map: NDArray[np.float64] = (furniture.pose.to_pose() @ surface.pose).apply(points)[:, :2]
@@ -222,12 +224,12 @@ class FindStandPose(FindStandAtFurniture):
 
 
 def _top_down(position: NDArray[np.float64]) -> list[tuple[Pose, ...]]:
-    """Tool poses that point straight down, at six turns of the hand."""
+    """Return tool poses that point straight down, at six turns of the hand."""
     return [(Pose.from_xyz_rpy(position, (np.pi, 0.0, turn)),) for turn in np.arange(6) * np.pi / 3]
 
 
 def _from_front(position: NDArray[np.float64], heading: float) -> list[tuple[Pose, ...]]:
-    """Level tool poses in the direction ``heading``, before the place and there, at four turns of the hand."""
+    """Return level tool poses in the direction ``heading``, before the place and at it, at four turns of the hand."""
     level = Pose.from_xyz_rpy(position, (0.0, np.pi / 2, heading))
     turned = [level @ Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, turn)) for turn in np.arange(4) * np.pi / 2]
     return [(pose @ Pose(np.array([0.0, 0.0, -PRE_REACH])), pose) for pose in turned]

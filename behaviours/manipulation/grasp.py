@@ -263,7 +263,7 @@ class Grasp(ArmNode, Skill):
         self.grasps = []
 
     def _believe(self, held: HeldObject) -> None:
-        """The object is in the hand, and where it stood is free."""
+        """Believe that the object is in the hand and that its former place is free."""
         from bestman_bt.perception.occupancy import freed
 
         world = self.skills.world
@@ -275,7 +275,9 @@ class Grasp(ArmNode, Skill):
             world.occupancy = freed(world.occupancy, taken)
 
     def _check_held(self, expected: float | None) -> None:
-        """``expected``: metres between the fingers, or None if nothing is known of the object's far side."""
+        """Check that the hand holds the object. ``expected``: metres between the fingers, or None if the object's far
+        side is unknown.
+        """
         width = self.skills.gripper.width()
         if expected is not None:
             problem = HELD_WIDTH.problem(width, expected)

@@ -71,7 +71,9 @@ def _of_kind(approach: str, candidates: tuple[GraspCandidate, ...]) -> tuple[Gra
 def _from_the_open_side(
     skills: SkillContext, belief: ObjectBelief, candidates: tuple[GraspCandidate, ...]
 ) -> tuple[GraspCandidate, ...]:
-    """Of grasps within furniture, those into a drawer from above, and into what has a door from the front."""
+    """Return the grasps that enter furniture through its opening: into drawers from above, behind
+    doors from the front.
+    """
     known = skills.world.map
     furniture, surface = known.surface(belief.surface) if belief.surface else (None, None)
     if furniture is None or surface is None or not furniture.is_inside(surface):
@@ -125,7 +127,7 @@ def _at_other_yaws(belief: ObjectBelief, base_from_map: Pose) -> NDArray[np.floa
 
 
 def _surface(model: ObjectModel) -> NDArray[np.float64]:
-    """Points of a model's surface, (N, 3) metres, in its frame."""
+    """Return the points of a model's surface, (N, 3) metres, in its frame."""
     from bestman_bt.perception.pose_estimation.model_surface import sample_shape
 
     return np.concatenate(
@@ -134,7 +136,7 @@ def _surface(model: ObjectModel) -> NDArray[np.float64]:
 
 
 def _surroundings(skills: SkillContext, belief: ObjectBelief, base_from_map: Pose) -> NDArray[np.float64]:
-    """Points of everything else that is believed near an object, (N, 3) metres in the base frame."""
+    """Return points (N, 3), metres, base frame, of everything else that is believed near an object."""
     points = [np.empty((0, 3))]
     for other in skills.world.objects.values():
         near = np.linalg.norm(other.pose.position - belief.pose.position) < NEIGHBOURHOOD

@@ -109,7 +109,7 @@ def _lines(skills: SkillContext, points: Sequence[ArrayLike]) -> SceneObstacle:
 
 
 def _fence() -> SceneObstacle:
-    """About the base."""
+    """Return walls around the area in which the base can turn."""
     from bestman_bt.manipulation.collision.planning_scene import SceneObstacle
 
     back, front, side = ROOM_TO_TURN
@@ -198,7 +198,7 @@ class Retreat(ArmNode, Skill):
         yield from _move_to(self, _postures(self, self.posture))
 
     def _straight_back(self, world: CollisionWorld, distance: float) -> SkillCoroutine[None]:
-        """As far as that is free."""
+        """Move the tool straight back as far as the way is free."""
         from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 
         skills = self.skills
@@ -209,7 +209,7 @@ class Retreat(ArmNode, Skill):
 
 
 def _move_to(skill: Skill, choices: Sequence[list[NDArray[np.float64]]]) -> SkillCoroutine[None]:
-    """Go to one of the first of ``choices`` to which there is a way; at once done where the arm is there already."""
+    """Move to the first of ``choices`` that can be reached; succeed at once if the arm is already there."""
     from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
 
     arrived = skill.skills.parameters.arm_motion.posture_tolerance

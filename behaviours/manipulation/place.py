@@ -150,7 +150,9 @@ class PlaceOn(ArmNode, Skill):
             yield from self._level(place.hover_height - outcome.distance)
 
     def _level(self, left: float) -> SkillCoroutine[None]:
-        """Let what touches with an edge turn in an ever looser hand, which follows it down, ``left`` metres at most."""
+        """Loosen the hand so that an object that touches with an edge turns level, and lower the hand by at most
+        ``left`` metres.
+        """
         skills, place = self.skills, self.skills.parameters.place
         try:
             for force in (force for force in place.loosening_forces if force <= skills.gripper.model.part.max_force):
@@ -197,7 +199,7 @@ class PlaceOn(ArmNode, Skill):
         return cartesian_path(kinematics, approach.into[-1], lowest, world.is_free).complete
 
     def _above(self, held: HeldObject) -> float:
-        """Metres above the goal where the descent begins."""
+        """Return the height above the goal, metres, at which the descent begins."""
         return self.skills.parameters.place.descent
 
     def _lowering_world(self, held: HeldObject, hand: bool = False) -> CollisionWorld:

@@ -70,7 +70,7 @@ class FindRoomIn(InstantSkill):
         self.pose = map_from_surface @ Pose(np.array([*best, height]))
 
     def _choose(self, name: str, places: NDArray[np.float64], room: NDArray[np.float64]) -> NDArray[np.float64]:
-        """One of the places (N, 2) that was not given before, as far as there is one."""
+        """Choose one of the places (N, 2), preferably one that was not returned before."""
         if name != self._object:
             self._object, self._given = name, np.zeros((0, 2))
         near_given = (np.linalg.norm(places[:, None] - self._given[None], axis=2) < SAME_PLACE).any(axis=1)
@@ -84,7 +84,7 @@ class FindRoomIn(InstantSkill):
         return best
 
     def _grid(self, size: tuple[float, float], behind_front: float) -> NDArray[np.float64]:
-        """Places (N, 2) in its frame, metres; ``behind_front``: how far its middle is within the furniture."""
+        """Return places (N, 2) in its frame, metres; ``behind_front``: depth of its middle within the furniture."""
         x = np.arange(-size[0] / 2, min(size[0] / 2, -behind_front) + 1e-9, STEP)
         y = np.arange(-size[1] / 2, size[1] / 2 + 1e-9, STEP)
         return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -96,7 +96,7 @@ class FindRoomIn(InstantSkill):
         others: NDArray[np.float64],
         radii: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Metres from each place (N, 2) to the next wall or thing, (N,)."""
+        """Return the distance (N,), metres, from each place (N, 2) to the next wall or object."""
         walls = (np.array(size) / 2 - np.abs(places)).min(axis=1)
         away = np.linalg.norm(places[:, None] - others[None], axis=2) - radii[None]
         room: NDArray[np.float64] = np.minimum(walls, away.min(axis=1, initial=np.inf))
@@ -139,7 +139,7 @@ class PlaceIn(PlaceOn):
     DECLARATION = Declaration(pre=("holding({object})", "free({pose})"), effects=("lowered({object}, {pose})",))
 
     def _above(self, held: HeldObject) -> float:
-        """So high that nothing of the object is below the rim."""
+        """Return the height at which no part of the object is below the rim."""
         pose: Pose = self.pose
         furniture, surface = self._drawer(pose)
         assert surface.leaf is not None
@@ -165,6 +165,6 @@ class PlaceIn(PlaceOn):
 
 
 def _top(placed: PlacedShape) -> float:
-    """z of the highest point of a board, metres."""
+    """Return the z of the highest point of a board, metres."""
     assert isinstance(placed.shape, Box)
     return float(placed.pose.position[2] + np.abs(placed.pose.rotation[2]) @ np.array(placed.shape.size) / 2)

@@ -223,7 +223,7 @@ class RunPolicy(ArmNode, Skill):
             policy.close()
 
     def _contacts(self) -> Iterator[Contact]:
-        """Of the object that the hand may touch, where one is given."""
+        """Yield the permitted contacts of the object, if one is given."""
         name = self.object
         if name:
             belief = self.skills.world.objects[name]
@@ -297,7 +297,7 @@ class RunPolicy(ArmNode, Skill):
         return box
 
     def _open_hand(self, spec: PolicySpecification) -> SkillCoroutine[None]:
-        """A policy that opens and closes the gripper begins with it open."""
+        """Open the hand, in which state a policy that drives the gripper starts."""
         skills = self.skills
         if not spec.moves_gripper or not spec.open_width:
             return

@@ -132,7 +132,7 @@ class Push(ArmNode, Skill):
         self.feedback_message = f"{name} pushed by {way_words}"
 
     def _check_goal(self, belief: ObjectBelief, goal: Pose) -> None:
-        """Whether the object will stand on its surface with room to spare."""
+        """Check that the object will stand on its surface with clearance."""
         if belief.surface is None:
             return
         furniture, surface = find_surface(self.skills, belief.surface)
@@ -196,7 +196,9 @@ class Push(ArmNode, Skill):
         return scene.adding(*exact)
 
     def _pushing_world(self, scene: PlanningScene, belief: ObjectBelief, tool_from_object: Pose) -> CollisionWorld:
-        """The object goes with the hand; it slides on its surface and touches nothing else, nor the palm."""
+        """Return the scene in which the object moves with the hand, slides on its surface, and touches neither the palm
+        nor anything else.
+        """
         from bestman_bt.manipulation.collision.planning_scene import AttachedObject
         from bestman_bt.manipulation.collision.scene_from_world_model import finger_contacts
 
@@ -211,7 +213,7 @@ class Push(ArmNode, Skill):
         return skills.arm_world(scene.holding(moving).allowing(*pairs))
 
     def _believe(self, belief: ObjectBelief, went: NDArray[np.float64]) -> None:
-        """It went along with the hand, ``went`` (3,) metres in the base frame, as far as can be felt."""
+        """Believe that the object moved with the hand by ``went`` (3,), metres, base frame, as far as this was felt."""
         from bestman_bt.perception.occupancy import freed
 
         skills = self.skills
@@ -263,7 +265,7 @@ def push_tool_poses(
 
 
 def _way(base_from_object: Pose, base_from_goal: Pose) -> tuple[NDArray[np.float64], float]:
-    """Horizontal unit direction (3,) and distance, metres."""
+    """Return the horizontal unit direction (3,) and the distance, metres."""
     way = base_from_goal.position - base_from_object.position
     way[2] = 0.0
     distance = float(np.linalg.norm(way))

@@ -38,7 +38,7 @@ class _Docking(Skill):
     }
 
     def dock(self, pose: Pose2D, piece: MapFurniture | None, attempts: int) -> SkillCoroutine[tuple[Pose2D, int]]:
-        """Dock; the pose by where ``piece`` was seen, and the approaches that it took."""
+        """Dock; return the pose, by where ``piece`` was seen, and the number of approaches."""
         from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit
 
         # Slow, with a near steering point, which reduces lateral errors on the way.
@@ -78,7 +78,7 @@ class _Docking(Skill):
             yield skills.base.follow(path, skills.known_costmap())
 
     def _seen(self, piece: MapFurniture, goal: Pose2D) -> SkillCoroutine[Pose2D]:
-        """The goal by where the front of ``piece`` is seen."""
+        """Return the goal, by where the front of ``piece`` is seen."""
         from bestman_bt.navigation.localization.front_edge import front_edge
 
         skills = self.skills

@@ -19,7 +19,7 @@ class _Lacking(Nav2Errors, InstantSkill):
     FAILS: ClassVar = {"not_available": "this feature is not available; give the tree an alternative"}
 
     def act(self) -> None:
-        """Say it."""
+        """Fail with the reason."""
         raise SkillFailure("not_available", self.LACKS)
 
 
@@ -85,7 +85,7 @@ class _LackingCondition(SkillCondition):
     FAILS: ClassVar = {"not_available": "this feature is not available; give the tree an alternative"}
 
     def check(self) -> tuple[str, str] | None:
-        """Say it."""
+        """Fail with the reason."""
         return "not_available", self.LACKS
 
 

@@ -43,7 +43,7 @@ class _Motion(Nav2Errors, Skill):
         yield motion
 
     def end(self) -> float:
-        """When the time is up, seconds."""
+        """Return the time at which the motion times out, seconds."""
         allowed = self.time_allowance
         return self.skills.clock.now() + allowed if allowed > 0.0 else math.inf
 
@@ -77,7 +77,7 @@ class DriveOnHeading(_Motion):
             raise ValueError(words)
 
     def _of_two_signs(self) -> str:
-        """In words that distance and speed lead to opposite sides; empty if they do not."""
+        """Return the fault if distance and speed have opposite signs, else an empty text."""
         distance, speed = self.dist_to_travel, self.speed
         if distance * speed > 0.0:
             return ""

@@ -128,7 +128,7 @@ class CheckPoseOccupancy(InstantSkill):
 
 
 def _is_free(node: RobotNode, poses: Sequence[Pose2D]) -> list[bool]:
-    """At which poses the base touches nothing."""
+    """Return at which poses the base touches nothing."""
     if not poses:
         return []
     rows = np.array([[pose.x, pose.y, pose.theta] for pose in poses])
@@ -276,7 +276,9 @@ class GoalUpdater(Decorator):
         return self._written(f"{what}_update") >= self._written(f"input_{what}")
 
     def _written(self, port: str) -> float:
-        """When the entry that a port leads to was written, seconds; a literal was there before everything."""
+        """Return when the entry that a port leads to was written, seconds; a literal counts as older
+        than every entry.
+        """
         default = self.INPUT_PORTS[port].default_value
         key = key_of(self.attributes.get(port, default), port)
         return -math.inf if key is None else self.board.slot(key).stamp
@@ -317,7 +319,7 @@ class SpeedController(WatchesGoals, RobotNode, Decorator):
         return self.child.execute_tick()
 
     def _rate(self) -> float:
-        """Hertz at which the base's speed asks for the child."""
+        """Return the rate, hertz, at which the base's speed requests a tick of the child."""
         low, high, slow, fast = self._limits()
         velocity = self.skills.base.velocity()
         share = (math.hypot(velocity.vx, velocity.vy) - slow) / (fast - slow)

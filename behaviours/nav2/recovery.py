@@ -75,7 +75,7 @@ class ClearCostmapExceptRegion(InstantSkill):
 
 
 def _within(points: NDArray[np.float64], centre: Pose2D, side: float) -> NDArray[np.bool_]:
-    """Which points (N, 2) lie in a square of the map's axes."""
+    """Return which points (N, 2) lie in a square of the map's axes."""
     inside: NDArray[np.bool_] = np.all(np.abs(points - centre.xy) <= side / 2, axis=1)
     return inside
 

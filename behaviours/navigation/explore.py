@@ -93,7 +93,7 @@ class ExploreAndMap(Skill):
         base.believe(now.pose, position_std, math.hypot(now.heading_std, told.heading_std))
 
     def _explore(self) -> SkillCoroutine[bool]:
-        """Whether nothing is left to see; False where the time is up."""
+        """Explore; return True if nothing is left to see, False after the time limit."""
         from bestman_bt.navigation.global_planning.base import PlanningFailureReason
         from bestman_bt.navigation.slam.overhangs import Overhangs
 

@@ -207,14 +207,14 @@ class NavigateTo(Skill):
                 raise
 
     def _back_up(self) -> SkillCoroutine[float]:
-        """Straight back as far as is free; metres."""
+        """Return the distance straight back that is free, metres."""
         room = self._room_behind()
         if room > 0.0:
             yield self.skills.base.drive(-room)
         return room
 
     def _room_behind(self) -> float:
-        """Metres that the base can back up, up to the parameter ``back_up``."""
+        """Return the distance, metres, that the base can back up, at most the parameter ``back_up``."""
         farthest = self.skills.parameters.navigate.back_up
         pose, along = self.skills.world.base.pose, np.arange(0.05, farthest + 0.01, 0.05)
         x, y = pose.x - along * math.cos(pose.theta), pose.y - along * math.sin(pose.theta)

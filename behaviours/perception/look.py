@@ -69,7 +69,7 @@ class LookInto(ArmNode, Skill):
         return found
 
     def _views(self) -> Iterator[Pose]:
-        """Poses of the camera in the base frame, the best first."""
+        """Yield poses of the camera in the base frame, the best first."""
         skills = self.skills
         furniture, surface = find_surface(skills, self.surface)
         frame = skills.map_from_base.inverse() @ furniture.pose.to_pose()

@@ -175,7 +175,7 @@ class DetectObject(Skill):
 
 
 def _look(leaf: DetectObject | DetectObjects) -> SkillCoroutine[tuple[RGBDView, DetectedScene]]:
-    """A picture by the leaf's camera, and what stands on its surface."""
+    """Capture an image with the camera of the leaf; return it with the objects on its surface."""
     skills = leaf.skills
     view = camera_called(skills, leaf.camera).capture()
     region = surface_region(skills, leaf.surface, view)
@@ -228,7 +228,9 @@ class EstimatePose(Skill):
         self.feedback_message = f"{name} to ±{1e3 * refined.position_std:.1f} mm{yaw}"
 
     def _region(self, belief: ObjectBelief, base_from_object: Pose, view: RGBDView) -> Region:
-        """Around the object; within furniture, where walls and boards are near, its surface."""
+        """Return the region around the object; within furniture, where walls and boards are near, that
+        of its surface.
+        """
         world = self.skills.world
         if belief.surface is not None:
             furniture, surface = world.surface(belief.surface)

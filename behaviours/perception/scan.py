@@ -88,7 +88,7 @@ class ScanScene(Skill):
         self.feedback_message = f"{len(names)} things, {len(changes)} changes"
 
     def _points(self, count: int) -> list[NDArray[np.float64]]:
-        """Where to look, (3,) metres in the base frame, the middle first."""
+        """Return the points to look at, (3,) metres in the base frame, the middle first."""
         steps = sorted(np.linspace(-0.5, 0.5, count) if count > 1 else [0.0], key=abs)
         name = self.surface
         if not name:
@@ -101,7 +101,7 @@ class ScanScene(Skill):
         return [base_from_surface.apply(step * along) for step in steps]
 
     def _detect(self, view: RGBDView) -> SkillCoroutine[Sequence[str]]:
-        """Believe in what one view shows; returns the identities."""
+        """Add the detections of one view to the world model; return their identities."""
         from bestman_bt.perception.segmentation.support_surfaces import surface_regions
 
         skills = self.skills
@@ -151,7 +151,7 @@ class ScanScene(Skill):
         return VoxelRegion(furniture.pose.to_pose() @ surface.pose @ above, (x, y, MAPPED_HEIGHT + MAPPED_MARGIN))
 
     def _join(self, name: str) -> SkillCoroutine[None]:
-        """One pose from all views of an object."""
+        """Fuse the poses of an object from all views into one."""
         skills = self.skills
         belief, observations = skills.world.objects[name], skills.observations.get(name, [])
         if not belief.recognised or len(observations) < 2:

@@ -190,7 +190,7 @@ def _untidy(node: _SeenInRegion) -> list[str]:
 
 
 def _within(node: _SeenInRegion | FindFreePlace, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which (N,) of the places (N, 3) in the frame of the surface lie inside the region by the margin."""
+    """Return which (N,) of the places (N, 3) in the frame of the surface lie inside the region by the margin."""
     if node.region_x is None or node.region_y is None:
         return np.ones(len(places), dtype=bool)
     lower, upper = np.transpose((node.region_x, node.region_y))

@@ -65,7 +65,7 @@ class BroughtUpRobot:
         return self.parts(JointGroup)
 
     def parts(self, kind: type[Kind]) -> dict[str, Kind]:
-        """Parts of a kind behind connections."""
+        """Return the parts of type ``kind`` that hardware controllers serve."""
         return {name: part for name, part in self.robot.parts.items() if isinstance(part, kind)}
 
     def identities(self) -> dict[str, Identity]:

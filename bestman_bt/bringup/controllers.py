@@ -50,7 +50,7 @@ def _of_each_arm(
 
 
 def _limits(subject: BroughtUpRobot, name: str, group: JointGroup) -> CheckFinding:
-    """All joints stand within their ranges, which are within those that the controller keeps."""
+    """Check that all joints are within their ranges, and that these are within the controller's limits."""
     here, model = group.positions(), group.model
     spare = np.minimum(here - model.lower, model.upper - here)
     worst = int(np.argmin(spare))

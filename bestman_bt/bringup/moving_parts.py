@@ -34,7 +34,7 @@ DISTANCE_TOLERANCE, TURN_TOLERANCE = 0.01, math.radians(1.5)
 
 
 def _signs_of(subject: BroughtUpRobot, name: str, group: JointGroup) -> CheckFinding:
-    """And back again; of an arm whose controller tells its tool's pose, that moves as ours does."""
+    """Move each joint and back, and compare with the tool pose of the controller, if it reports one."""
     worst, figures = 0.0, {}
     for index, joint in enumerate(group.joint_names):
         here = group.positions()
@@ -177,7 +177,7 @@ class Stop:
         return self.rest <= REST_TIME and self.way <= self.longest_distance
 
     def __str__(self) -> str:
-        """For people."""
+        """Return the result for display."""
         return (
             f"at {self.speed:.2f} {self.unit}/s slower after {1e3 * self.latency:.0f} ms, at rest after "
             f"{1e3 * self.rest:.0f} ms and {self.way:.3f} {self.unit} "

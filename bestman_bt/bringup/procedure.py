@@ -57,7 +57,7 @@ def camera(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
 
 
 def _images(part: Camera) -> Iterator[RGBDImage]:
-    """As often as skills ask for one that is new enough."""
+    """Check that images arrive as often as skills need new ones."""
     for _ in range(TRIES):
         yield part.capture()
 

@@ -134,7 +134,7 @@ def _robot_settings(settings: list[str] | None) -> dict[str, Any]:
 
 @contextmanager
 def _controllers(name: str, settings: dict[str, Any], twin: bool) -> Iterator[dict[str, Any]]:
-    """The settings that lead to them; twins run as long."""
+    """Yield the settings of the controllers; twins run within the context."""
     if not twin:
         yield settings
         return

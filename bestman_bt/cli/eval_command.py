@@ -120,7 +120,7 @@ def table(evaluation: Evaluation) -> Table:
 
 
 def _standing(document: dict[str, Any]) -> Text:
-    """What the episodes up to now would say of the targets."""
+    """Return how the finished episodes compare with the targets."""
     missed = [target["what"] for target in document["targets"] if not target["met"]]
     done = document["episodes"] == document["asked_episodes"]
     if not document["audit_clean"] and "audit" not in missed:
@@ -310,7 +310,7 @@ def _evaluate(
 
 
 def _refuse_other_suite(summary: Path, suite: Suite) -> None:
-    """Two suites of one name would overwrite each other's figures."""
+    """Refuse a second suite of the same name, whose figures would overwrite those of the first."""
     try:
         file = json.loads(summary.read_text(encoding="utf-8"))["file"]
     except (OSError, ValueError, KeyError, TypeError):

@@ -72,7 +72,7 @@ def _explanation(run: Path) -> dict[str, Any]:
 
 
 def _document(run: Path, history: RunHistory, line: LogEvent) -> dict[str, Any]:
-    """A failure with its picture: of its node, taken when it failed."""
+    """Return a failure as JSON, with the image taken when its node failed."""
     of_it = (SCENE, line.node, line.time)
     pictures = [one.file for one in history.pictures if (one.camera, one.node, one.time) == of_it]
     return {

@@ -100,7 +100,7 @@ def _in_plain_words(command: Any) -> Any:
 
 
 def _latest_runs(*_: Any, **__: Any) -> str:
-    """Which run folders could be given, the newest first."""
+    """Return a sentence that names the latest run folders, the newest first."""
     found = sorted(Path("runs").glob("*/config.yaml"), key=lambda file: file.stat().st_mtime, reverse=True)
     latest = ", ".join(str(file.parent) for file in found[:3])
     return f"The latest {'run is' if len(found) == 1 else 'runs are'} {latest}" if found else "There is none below runs"

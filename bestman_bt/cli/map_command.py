@@ -77,7 +77,7 @@ def _facts(grid: OccupancyGrid) -> dict[str, Any]:
 
 
 def _picture(grid: OccupancyGrid, path: Path, title: str) -> None:
-    """What is known of a map, and a little around it: maps often lie in a far larger unseen area."""
+    """Show the known part of a map with a border around it, since maps often lie in a far larger unseen area."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -1,4 +1,6 @@
-"""Examples: bestman-bt monitor; bestman-bt monitor runs/ --read-only; bestman-bt monitor --connect groot2://127.0.0.1:1667."""
+"""Examples: bestman-bt monitor; bestman-bt monitor runs/ --read-only; bestman-bt monitor --connect
+groot2://127.0.0.1:1667.
+"""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def command(
 
 
 def _shipped_subtrees() -> dict[str, tuple[Path, int]]:
-    """ID → the file below ``trees`` that any tree may include, and the line."""
+    """Return, by ID, the file below ``trees`` that any tree may include, and its line."""
     found = {}
     for folder in shipped_trees():
         for file in sorted((folder / "subtrees").glob("*.xml")):

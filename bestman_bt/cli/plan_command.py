@@ -183,7 +183,7 @@ def command(
 
 
 def _question(wanted: GoalOptions, where: PlanningOptions) -> tuple[PlanRequest, str | None]:
-    """What is asked of the planner, and the goal as facts, for a text None.
+    """Return the planning problem, and the goal as facts (None for a text).
 
     Raises ConfigurationError with all faults.
     """
@@ -198,7 +198,7 @@ def _question(wanted: GoalOptions, where: PlanningOptions) -> tuple[PlanRequest,
 
 
 def _judged_by(question: PlanRequest, problem: PlanningProblem) -> tuple[str, str]:
-    """Settings by which a run of the tree is judged by the goal, and told where things are."""
+    """Return the settings by which a run of the tree is judged by the goal and given the objects' places."""
     told = question.told(problem)
     facts = {"goal": " and ".join(map(str, problem.goal))} | ({"told": told} if told else {})
     return f"goals={json.dumps([{'facts': facts}])}", "predicate=facts"

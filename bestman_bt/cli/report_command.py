@@ -15,7 +15,7 @@ REPORT_NAME = "report.html"
 
 
 def _writable_html(path: Path | None) -> Path | None:
-    """Told before the work that the page is of."""
+    """Check, before the work begins, that the page can be written."""
     if path is None:
         return None
     if path.suffix.lower() not in (".html", ".htm"):

@@ -65,7 +65,7 @@ class RunView:
         numbers = count(MAIN_TREE + 1)
 
         def follow(followed: Tree, number: int) -> None:
-            """Tell what happens in a tree, and in those that its leaves tick, as ``ExecutePlan`` does."""
+            """Print the events of a tree, and of the trees that its leaves tick, such as ``ExecutePlan``."""
 
             def on_changes(changes: StateChanges) -> None:
                 for event in shown.take(describe_changes(followed, changes, start, 0, number)):
@@ -136,7 +136,7 @@ def _add_files(table: Table, result: RunResult, folder: Path) -> None:
 
 
 def _metric_words(metrics: Mapping[str, float]) -> str:
-    """``place error 3.1 mm, tilt 0.2°``: metrics of single objects are left out, if any over all."""
+    """Format metrics as ``place error 3.1 mm, tilt 0.2°``; those of single objects only if there is none over all."""
     told = []
     for name, value in metrics.items():
         if not any(name.startswith(f"{other}_") for other in metrics):

@@ -75,7 +75,7 @@ def command(
 
 
 def _print(text: str, file: Path | None = None) -> None:
-    """Into the file, whose name is printed, or onto standard output."""
+    """Write into the file, whose name is printed, or to standard output."""
     if file is None:
         print(text, end="")
     else:
@@ -91,7 +91,9 @@ def _nodes_of_a_file_without_trees(path: Path) -> list[NodeInfo]:
 
 
 def _report_placeholders(tree: Tree, misfits: list[TreeProblem]) -> None:
-    """On standard error, what has no code here and where it is known from, then what does not fit the code here."""
+    """Print to standard error which nodes have no code here and where they are declared, then what does not match the
+    code.
+    """
     sys.stdout.flush()
     wrong = {misfit.node for misfit in misfits}
     missing = {name: info for name, info in missing_nodes(tree).items() if name not in wrong}

@@ -138,7 +138,9 @@ def _warn_of_idle_rules(scenario: Scenario, coverage: Coverage) -> None:
 
 
 def _states(coverage: Coverage) -> dict[int, int]:
-    """Green: it succeeded alone; red: it failed alone; blue: both; thin: it never ended."""
+    """Return the style of each node: green for success alone, red for failure alone, blue for both, thin if it never
+    ended.
+    """
     states = {}
     for node in coverage.tree.nodes:
         use = coverage.of(node)

@@ -39,7 +39,7 @@ def show_in_monitor(port: int) -> None:
 
 
 def _health(port: int, token: str | None) -> dict[str, Any]:
-    """What a monitor that answers there says of itself; empty where none does."""
+    """Return the health report of the monitor at this address; empty without a monitor."""
     headers = {"Authorization": f"Bearer {token}"} if token else {}
     asked = Request(page_address("127.0.0.1", port, None) + "health", headers=headers)  # noqa: S310 - http always
     try:

@@ -24,7 +24,7 @@ def command(run: Run = None, as_json: Json = False) -> None:
 
 
 def _words(status: dict[str, Any]) -> str:
-    """Several lines."""
+    """Return the status as several lines."""
     state = f"paused{breakpoint_text(status)}" if status["paused"] else "running"
     state += "" if status["speed"] == 1.0 else f" at {status['speed']:.0%} of its speed"
     lines = [f"{state}, tick {status['ticks']}, {status['time']:.2f} s"]

@@ -107,7 +107,7 @@ def override(document: Document, dataclass_type: type, values: Mapping[str, Any]
 
 
 def _path_of(key: str, data: Any) -> FieldPath:
-    """``goals.0.placed``, where ``data`` has a list ``goals``, as field path."""
+    """Return the field path of an error, such as ``goals.0.placed``, for a list ``goals`` in ``data``."""
     path: list[str | int] = []
     for part in key.split("."):
         path.append(int(part) if isinstance(data, list) and part.isdigit() else part)
@@ -119,7 +119,7 @@ def _path_of(key: str, data: Any) -> FieldPath:
 
 
 def _paths(value: Any, path: FieldPath) -> Iterator[FieldPath]:
-    """The path of a value, and those of all that it holds."""
+    """Yield the paths of a value and of all values in it."""
     yield path
     if isinstance(value, (dict, list)):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
@@ -128,9 +128,9 @@ def _paths(value: Any, path: FieldPath) -> Iterator[FieldPath]:
 
 @functools.cache
 def _adapter(annotation: Any) -> TypeAdapter[Any]:
-    """Made once: that takes milliseconds, and a batch of episodes asks for the same few types.
+    """Return the cached type adapter: building one takes milliseconds, and a batch of episodes uses few types.
 
-    No number anywhere may be infinite or not a number. Pydantic takes this setting for unions, not for dataclasses.
+    It rejects infinity and NaN everywhere. Pydantic applies this setting to unions, not to dataclasses.
     """
     kind: Any = annotation  # mypy takes the types of dataclasses for no types
     if dataclasses.is_dataclass(annotation):
@@ -229,7 +229,7 @@ class _Salvaging:
         return left
 
     def _checked(self, data: Any, annotation: Any, path: FieldPath) -> Any:
-        """What has no parts of its own."""
+        """Check a value that has no parts."""
         try:
             return _adapter(annotation).validate_python(data)
         except ValidationError as error:
@@ -246,7 +246,7 @@ class _Salvaging:
         return _UNREAD
 
     def _tell_units_once(self, path: FieldPath) -> None:
-        """One fault of a list whose entries lack their units."""
+        """Keep one fault of a list whose entries lack their units."""
         fields = [dotted(entry) for entry in self.without_unit if entry[:-1] == path]
         if len(fields) < 2:
             return
@@ -357,7 +357,7 @@ def _bare(annotation: Any) -> Any:
 
 
 def _arms(annotation: Any) -> list[Any]:
-    """What a value may be beside None."""
+    """Return the alternatives of a type besides None."""
     if typing.get_origin(annotation) is typing.Annotated:
         return [typing.get_args(annotation)[0]]
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
@@ -366,7 +366,7 @@ def _arms(annotation: Any) -> list[Any]:
 
 
 def _arm_for(annotation: Any, data: Any) -> Any:
-    """Of what a value may be, the one that has parts as ``data`` has; ``annotation`` where none has."""
+    """Return the alternative of a union type whose fields match ``data``, or ``annotation`` if none does."""
     arms = list(map(_bare, _arms(annotation)))
     lists = [arm for arm in arms if typing.get_origin(arm) is tuple]
     named = [arm for arm in arms if dataclasses.is_dataclass(arm) or _value_type(arm) is not None]

@@ -127,7 +127,9 @@ def find_data(kind: str, name: str | Path, asked_by: Problem | None = None) -> P
 
 
 def _alike(kind: str, path: Path) -> str:
-    """Words that suggest the file in the folder of a missing one, or the shipped name, that is most like it."""
+    """Return words that suggest the most similar file in the folder of a missing one, or the most
+    similar shipped name.
+    """
     files = {found.stem: found.name for found in path.parent.glob("*") if found.suffix in _FOLDERS[kind][1]}
     close = [str(path.with_name(files[name])) for name in get_close_matches(path.stem, files, n=1)]
     close += get_close_matches(path.stem, data_names(kind), n=1)

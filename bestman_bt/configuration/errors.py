@@ -83,7 +83,7 @@ _NAMED = re.compile(rf"{_OPTION}(?: ([^\s;,)]*[^\s:;,)]))?")
 
 @contextmanager
 def naming_python_parameters() -> Iterator[None]:
-    """Within the context, faults name parameters of Python functions instead of command-line options."""
+    """Name parameters of Python functions, instead of command-line options, in faults raised within the context."""
     try:
         yield
     except InputError as error:

@@ -71,7 +71,7 @@ def parse_quantity(value: object, *dimensions: str, needs_unit: bool = False) ->
 
 
 def _without_unit(number: float, value: object, owed: tuple[str, ...]) -> float:
-    """``owed``: the dimensions of which it should have a unit."""
+    """Convert a number without unit. ``owed``: the dimensions of which a unit is required."""
     if _finite(number, value) and owed:
         units = list({_UNITS[owed[0]][unit]: unit for unit in reversed(_UNITS[owed[0]])}.values())[::-1]
         units = units[:2] + [next(iter(_UNITS[dimension])) for dimension in owed[1:]]

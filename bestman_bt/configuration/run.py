@@ -218,7 +218,7 @@ def read_run(path: Path) -> RunConfig:
 
 
 def _absolute(value: Any) -> Any:
-    """Texts that name a file, ``mine.yaml`` or ``mine.py:MyPlanner``, with its whole path; all else as it is."""
+    """Replace texts that name a file, ``mine.yaml`` or ``mine.py:MyPlanner``, by the absolute path; keep all others."""
     if isinstance(value, dict):
         return {key: _absolute(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -242,7 +242,7 @@ def _below(values: Mapping[str, Any], kind: str) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Dataclasses, mappings and tuples as dictionaries and lists."""
+    """Convert dataclasses, mappings and tuples to dictionaries and lists."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value) if f.init}
     if isinstance(value, Mapping):

@@ -199,7 +199,7 @@ def task_document(name_or_path: str | Path, faults: list[Problem] | None = None)
 
 
 def with_default_algorithms(task: Document) -> Document:
-    """Lay a task's ``algorithms`` over the shipped default; a slot with another algorithm is replaced as a whole."""
+    """Overlay a task's ``algorithms`` on the shipped defaults; a slot with another algorithm is replaced as a whole."""
     shipped = read_document(find_data("algorithms", "default"))
     default = Document({"algorithms": shipped.data}, {("algorithms", *path): o for path, o in shipped.origins.items()})
     slots = task.data.get("algorithms")
@@ -252,7 +252,7 @@ def check_task(document: Document, faults: list[Problem] | None = None) -> TaskC
 
 
 def _in_goals(document: Document, faults: list[Problem]) -> Document:
-    """Without the fields that goals had before they were a list; each is a fault that says how it is written now."""
+    """Drop the former fields of goals; each one is a fault that names the current spelling."""
     for old, kind in _NOW_IN_GOALS.items():
         value = document.data.get(old)
         fields = dict(value) if isinstance(value, Mapping) else {}

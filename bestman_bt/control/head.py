@@ -70,7 +70,9 @@ class HeadController:
         self._group.stop()
 
     def _solve(self, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-        """Joint positions (n,) that look at the point as well as the limits allow, and by what angle they miss it."""
+        """Return joint positions (n,) that look at the point as well as the limits allow, and the remaining angle,
+        radians.
+        """
         others = dict(self._joints.positions())
         names, lower, upper = self._group.joint_names, self._group.model.lower, self._group.model.upper
 

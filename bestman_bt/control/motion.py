@@ -63,7 +63,7 @@ class PlannedMotion:
     heights: tuple[float, float] | None = None
 
     def __str__(self) -> str:
-        """In a line: ``arm: to panda_joint1 = 0.20; 2.1 s; x 0.10 to 0.80 m, y …``."""
+        """Return one line such as ``arm: to panda_joint1 = 0.20; 2.1 s; x 0.10 to 0.80 m, y …``."""
         parts = [f"{self.part}: {self.words}"]
         if self.duration is not None:
             parts.append(f"{self.duration:.1f} s")

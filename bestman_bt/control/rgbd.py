@@ -216,7 +216,7 @@ class SelfFilter:
     def _bodies(
         self, camera_from_base: Pose, positions: Mapping[str, float], hands: Mapping[str, HeldObject]
     ) -> list[NDArray[np.float64]]:
-        """Corners of all convex bodies in the optical frame."""
+        """Return the corners of all convex bodies in the optical frame."""
         bodies = []
         for link, hulls in self._hulls.items():
             camera_from_link = camera_from_base @ self.kinematics.pose(link, positions)

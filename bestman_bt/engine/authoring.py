@@ -134,7 +134,7 @@ class _Adopter(Builder):
         return node
 
     def _leave_out(self, node: Node, wrong: list[TreeProblem]) -> None:
-        """Take the ports that are wrong from the node, so that the rest can be checked further."""
+        """Remove wrong ports from the node, so that the rest can be checked."""
         self.tree.left_out |= entries_named_in(node.attributes)
         for problem in wrong:
             if problem.line == node.line:

@@ -369,7 +369,7 @@ class Blackboard:
         return [path.lstrip("/") for path, one in PyTreesBlackboard.metadata.items() if not isinstance(one, TreeKey)]
 
     def share(self) -> None:
-        """Share the entries of this blackboard, a tree's topmost, with py_trees' blackboard."""
+        """Share the entries of this root blackboard with py_trees' blackboard."""
         store = self.store
         store.found = frozenset(PyTreesBlackboard.storage)
         for key, slot in self._slots.items():

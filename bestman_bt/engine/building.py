@@ -184,9 +184,9 @@ def _built(
 
 
 def _leave_out(wrong: list[tuple[Element, str]], registry: NodeRegistry) -> set[str]:
-    """Take wrong attributes out of their elements; in place of a wrong element stand its children, or nothing.
+    """Remove wrong attributes from their elements, and replace a wrong element by its children, if any.
 
-    Returns the entries, and other words, that they name.
+    Returns the entries and other names that they refer to.
     """
     named: set[str] = set()
     for element, attribute in wrong:
@@ -202,7 +202,7 @@ def _leave_out(wrong: list[tuple[Element, str]], registry: NodeRegistry) -> set[
 
 
 def _instead(element: Element, registry: NodeRegistry) -> Element:
-    """What stands for the nodes below an element that may have one alone."""
+    """Return a Sequence of all children of an element that may have only one, or AlwaysSuccess without children."""
     made = Element("Sequence" if element.children else "AlwaysSuccess", {}, element.line)
     made.info, made.children = registry.info(made.tag), element.children
     return made

@@ -16,7 +16,7 @@ class EngineClock(Protocol):
         ...
 
     def sleep(self, dt: float) -> None:
-        """Let ``dt`` seconds of this clock's time pass; a simulation steps its physics here."""
+        """Wait for ``dt`` seconds of this clock; a simulation steps its physics meanwhile."""
         ...
 
 
@@ -25,7 +25,7 @@ class WakeableClock(EngineClock, Protocol):
     """A clock whose sleep can be cut short, so that a wake-up starts the next tick at once."""
 
     def wait(self, dt: float, wake: threading.Event) -> None:
-        """Let up to ``dt`` seconds pass; return early when ``wake`` is set."""
+        """Wait for up to ``dt`` seconds; return early when ``wake`` is set."""
         ...
 
 

@@ -183,14 +183,14 @@ def raise_missing_name(module: str, name: str, renamed: Mapping[str, str] = Mapp
 
 
 def _modules() -> dict[str, Path]:
-    """Our modules by name, those of skills first."""
+    """Return the modules of bestman-bt by name, those of skills first."""
     root = Path(__file__).parents[2]
     paths = [path for package in ("behaviours", "bestman_bt") for path in sorted((root / package).rglob("*.py"))]
     return {".".join(path.relative_to(root).with_suffix("").parts): path for path in paths if path.stem != "__init__"}
 
 
 def _frames(error: BaseException) -> list[traceback.FrameSummary]:
-    """Those in files: methods that dataclasses make are of no file, ``<string>``."""
+    """Return the frames whose code is in a file; methods generated for dataclasses have none (``<string>``)."""
     return [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith("<")]
 
 

@@ -126,7 +126,7 @@ class SubTrees:
                 self._used[path][use.key] = None
 
     def _around(self, node: Node) -> Iterator[str]:
-        """The paths of the SubTrees in which a node is, innermost first."""
+        """Yield the paths of the SubTrees that contain a node, innermost first."""
         place = node.place
         while place is not None and place.path:
             yield place.path
@@ -162,7 +162,7 @@ class SubTrees:
 
 
 def _meant(subtrees: SubTrees, subtree: decorators.SubTree, key: str) -> str:
-    """Words that suggest the attribute of a SubTree that may stand for ``key``, or how to give that."""
+    """Return words that suggest the SubTree attribute meant by ``key``, or how to pass it."""
     hint = closest(key, subtrees.unread_ports(subtree))
     return f"did you mean '{hint}'?" if hint else f'give {key}="…"'
 
@@ -246,7 +246,7 @@ def _route(node: Node) -> list[Node]:
 
 
 def _hint(node: Node, key: str, slot: Slot, written: dict[int, list[Node]], known: list[Slot]) -> str:
-    """``known``: the slots of the node's board that are written."""
+    """Return a hint about the missing entry. ``known``: the written slots of the node's board."""
     board = node.board
     outer = board.parent
     if outer is not None and key not in board.remapping and id(outer.slot(key)) in written:

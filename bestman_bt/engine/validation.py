@@ -152,7 +152,7 @@ def _shadowing(tree: Tree, written: set[int]) -> Iterator[TreeProblem]:
 
 
 def _unfit_below_reactive(tree: Tree) -> Iterator[TreeProblem]:
-    """Leaves that a reactive node repeats or interrupts, and that are not made for it."""
+    """Yield problems of leaves that a reactive node repeats or interrupts although they do not support it."""
     for node in tree.nodes:
         if STRICT in node.attributes and not isinstance(node, _REACTIVE):
             yield _warning(node, STRICT, "it only affects ReactiveSequence and ReactiveFallback")

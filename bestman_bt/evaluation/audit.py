@@ -207,7 +207,7 @@ def _shifted(seen: T, began: float) -> T:
 
 
 def _events_of_others(forgiven: Collection[DisturbanceEvent], script: Collection[DisturbanceEvent]) -> list[Finding]:
-    """Where what the monitor has forgiven and what the script has done differ."""
+    """Return the differences between events that the monitor has excused and events that the script has caused."""
     from hal.simulation.audit_record import Finding
 
     unasked = [

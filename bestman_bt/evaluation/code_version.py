@@ -56,7 +56,7 @@ def _meant(text: str, folder: Path) -> Iterator[Path]:
 
 
 def _named_in(path: Path) -> Any:
-    """What a file may name others by; of an .onnx file its description, of anything unreadable nothing."""
+    """Return the files that a file may refer to; of an .onnx file its description, of an unreadable file none."""
     if path.suffix == ".onnx":
         return path.with_suffix(".json").name
     try:
@@ -72,7 +72,7 @@ def _named_in(path: Path) -> Any:
 
 
 def _named_in_python(module: ast.Module) -> Iterator[str]:
-    """Texts, and imported modules as the files that they are where they lie beside the one that imports them."""
+    """Yield the texts of a module, and the imported modules that lie as files beside it."""
     for node in ast.walk(module):
         names: list[str] = []
         match node:

@@ -63,7 +63,7 @@ def short_names(first: str, second: str) -> list[str]:
 
 
 def _draw_success(axis: Any, success: SuccessComparison, names: list[str]) -> None:
-    """Bars of the rates, each with what only it succeeded in drawn apart."""
+    """Draw the numbers of successes as bars; seeds in which only one succeeded are coloured."""
     only = (success.only_first, success.only_second)
     axis.bar((0, 1), [success.both] * 2, width=0.5, color="#c9c9c9")
     axis.bar((0, 1), only, width=0.5, bottom=[success.both] * 2, color=(DOWN, UP))
@@ -166,7 +166,9 @@ def matched(
 
 
 def _told_apart(first: str, second: str, given: tuple[str, str]) -> tuple[str, str]:
-    """Names of entries, or of the folders where those are the same. Raises ConfigurationError if these are, too."""
+    """Return names of entries, or of their folders if the names are equal. Raises ConfigurationError if these are
+    equal, too.
+    """
     if first != second:
         return first, second
     folders = [Path(side.rpartition(":")[0] if side.endswith(f":{first}") else side) for side in given]
@@ -228,7 +230,7 @@ def metric_sentence(metric: MetricComparison, first: str, second: str) -> str:
 
 
 def p_words(p_value: float) -> str:
-    """``p = 0.6``, ``p = 0.032``, ``p < 0.0001``."""
+    """Format a p value: ``p = 0.6``, ``p = 0.032``, ``p < 0.0001``."""
     if p_value < 0.0001:
         return "p < 0.0001"
     return f"p = {p_value:.1g}" if p_value >= 0.1 else f"p = {p_value:.2g}"
@@ -248,6 +250,6 @@ def _pairs(count: int) -> str:
 
 
 def _rounded(count: int) -> int:
-    """Up to the next ten, or fifty: it is an estimate."""
+    """Round an estimate up to the next ten or fifty."""
     step = 1 if count < 20 else 10 if count < 200 else 50
     return -(-count // step) * step

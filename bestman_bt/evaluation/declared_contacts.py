@@ -95,7 +95,9 @@ class _Use:
         return thing == name or thing not in models or models[thing] == models.get(name)
 
     def _in_time(self, incident: ContactIncident) -> bool:
-        """It began while it was declared, or while such a contact went on: all fingers that hold a thing hold it."""
+        """Return whether a contact began while it was declared, or during such a contact: all fingers
+        of a grasp count.
+        """
         spans = [(self.declared.start, self.declared.end), *((other.start, other.end) for other in self.incidents)]
         return any(start <= incident.start <= end + AFTER for start, end in spans)
 

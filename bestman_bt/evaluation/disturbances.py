@@ -80,7 +80,9 @@ class RelocationSampler:
         return None
 
     def _surfaces(self, inside: bool) -> Iterator[str]:
-        """Of the map, ``furniture/name``; with ``inside`` also those in drawers and behind doors."""
+        """Yield the surfaces of the map as ``furniture/name``; with ``inside`` also those in drawers
+        and behind doors.
+        """
         for piece in self._map.furniture.values():
             for surface in piece.surfaces:
                 name = f"{piece.name}/{surface.name}"
@@ -92,8 +94,8 @@ class RelocationSampler:
         return surface_pose(self._evidence, surface)[1]
 
     def _place(self, name: str, surface: str, x: float, y: float, rng: np.random.Generator) -> Relocation | None:
-        """At ``x``, ``y`` of a surface (x from its front to its back), with a random yaw, or None if that is no good
-        place.
+        """Return the pose at ``x``, ``y`` of a surface (x from front to back) with a random yaw, or None if it is not
+        suitable.
         """
         piece, map_from_surface, size, room = surface_pose(self._evidence, surface)
         model = self._models[name]
@@ -200,7 +202,7 @@ class Disturbances:
         return rests and math.dist(self._hand(), pose.position) > HAND_AWAY
 
     def _is_lifted(self, script: _Script) -> bool:
-        """The robot has lifted it, and it is still above where it stood."""
+        """Return whether the robot has lifted the object and it is still above its former place."""
         name, truth = str(script.asked.object), self._truth
         position = tuple(truth.object_pose(name).position.tolist())
         if not truth.touches_robot(name):
@@ -211,7 +213,7 @@ class Disturbances:
         return stood is not None and position[2] > stood[2] + LIFTED and math.dist(position[:2], stood[:2]) < ABOVE
 
     def _stands_open(self, script: _Script) -> bool:
-        """It was opened, and the hand is out of it again."""
+        """Return whether the articulation was opened and the hand has left it."""
         name, world = str(script.asked.articulation), self._session.skills.world
         opened = self._truth.articulation_position(name)
         if not is_open(world, name) or opened < openness_of(articulation_called(world, name)).shut:
@@ -242,6 +244,6 @@ class Disturbances:
         return self._injector.move_object(str(asked.object), place.pose, place.surface)
 
     def _hand(self) -> tuple[float, ...]:
-        """Where the hand really is, in the map frame, metres."""
+        """Return the true position of the hand, map frame, metres."""
         pose = self._truth.frame_pose(self._session.skills.arm_model.tool_frame)
         return tuple(pose.position.tolist())

@@ -103,7 +103,9 @@ class _Observers:
             self.driven = DrivenPath(self.truth)
 
     def watch_contacts(self, session: RobotSession) -> Callable[[], None]:
-        """Note what skills declare to touch, on the clock of what watches them; returns what to call after a tick."""
+        """Record the contacts that skills declare, on the clock of the monitor; return the hook to call after each
+        tick.
+        """
         now = self.truth.now if isinstance(self.truth, RemoteTruth) else session.robot.clock.now
         skills, hands = session.skills, len(session.setup.robot_model.of(GripperModel))
         self.contacts, self.began = ContactLog(lambda: skills.contacts, now, hands), now()
@@ -115,7 +117,7 @@ class _Observers:
         return self.disturbances.events if self.disturbances is not None else ()
 
     def audit_record(self) -> AuditRecord | None:
-        """What the monitor of the world has seen; None if nothing watches the world."""
+        """Return the record of the world's monitor, or None without one."""
         if self.robot is not None:
             return self.robot.audit_record()
         return self.truth.audit_record() if isinstance(self.truth, RemoteTruth) else None
@@ -162,9 +164,9 @@ class _EndsWithRecording(ExecutionWatcher):
 
 
 def _last_tick_replayed(config: RunConfig) -> float | None:
-    """Seconds until the last tick of the cancelled run that is replayed, or None if none is, or it ended otherwise.
+    """Return the seconds until the last tick of a replayed, cancelled run; None for any other run.
 
-    A tick too few, if in doubt: in a tick after it, motions would be seen to have been stopped.
+    In doubt it is a tick too early: a later tick would show motions that were already stopped.
     """
     try:
         result = read_result(Path(config.recording)) if config.recording else {}
@@ -378,9 +380,7 @@ def run_episode(
 def _recorder(
     stack: ExitStack, setup: ResolvedConfig, folder: Path | None, keeping: RecordingErrors
 ) -> Callable[[Robot], Robot] | None:
-    """What writes down, for the driver ``replay``, all that skills read and command, or None if it was not
-    requested.
-    """
+    """Return the recorder of all readings and commands for the driver ``replay``, or None if not requested."""
     if folder is None or not setup.config.record:
         return None
 
@@ -393,7 +393,7 @@ def _recorder(
 
 
 def _picture_of_the_grasp(session: RobotSession, pictures: Pictures) -> Callable[[], None]:
-    """Take ``start.png`` now and ``grasp.png`` as soon as the robot believes to hold something."""
+    """Write ``start.png`` now, and ``grasp.png`` when the robot believes that it holds an object."""
     subject = _object(session.setup)
     pictures.take("start", subject)
     taken = False
@@ -408,7 +408,9 @@ def _picture_of_the_grasp(session: RobotSession, pictures: Pictures) -> Callable
 
 
 def moved_by_others(setup: ResolvedConfig, script: Collection[DisturbanceEvent], record: AuditRecord) -> list[str]:
-    """What the goal is about, a disturbance moved, and the robot, or what it held, never pressed on."""
+    """Return the subjects of the goal that a disturbance moved and that neither the robot nor an object in contact
+    touched.
+    """
     moved = {event.name for event in script}
     touched = {name for contact in record.contacts for name in (contact.first, contact.second, contact.leaf)}
     return [name for name in setup.subjects if name in moved - touched]
@@ -485,7 +487,7 @@ def _why_not_judged(config: RunConfig, execution: Execution) -> str:
 def _failure(
     session: RobotSession, execution: Execution, verdict: Verdict | None, audited: Audit | None, failed: Node | None
 ) -> NodeFailure | None:
-    """What was faked, else the leaf at fault, else the judge's or the audit's objection, else None.
+    """Return the failure by cheating, else of the responsible leaf, else of the judge or the audit, else None.
 
     ``failed``: the leaf that failed last.
     """

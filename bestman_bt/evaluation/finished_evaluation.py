@@ -52,7 +52,9 @@ def read_entries(given: str) -> list[FinishedEntry]:
 
 
 def _entry(summary: Mapping[str, Any], code: str, episodes: Mapping[EpisodeKey, RunResult]) -> FinishedEntry:
-    """Episodes of the summary's code, or, where they were kept, of the code that ran a seed last."""
+    """Return the episodes of the summary's code version, or, if they were kept, of the version that
+    ran each seed last.
+    """
     mine: dict[int, RunResult] = {}
     first, count = summary["first_seed"], summary["asked_episodes"]
     for own in (False, True):

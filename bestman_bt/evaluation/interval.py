@@ -100,5 +100,5 @@ class Precision:
 
 
 def _half_width(rate: float, trials: int) -> float:
-    """Half the width of Wilson's interval, 95 %."""
+    """Return half the width of Wilson's 95 % interval."""
     return _Z * math.sqrt(rate * (1 - rate) / trials + (_Z / (2 * trials)) ** 2) / (1 + _Z**2 / trials)

@@ -137,7 +137,7 @@ def tango_interval(only_first: int, only_second: int, pairs: int) -> tuple[float
 
 
 def _root(function: Callable[[float], float], otherwise: float) -> float:
-    """Where a function that falls between -1 and 1 is 0."""
+    """Return the root of a function in (-1, 1), or ``otherwise`` if it does not change its sign."""
     low, high = -1 + 1e-9, 1 - 1e-9
     if function(low) * function(high) > 0:
         return otherwise
@@ -145,7 +145,9 @@ def _root(function: Callable[[float], float], otherwise: float) -> float:
 
 
 def _pairs_for_mcnemar(only_first: float, only_second: float) -> int | None:
-    """R. J. Connor, Sample size for testing differences in proportions for the paired-sample design, 1987."""
+    """Return the number of pairs for McNemar's test: R. J. Connor, Sample size for testing differences in proportions
+    for the paired-sample design, 1987.
+    """
     difference, differing = only_second - only_first, only_second + only_first
     if difference == 0:
         return None
@@ -198,7 +200,7 @@ def _lower_rank_sum(count: int) -> int:
 
 
 def _pairs_for_signed_ranks(differences: NDArray[np.float64]) -> int | None:
-    """As many as the paired t-test needs, by the efficiency 3 / pi of the signed ranks."""
+    """Return the number of pairs for signed ranks: that of the paired t-test, by their efficiency 3 / pi."""
     mean = float(np.mean(differences))
     if len(differences) < 2 or mean == 0:
         return None
@@ -225,7 +227,7 @@ def all_metrics(result: RunResult) -> dict[str, float]:
 
 
 def _adjusted(metrics: Sequence[MetricComparison]) -> tuple[MetricComparison, ...]:
-    """With p values adjusted for their number: S. Holm, A simple sequentially rejective test procedure, 1979."""
+    """Adjust p values for their number: S. Holm, A simple sequentially rejective test procedure, 1979."""
     adjusted: dict[str, float] = {}
     least = 0.0
     for position, metric in enumerate(sorted(metrics, key=lambda metric: metric.p_value)):

@@ -54,7 +54,7 @@ class Pictures:
         return Viewpoint((x, min(ys) - 0.32 * width, 0.62 * width), (x, y - 0.2, 0.4), 52.0)
 
     def _close_up(self, base: Pose, thing: NDArray[np.float64], subject: str) -> Viewpoint:
-        """From the direction, around robot and object, in which the object is hidden least."""
+        """Render robot and object from the direction in which the object is hidden least."""
         middle = (base.position + thing) / 2
         target = (float(middle[0]), float(middle[1]), float(thing[2]))
         best, most = None, -1.0

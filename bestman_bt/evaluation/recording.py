@@ -75,7 +75,7 @@ class RecordedBeliefs:
             self._tell_grasps(entry, stamp)
 
     def _tell_driving(self, base: BaseController, stamp: float) -> None:
-        """The path that is new, and a scan where one is due."""
+        """Record a new path, and a scan if one is due."""
         if base.path is not self._path:
             self._path = base.path
             self._recorder.path("planned", self._path, stamp)
@@ -88,7 +88,7 @@ class RecordedBeliefs:
         return Pose(np.array([*map_from_lidar.xy, self._lidar_height]), map_from_lidar.to_pose().quaternion)
 
     def _tell_grasps(self, entry: WrittenEntry, stamp: float) -> None:
-        """Grasps that are left, where the entry has or had some."""
+        """Record the remaining grasps, if the entry has or had some."""
         planned = entry.value if entry.exists and isinstance(entry.value, list) else []
         where = (entry.scope, entry.key)
         if planned and all(isinstance(one, PlannedGrasp) for one in planned):
@@ -221,7 +221,7 @@ def recorded_bodies(world: World) -> list[RecordedBody]:
 
 
 def _person(walker: Walker) -> RecordedBody:
-    """In a frame on the floor, as hal.simulation.scene_recorder.SceneSnapshot gives its pose."""
+    """Return the outline of a person in the floor frame of hal.simulation.scene_recorder.SceneSnapshot."""
     shape = PlacedShape(Cylinder(walker.radius, walker.height), Pose(np.array([0.0, 0.0, walker.height / 2])))
     x, y = walker.route[0]
     return RecordedBody(walker.name, (shape,), (WALKER_COLOR,), Pose(np.array([x, y, 0.0])))

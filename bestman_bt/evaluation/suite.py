@@ -169,7 +169,7 @@ def make_suite(
 
 
 def _config(asked: RunRequest) -> RunConfig:
-    """Everything of the task is checked; ConfigurationError tells all that is wrong."""
+    """Check the whole task. Raises ConfigurationError listing every fault."""
     known = list[Problem]()
     config = run_of_options(asked, known)
     prepare_episode(config, known)
@@ -264,7 +264,7 @@ class LocatedEntry:
 
 
 def _prepared(path: Path, entered: LocatedEntry, seed: int, settings: tuple[str, ...], driver: str) -> RunConfig:
-    """The configuration of an entry's runs with everything checked.
+    """Return the checked configuration of an entry's runs.
 
     Raises ConfigurationError naming the suite's lines.
     """
@@ -298,7 +298,7 @@ def _prepared(path: Path, entered: LocatedEntry, seed: int, settings: tuple[str,
 
 
 def _unmeasured(entered: LocatedEntry, config: RunConfig, setup: ResolvedConfig | None) -> Iterator[Problem]:
-    """Metrics that the task's judge does not measure."""
+    """Yield a problem for each metric that the task's judge does not measure."""
     if setup is not None:
         known = metric_names(setup.asked, config.task.predicates)
     else:  # it is not known how many things the goals are about
@@ -311,7 +311,7 @@ def _unmeasured(entered: LocatedEntry, config: RunConfig, setup: ResolvedConfig 
 
 
 def _unknown_causes(entered: LocatedEntry, config: RunConfig) -> Iterator[Problem]:
-    """Codes that no node fails with."""
+    """Yield a problem for each code with which no node fails."""
     if not entered.entry.causes:
         return
     try:
@@ -326,7 +326,7 @@ def _unknown_causes(entered: LocatedEntry, config: RunConfig) -> Iterator[Proble
 
 
 def _contradictions(document: Document, asked: SuiteConfig) -> Iterable[Problem]:
-    """What types cannot tell."""
+    """Return the faults that types cannot express."""
     if document.data.get("tasks") == {}:
         yield document.problem(("tasks",), "should name at least one task")
     for kind in ("tasks", "controls"):

@@ -23,7 +23,7 @@ def _why_not(evidence: Evidence, name: str) -> str:
 
 
 def _pressed(evidence: Evidence, name: str) -> str:
-    """The hand has not let go of what the robot presses on, though it stands on something."""
+    """Return how the robot still holds or presses on the object; empty if it does not touch it."""
     if name not in evidence.before or not evidence.truth.touches_robot(name):
         return ""
     return f"the hand holds the {name}" if is_held(evidence, name) else f"the robot presses on the {name}"

@@ -15,7 +15,7 @@ def _holds(beliefs: Beliefs, name: str, place: str) -> bool:
 
 
 def _full_name(world: WorldModel, surface: str | None) -> str | None:
-    """``table`` is short for the first surface of the table."""
+    """Return the full name of a surface; ``table`` is short for the first surface of the table."""
     if surface is None:
         return None
     furniture, found = world.map.surface(surface)
@@ -23,7 +23,9 @@ def _full_name(world: WorldModel, surface: str | None) -> str | None:
 
 
 def _why_not(evidence: Evidence, name: str, place: str) -> str:
-    """Let go, at rest, above that surface and, but in a drawer, upright."""
+    """Return why the object is not on the surface: it should be released, at rest, above it and, except in a drawer,
+    upright.
+    """
     if name not in evidence.before:
         return f"there is no {name} in the scene"
     faults = [] if is_over(evidence, name, place) else [f"not on {place}"]
@@ -34,8 +36,10 @@ def _why_not(evidence: Evidence, name: str, place: str) -> str:
 
 
 def _why_still(evidence: Evidence, name: str, place: str) -> str:
-    """It is not off a surface while it is above it, however it lies, or touches the piece and no other surface of it;
-    in the hand it is.
+    """Return why the object still counts as on a surface: it is above it, in any orientation, or touches the piece and
+    no other surface of it.
+
+    An object in the hand counts as off.
     """
     if name not in evidence.before or is_held(evidence, name):
         return ""

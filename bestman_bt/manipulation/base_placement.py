@@ -332,9 +332,9 @@ class PathPlacements(PathPlacementPlanner):
         reachability: ReachabilityMap | None,
         current: Pose2D | None,
     ) -> NDArray[np.float64]:
-        """How likely each stand is: -inf where a station is out of reach.
+        """Return the score of each placement: -inf if a station is out of reach.
 
-        The worst station of the best way through them, on which the hand turns from place to neighbouring place.
+        Else that of the worst station of the best sequence, in which the hand turns from place to neighbouring place.
         """
         shoulder, reach = kinematics.reach
         sizes = [len(poses) for poses in stations]
@@ -418,9 +418,10 @@ def placements_around(
 
 
 def _widest_way(likely: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """(S,) the largest minimum along a way through all stations (the widest path), from a place to the same or next.
+    """Return (S,) the largest minimum along a way through all stations (the widest path), from a place to the same or
+    the next.
 
-    ``likely``: for each station (S, places), a row for each of S stands.
+    ``likely``: for each station (S, places), a row for each of S base placements.
     """
     best = likely[0]
     for station in likely[1:]:
@@ -437,7 +438,7 @@ def _widest_way(likely: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
 
 
 def _drive(stand: Pose2D, current: Pose2D | None) -> float:
-    """Metres to drive from ``current``; a full turn counts as 1.26 m."""
+    """Return the cost of driving from ``current``, metres; a full turn counts as 1.26 m."""
     if current is None:
         return 0.0
     return stand.distance_to(current) + 0.2 * abs(wrap_angle(stand.theta - current.theta))

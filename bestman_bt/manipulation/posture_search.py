@@ -184,7 +184,7 @@ class PostureSearch:
     def _reached(
         self, postures: list[tuple[float, Array]], home: Array, world: CollisionWorld, rng: np.random.Generator
     ) -> list[tuple[float, Array]]:
-        """Those to which there is a motion from ``home``, its length added to what they cost."""
+        """Return the postures that can be reached from ``home``, with the length of the motion added to their cost."""
         reached = []
         for value, positions in postures:
             try:
@@ -195,7 +195,9 @@ class PostureSearch:
         return reached
 
     def _unwound(self, positions: Array) -> Array:
-        """Joints that turn more than once, brought within half a turn of zero where their limits allow it."""
+        """Return positions with joints of more than one turn brought within half a turn of zero, if their limits allow
+        it.
+        """
         turned = (positions + np.pi) % (2 * np.pi) - np.pi
         return np.where((turned >= self._arm.lower) & (turned <= self._arm.upper), turned, positions)
 

@@ -59,7 +59,7 @@ class MotionObstacle:
     positions: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __str__(self) -> str:
-        """In words: ``path: panda_hand and table are in each other's way``."""
+        """Return one sentence, such as ``path: panda_hand and table are in each other's way``."""
         if self.pairs:
             one, other = self.pairs[0]
             more = f", as are {len(self.pairs) - 1} other pairs" if len(self.pairs) > 1 else ""
@@ -86,7 +86,7 @@ class Failure:
     obstacle: MotionObstacle | None = None
 
     def __str__(self) -> str:
-        """In words: ``arm: the joints are held (C31)``."""
+        """Return one sentence, such as ``arm: the joints are held (C31)``."""
         named = not self.part or self.text.startswith(self.part)
         words = self.text if named else f"{self.part}: {self.text}"
         code = f"({self.vendor_code})"

@@ -57,7 +57,9 @@ def check_bounds(parameters: object) -> None:
 
 @cache
 def _ordered_fields(dataclass_type: Any) -> tuple[tuple[str, str], ...]:
-    """Pairs of fields of which the second must not be smaller; evaluating annotations takes most of a millisecond."""
+    """Return pairs of fields of which the second must not be smaller; cached, as evaluating annotations takes most of a
+    millisecond.
+    """
     hints = typing.get_type_hints(dataclass_type, include_extras=True)
     marks = ((mark, name) for name, hint in hints.items() for mark in getattr(hint, "__metadata__", ()))
     return tuple((mark.field, name) for mark, name in marks if isinstance(mark, NotBelow))

@@ -25,7 +25,7 @@ class UnknownControlError(RunError):
 
 
 def check_fields(what: str, asked: Request) -> None:
-    """Raises RunError if a request has a field that the control does not take, by its name."""
+    """Check the fields of a request. Raises RunError naming a field that the control does not take."""
     for name in asked:
         if name not in FIELDS.get(what, ()):
             meant = closest(name, FIELDS.get(what, ()))
@@ -72,7 +72,7 @@ def _breakpoint(asked: Request, nodes: NodeList) -> Request:
 
 
 def _clear_breakpoint(asked: Request, nodes: NodeList) -> Request:
-    """Without ``node`` all, without ``when`` both of a node."""
+    """Remove breakpoints: all without ``node``, both of a node without ``when``."""
     request = {} if asked.get("node") is None else _node(asked, nodes)
     return request if asked.get("when") is None else request | {"when": _when(asked)}
 

@@ -213,7 +213,7 @@ class EventStream:
                 self._write(self._log.close)
 
     def _work_off(self) -> bool:
-        """Hand on all that waits, or wait for something; False at the end."""
+        """Process all queued items, or wait for one; return False at the end."""
         with contextlib.suppress(queue.Empty):
             make = self._waiting.get(timeout=None if self._log is None else FLUSH_EVERY)
             while make is not None:
@@ -256,7 +256,7 @@ class EventStream:
             self._write(lambda: log.write(event))
 
     def _write(self, write: Callable[[], None]) -> None:
-        """Have the log written to; where that fails, subscribers are told and nothing more is written."""
+        """Write to the log; if that fails, notify the subscribers and write nothing more."""
         log = self._log
         if self._keeping.write(LOGS, write) or log is None:
             return

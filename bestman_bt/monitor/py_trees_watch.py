@@ -122,7 +122,7 @@ class PyTreesWatch:
             shown.tell(ResumedEvent(shown.standing.time))
 
     def _after(self, tree: BehaviourTree) -> None:
-        """Tell what the tick changed."""
+        """Publish the changes of the tick."""
         nodes = _depth_first(tree.root)
         if nodes != self._nodes:
             self._end("its nodes were changed")
@@ -168,7 +168,7 @@ class PyTreesWatch:
 
 
 def _depth_first(root: Behaviour) -> list[Behaviour]:
-    """Parents before children; ``iterate`` of py_trees is the other way round, and recursive."""
+    """Return parents before children; ``iterate`` of py_trees returns them after, and is recursive."""
     found, pending = [], [root]
     while pending:
         node = pending.pop()
@@ -179,7 +179,7 @@ def _depth_first(root: Behaviour) -> list[Behaviour]:
 
 
 def _order_of_ticks(nodes: list[DescribedNode]) -> list[int]:
-    """When each node is done in a tick, by its place: after what is below it, which is done from left to right."""
+    """Return the order in which nodes finish in a tick, by index: children first, from left to right."""
     below = [0] * (len(nodes) + 1)
     depths = [0] * (len(nodes) + 1)
     for node in reversed(nodes):

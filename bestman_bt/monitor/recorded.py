@@ -41,7 +41,7 @@ class RecordedRun(MonitoredRun):
         return "ended" if self._result or self.history.end else "interrupted"
 
     def summary(self) -> dict[str, Any]:
-        """Before the run is opened, its duration is known from the result."""
+        """Return the summary; before the run is opened its duration is that of the result."""
         told, duration = super().summary(), self._result.get("sim_time_s")
         if not self.is_loaded and isinstance(duration, int | float):
             told["time"] = duration
@@ -89,7 +89,7 @@ class RecordedRun(MonitoredRun):
                 self.history, self.is_loaded = history, True
 
     async def request(self, message: dict[str, Any]) -> dict[str, Any]:
-        """Refused: it is over."""
+        """Refuse every request: the run is over."""
         raise RunError("the run is over; only the page's own time can be moved")
 
     async def picture(self, number: int) -> bytes:

@@ -155,7 +155,7 @@ class AttachedRun(MonitoredRun):
             await asyncio.sleep(RETRY)
 
     async def _read(self, topics: tuple[Topic, ...], take: Take, goes_on: Callable[[], bool]) -> None:
-        """Subscribe, and take events until the executor ends the connection or we do not go on."""
+        """Subscribe, and process events until the executor closes the connection or the list is stopped."""
         async with asyncio.timeout(FROZEN):
             reader, writer = await asyncio.open_unix_connection(str(self.socket), limit=LONGEST_LINE)
         try:
@@ -276,7 +276,7 @@ class RunList:
                     self._ended[run.id] = run
 
     def _free_name(self, stem: str) -> str:
-        """Numbers of processes come again."""
+        """Return an unused name, since process numbers are reused."""
         name, number = stem, 1
         while name in self._ended:
             number += 1

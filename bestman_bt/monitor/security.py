@@ -149,7 +149,7 @@ class Guard:
 
 
 def _equal(given: str, secret: str) -> bool:
-    """Compared in a time that tells nothing of where they differ."""
+    """Compare in constant time, which does not reveal where the texts differ."""
     return hmac.compare_digest(given.encode("utf-8", "surrogatepass"), secret.encode())
 
 

@@ -66,7 +66,7 @@ class _Site:
 
     @contextlib.asynccontextmanager
     async def lifespan(self, _: Starlette) -> AsyncIterator[None]:
-        """The runs are started and stopped with the application."""
+        """Start and stop the runs with the application."""
         await self.runs.start()
         try:
             yield
@@ -74,7 +74,7 @@ class _Site:
             await self.runs.stop()
 
     async def health(self, _: Request) -> Response:
-        """Who answers here."""
+        """Identify this server."""
         return JSONResponse({"service": SERVICE, "sockets": str(socket_folder()), "read_only": self.config.read_only})
 
     async def page(self, _: Request) -> Response:
@@ -97,11 +97,11 @@ class _Site:
         return Response(content, media_type=kind, headers={"Cache-Control": "private, max-age=3600"})
 
     async def list_runs(self, _: Request) -> Response:
-        """All runs, newest first."""
+        """Return all runs, newest first."""
         return JSONResponse({"runs": self.runs.summaries()})
 
     async def control_run(self, request: Request) -> Response:
-        """What is asked of a run that goes on."""
+        """Forward a request to a running execution."""
         run, what = self.runs.get(request.path_params["identity"]), request.path_params.get("control", "status")
         if run is None:
             return _error("there is no such run; GET /api/runs lists them", 404)
@@ -125,7 +125,7 @@ class _Site:
         return _error(error.detail, error.status_code, error.headers)
 
     async def viewer(self, websocket: WebSocket) -> None:
-        """A page that is open."""
+        """Serve an open page."""
         await websocket.accept()
         if self.viewers >= MOST_VIEWERS:
             await websocket.close(1013, f"{MOST_VIEWERS} pages are open already")
@@ -241,7 +241,7 @@ class MonitorServer:
 
 
 def bind(host: str, port: int) -> socket.socket:
-    """Listen. Raises OSError if the port is taken or the host is not ours."""
+    """Bind the address. Raises OSError if the port is taken or the host is not one of this machine."""
     family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     listening = socket.socket(family, kind, protocol)
     try:
@@ -296,11 +296,11 @@ class BoundedProtocol(H11Protocol):
             self._overdue.cancel()
 
     def handle_websocket_upgrade(self, *arguments: Any) -> None:
-        """A page: it is pinged from now on."""
+        """Start to ping the page."""
         self._overdue.cancel()
         super().handle_websocket_upgrade(*arguments)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """It waits no more."""
+        """Stop to ping the page."""
         self._overdue.cancel()
         super().connection_lost(exc)

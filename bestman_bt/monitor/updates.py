@@ -113,7 +113,7 @@ class Updates:
         return [state, *(self._image(picture) for picture in history.pictures_at(time))]
 
     def _statistics(self, now: float) -> Any:
-        """Of the nodes that changed since they were told last, and of those that run."""
+        """Return statistics of running nodes, and of nodes that changed since the last update."""
         history = self.run.history
         uids = np.union1d(history.changed_nodes(self._statistics_version), self._running)
         self._statistics_version, self._statistics_due = history.version, now + STATISTICS_PERIOD
@@ -163,7 +163,7 @@ class Updates:
 
 
 def _changed_robot(history: RunHistory, since: int) -> Message:
-    """What is not of the tree, as far as it changed after the version ``since``."""
+    """Return what changed after version ``since``, except the tree."""
     told: Message = {}
     if history.robot.version > since:
         told["robot"] = history.robot.at(history.last)

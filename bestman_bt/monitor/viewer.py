@@ -44,7 +44,7 @@ def compare(a: RunHistory, b: RunHistory) -> dict[str, Any]:
 
 
 def _story(history: RunHistory) -> list[Transition]:
-    """What leaves returned."""
+    """Return the messages of leaves that ended."""
     told = outcomes(history.states.changes())
     return list(islice((one for one in told if history.nodes.node(one.uid).is_leaf), MAX_OUTCOMES))
 
@@ -186,7 +186,7 @@ class Viewer:
                 await self._asked.put(asked)
 
     async def _work(self) -> None:
-        """Carry out one after the other what only changes what the page is told."""
+        """Carry out, one after the other, requests that only change which data the page receives."""
         while True:
             await self._answer(await self._asked.get())
 

@@ -82,7 +82,7 @@ class WatchedExecution:
         return self.tell(StatesEvent(max(now.time, time), now.tick + 1, changes, messages or {}))
 
     def say(self, level: Level, message: str) -> None:
-        """A line of the log."""
+        """Publish a line of the log."""
         self.tell(LogEvent(self.standing.time, level, message, logger=__name__))
 
     def end(self, why: str) -> None:
@@ -134,7 +134,7 @@ class WatchedExecution:
 
 
 def file_name(text: str) -> str:
-    """``text`` as a part of a file's name."""
+    """Return ``text`` in a form that can be part of a file name."""
     return re.sub(r"[^\w.-]+", "_", text)[:LONGEST_NAME].strip(".") or "tree"
 
 

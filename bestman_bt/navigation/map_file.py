@@ -141,7 +141,7 @@ def write_map(grid: OccupancyGrid, path: str | Path, mode: str = "trinary") -> P
 
 
 def _values_of_shades(file: _MapFile) -> NDArray[np.int8]:
-    """What each of the 256 shades of an opaque cell means."""
+    """Return the meaning of each of the 256 shades of an opaque cell."""
     shades = np.arange(256)
     if file.mode == "raw":
         return np.where(shades <= OCCUPIED, shades, UNKNOWN).astype(np.int8)
@@ -156,7 +156,7 @@ def _values_of_shades(file: _MapFile) -> NDArray[np.int8]:
 
 
 def _pixels(document: Document, image_path: Path) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
-    """Grey levels, the mean of the colours as nav2 has it, and where the image is opaque."""
+    """Return grey levels, the mean of the colours as in nav2, and where the image is opaque."""
     name = document.data["image"]
     try:
         with warnings.catch_warnings():

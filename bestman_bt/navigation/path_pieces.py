@@ -131,7 +131,7 @@ class PathSmoother:
         return joined(legs)
 
     def _once(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """One descent from ``points`` (N, 2)."""
+        """Run one descent from ``points`` (N, 2)."""
         smoothed = points.copy()
         for _ in range(self.max_iterations):
             data = points[1:-1] - smoothed[1:-1]

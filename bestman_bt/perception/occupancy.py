@@ -158,7 +158,7 @@ class LogOdds(OccupancyMapper):
         return VoxelGrid(states, region.resolution, region.frame_from_grid, stamp)
 
     def _surface(self, view: View, depth: NDArray[np.float32], region: VoxelRegion) -> NDArray[np.bool_]:
-        """Voxels with at least ``min_hits`` measured points."""
+        """Return voxels with at least ``min_hits`` measured points."""
         k = view.image.intrinsics
         grid_from_camera = region.frame_from_grid.inverse() @ view.frame_from_camera
         rotation = (grid_from_camera.rotation / region.resolution).astype(np.float32)
@@ -176,7 +176,9 @@ class LogOdds(OccupancyMapper):
         return (hits >= self.min_hits).reshape(region.shape)
 
     def _seen_through(self, view: View, depth: NDArray[np.float32], region: VoxelRegion) -> NDArray[np.bool_]:
-        """Voxels whose centre lies before what its pixel measured, by more than the voxel's half diagonal and noise."""
+        """Return voxels whose centre lies before the depth of its pixel by more than the voxel's half diagonal and
+        noise.
+        """
         k = view.image.intrinsics
         camera_from_grid = view.frame_from_camera.inverse() @ region.frame_from_grid
         rotation = (camera_from_grid.rotation * region.resolution).astype(np.float32)

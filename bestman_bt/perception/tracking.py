@@ -155,10 +155,10 @@ class GlobalNearestNeighbour(Tracker):
     def _matches(
         self, objects: Mapping[str, ObjectBelief], sightings: Sequence[ObjectBelief], drift: float
     ) -> dict[int, str]:
-        """Index of a sighting → identity. Known objects are recognised at any distance, things only nearby.
+        """Return the index of a sighting → identity. Known objects are recognised at any distance, others only nearby.
 
-        As many as possible stay where they were: of two cans in line, one that was carried past the other has moved,
-        and not both.
+        The matching keeps as many objects as possible in place: of two cans in line, one that was carried past the
+        other has moved, and not both.
         """
         names = list(objects)
         impossible, stays = 1e6, -1e3
@@ -176,14 +176,14 @@ class GlobalNearestNeighbour(Tracker):
         return {int(i): names[j] for i, j in zip(rows, columns, strict=True) if costs[i, j] < impossible}
 
     def _alike(self, belief: ObjectBelief, sighting: ObjectBelief) -> bool:
-        """Boxes of one thing differ where it was seen from another side; what has another label is another thing."""
+        """Return whether two may be the same object: the boxes of one differ between views, its label does not."""
         if belief.model.name != sighting.model.name:
             return False
         sizes = [np.sort(thing.model.size) for thing in (belief, sighting)]
         return bool(np.abs(sizes[0] - sizes[1]).max() < self.thing_distance)
 
     def _gate(self, before: ObjectBelief, sighting: ObjectBelief, drift: float) -> float:
-        """Metres up to which an object counts as where it was."""
+        """Return the distance, metres, up to which an object counts as unmoved."""
         deviation = math.sqrt(before.position_std**2 + sighting.position_std**2 + 2 * drift**2)
         return max(self.moved_distance, self.deviations * deviation)
 

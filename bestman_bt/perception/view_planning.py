@@ -61,7 +61,7 @@ def unobstructed(
 def _along(
     directions: NDArray[np.float64], points: NDArray[np.float64], eyes: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(C, S): how far each point lies from each eye along its direction (C, 3)."""
+    """Return (C, S) the distance of each point from each eye along its direction (C, 3)."""
     along: NDArray[np.float64] = directions @ points.T - (directions * eyes).sum(axis=1, keepdims=True)
     return along
 
@@ -199,14 +199,14 @@ class ExpectedYaw(ViewPlanner):
         return tuple(sorted(ranked, key=lambda view: (round(view.expected_yaw_width, 6), -view.visible_fraction)))
 
     def _samples(self, turned: YawObservability) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Indices of samples that change when the object turns, and of others, which may hide those."""
+        """Return indices of samples that change when the object turns, and of others, which may hide those."""
         changes = turned.largest_distances > self.profile.telling
         changing, others = np.flatnonzero(changes), np.flatnonzero(~changes)
         changing = changing[evenly(len(changing), self.telling_samples)]
         return changing, others[evenly(len(others), self.samples - len(changing))]
 
     def _yaws(self, hypothesis: PoseHypothesis) -> tuple[NDArray[np.float64], float]:
-        """Turns (Y,) away from the likeliest yaw that are open, and the width that each stands for, radians."""
+        """Return the open turns (Y,) away from the likeliest yaw, and the width that each represents, radians."""
         plausible_yaws: YawSet = hypothesis.yaw_set
         if not hypothesis.upright or plausible_yaws.width == 0.0:
             return np.zeros(1), 0.0
@@ -228,7 +228,7 @@ class ExpectedYaw(ViewPlanner):
         intrinsics: CameraIntrinsics,
         obstacles: Sequence[PlacedShape],
     ) -> NDArray[np.bool_]:
-        """Which samples (C, Y, S) each candidate would see at each yaw."""
+        """Return the samples that each candidate would see at each yaw (C, Y, S)."""
         frame_from_rest = hypothesis.pose @ turned.surface.rest_from_object.inverse()
         points, normals = turned.surface.points[chosen], turned.surface.normals[chosen]
         seen = np.zeros((len(candidates), len(yaws), len(chosen)), dtype=bool)
@@ -253,7 +253,9 @@ class ExpectedYaw(ViewPlanner):
         distance: float,
         share: float,
     ) -> float:
-        """Radians; ``seen``: (Y, T) of the ``telling`` samples, which are the ``share`` of all that tell."""
+        """Return the expected width, radians; ``seen``: (Y, T) of the ``telling`` samples, the fraction ``share`` of
+        all informative ones.
+        """
         if step == 0.0:
             return 0.0
         noise = self.noise_base + self.noise_quadratic * max(0.0, distance - 0.4) ** 2
@@ -280,7 +282,7 @@ def looking_at(centre: NDArray[np.float64], azimuth: float, elevation: float, di
 
 
 def _in_images(points: NDArray[np.float64], candidates: Sequence[Pose], k: CameraIntrinsics) -> NDArray[np.bool_]:
-    """Which points (S, 3) each camera has in its image: (C, S)."""
+    """Return which points (S, 3) each camera has in its image: (C, S)."""
     rotations = np.stack([candidate.rotation for candidate in candidates])
     eyes = np.stack([candidate.position for candidate in candidates])
     offsets = (rotations.swapaxes(1, 2) @ eyes[:, :, None])[..., 0]

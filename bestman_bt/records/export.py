@@ -30,7 +30,7 @@ CREATE TABLE IF NOT EXISTS Transitions (
 
 
 def _changes(history: RunHistory) -> Iterator[tuple[float, int, int, int]]:
-    """Time, uid, state before and after; the answer no is a FAILURE here."""
+    """Yield time, uid, state before and after; the answer "no" of a condition is a FAILURE here."""
     before: dict[int, int] = {}
     for change in history.states.changes():
         state = FAILURE if change.status == NO else change.status

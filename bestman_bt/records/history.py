@@ -254,9 +254,9 @@ class RunHistory:
         return Transitions(changes.times, changes.uids, np.where(answers, NO, changes.statuses).astype(np.uint8))
 
     def _are_answers(self, changes: Transitions) -> NDArray[np.bool_]:
-        """Which are the answer no: of conditions that FAIL, all but the leaf by which the main tree fails.
+        """Return which changes are the answer "no": FAILURE of a condition, unless the main tree fails by it.
 
-        That is, of the moment at which its root fails, the last leaf that does.
+        The main tree fails by the last leaf that fails at the moment at which its root does.
         """
         failed = changes.statuses == FAILURE
         answers: NDArray[np.bool_] = failed & self._is_condition[changes.uids]

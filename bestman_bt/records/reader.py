@@ -136,7 +136,7 @@ class _Changes:
         self.ticks.append(ticks)
 
     def sorted(self) -> tuple[Transitions, NDArray[np.int64]]:
-        """All, in the order of time."""
+        """Return all, in the order of time."""
         told, ticks = self.told[0], self.ticks[0]
         if len(self.told) > 1:
             told, ticks = Transitions.joined(self.told), np.concatenate(self.ticks)
@@ -149,7 +149,9 @@ class _Changes:
 def _events(
     history: RunHistory, folder: Path, log: BtLog | None, changes: _Changes, left_out: Collection[str]
 ) -> Iterator[Event]:
-    """All events but changes of state, which are added to ``changes``; before what names nodes comes the main tree."""
+    """Yield all events except changes of state, which are added to ``changes``; the main tree precedes events that name
+    its nodes.
+    """
     for event in read_events(folder, left_out):
         names_nodes = isinstance(event, StatesEvent) or (isinstance(event, TreeEvent) and event.tree != MAIN_TREE)
         if log is not None and names_nodes and MAIN_TREE not in history.nodes.trees:
@@ -169,7 +171,7 @@ def _events(
 
 
 def _take_all(history: RunHistory, name: str, events: Iterator[Event]) -> None:
-    """Take events up to a damaged line; one that does not fit is left out."""
+    """Add events up to a damaged line; one that does not fit is left out."""
     try:
         for event in events:
             try:
@@ -181,9 +183,9 @@ def _take_all(history: RunHistory, name: str, events: Iterator[Event]) -> None:
 
 
 def _take_states(history: RunHistory, log: BtLog, name: str, changes: _Changes) -> None:
-    """The changes of the main tree, and warnings where some are missing.
+    """Add the changes of the main tree, and warnings if some are missing.
 
-    Logs do not number ticks: where the rate is known, they are reckoned from the time.
+    Logs do not number ticks: they are computed from the time if the rate is known.
     """
     if MAIN_TREE not in history.nodes.trees:
         try:
@@ -309,7 +311,7 @@ def _left_out(time: float, file: str) -> LogEvent:
 
 
 def _lines(path: Path) -> Iterator[tuple[int, bytes | None]]:
-    """The whole lines of a file and its earlier segments, numbered as they are read, or None if some are missing."""
+    """Yield the whole lines of a file and its earlier segments, numbered; None where some are missing."""
     number = 0
     try:
         segments = read_segments(path, MOST_READ, LONGEST_SEGMENT)

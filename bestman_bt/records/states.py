@@ -128,7 +128,7 @@ class _Chunk:
         self.times, self.ticks, self.ends, self.codes = array("d"), array("Q"), array("I"), array("I")
 
     def changes(self, moments: int | None = None) -> Transitions:
-        """Those of the first ``moments``; of all by default."""
+        """Return the changes of the first ``moments``; of all by default."""
         ends = np.array(self.ends[:moments], dtype=np.int64)
         codes = np.array(self.codes[: ends[-1]] if len(ends) else (), dtype=np.uint32)
         times = np.repeat(np.array(self.times[:moments]), np.diff(ends, prepend=0))

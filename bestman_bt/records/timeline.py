@@ -181,7 +181,7 @@ class Timeline:
         return {"spans": told, "marks": sorted(self._marks, key=lambda mark: mark["time"])}
 
     def _merge(self) -> None:
-        """Have spans of one node become one where together they are shorter than the resolution."""
+        """Merge spans of one node that together are shorter than the resolution."""
         if not self._pieces:
             return
         spans = np.concatenate(self._pieces)

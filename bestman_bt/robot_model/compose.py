@@ -80,7 +80,7 @@ def write_limits(part: PlacedPart) -> None:
 
 
 def _gripper_limits(part: PlacedPart, config: GripperPart) -> dict[str, tuple[float, float, float, float]]:
-    """Of the joints that drive the fingers: by the widths, the speed and the force of the hand."""
+    """Return the limits of the finger joints: by the widths, the speed and the force of the gripper."""
     n = len(config.joints)
     if not part.opening:
         row = (config.min_width / n, config.max_width / n, config.max_speed / n, config.max_force)
@@ -163,7 +163,7 @@ class _RobotFile:
             self.wrong(("default_arm",), f"the robot has no arm {wanted!r}; {suggestion(wanted, arms)}")
 
     def joined(self, name: str) -> ET.Element:
-        """One URDF of all parts."""
+        """Return one URDF of all parts."""
         urdf = ET.Element("robot", name=name)
         for part in self.placed.values():
             urdf.extend(part.elements)
@@ -223,7 +223,7 @@ class _RobotFile:
                 self.wrong(("parts", name), message)
 
     def wider_limits(self) -> Iterable[Problem]:
-        """Limits of real arms that the robot's file sets beyond those of their parts."""
+        """Return limits of real arms that the robot's file sets beyond those of their parts."""
         for name in (part for connection in self.config.connections.values() for part in connection.parts):
             part = self.placed[name].config if name in self.placed else None
             if isinstance(part, ArmPart) and "limits" in self.config.parts[name].set:
@@ -233,7 +233,7 @@ class _RobotFile:
                     yield from wider_limits(name, part, described, self.document)
 
     def postures(self) -> dict[str, dict[str, float]]:
-        """Positions by name of posture and joint: the robot's own, then the states of its parts."""
+        """Return positions by name of posture and joint: the robot's own, then the states of its parts."""
         postures: dict[str, dict[str, float]] = {}
         for posture, of_parts in self.config.postures.items():
             postures[posture] = {}
@@ -257,7 +257,7 @@ class _RobotFile:
         return postures
 
     def declared_pairs(self) -> list[tuple[str, str]]:
-        """Pairs of links that need no check, by what the parts and the robot declare."""
+        """Return pairs of links that need no check, as the parts and the robot declare."""
         links = [link for part in self.placed.values() for link in part.links]
         pairs = [pair for part in self.placed.values() for pair in part.config.may_touch]
         # A link that is not there may be of one of them.
@@ -305,7 +305,7 @@ def compose_robot(name: str, document: Document) -> RobotModel:
 
 
 def _seen_from_the_robot(faults: list[Problem], part: str, changes: Document) -> list[Problem]:
-    """Faults of a part's description; those of fields that the robot has set are named as the robot's."""
+    """Rename faults of a part's description; those of fields that the robot has set are named as the robot's."""
     own = {source for source, _ in changes.origins.values()}
     return [
         replace(fault, field=f"parts.{part}.set.{fault.field}") if fault.source in own and fault.field else fault
@@ -314,7 +314,7 @@ def _seen_from_the_robot(faults: list[Problem], part: str, changes: Document) ->
 
 
 def _states(placed: Iterable[PlacedPart]) -> Iterator[tuple[str, str, float]]:
-    """State, joint and position of each state of a part; where fewer positions were read than it has, that is told."""
+    """Yield state, joint and position of each state of a part."""
     for part in placed:
         if isinstance(part.config, JointedPart):
             for state, positions in part.config.states.items():

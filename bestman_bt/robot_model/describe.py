@@ -118,17 +118,17 @@ def _resolve(
 
 
 def _joints_below(link: str, urdf: ET.Element) -> tuple[str, ...]:
-    """Names of the joints by which other links hang on a link."""
+    """Return the joints by which other links are attached to a link."""
     return tuple(joint.get("name", "") for joint in joints_to(urdf).values() if parent_of(joint) == link)
 
 
 def _tool(config: object) -> str | None:
-    """Where a part grasps, or None for one that does not."""
+    """Return where a part grasps, or None if it does not grasp."""
     return config.tool if isinstance(config, GripperPart | SuctionPart | JointGroupPart) else None
 
 
 def _hands(urdf: ET.Element, placed: Mapping[str, PlacedPart]) -> dict[str, str]:
-    """Hand → the arm whose link carries it, directly or through other parts."""
+    """Return, by hand, the arm whose link carries it, directly or through other parts."""
     above = joints_to(urdf)
     arm_of_link = {link: p.name for p in placed.values() if isinstance(p.config, ArmPart) for link in p.links}
     hands = {}
@@ -143,7 +143,9 @@ def _hands(urdf: ET.Element, placed: Mapping[str, PlacedPart]) -> dict[str, str]
 
 
 def _pose(link: str, base_frame: str, above: Mapping[str, ET.Element]) -> Pose:
-    """Of a link in the base frame, all joints at zero; on the floor below it for links that carry the base frame."""
+    """Return the pose of a link in the base frame, all joints at zero; on the floor below it for links that carry the
+    base frame.
+    """
     if link == base_frame or link not in above:
         return Pose()
     return _pose(parent_of(above[link]), base_frame, above) @ origin_pose(above[link])

@@ -96,7 +96,7 @@ def _read_connection(
 
 
 def _from_environment(text: str) -> str:
-    """``${NAME}`` stands for what the environment says, nothing where it says nothing."""
+    """Replace ``${NAME}`` by the environment variable, or by nothing if it is not set."""
     variable = _VARIABLE.fullmatch(text)
     return text if variable is None else os.environ.get(variable[1], "")
 
@@ -126,7 +126,7 @@ def _kind_problems(
     document: Document,
     parts: Mapping[str, PartConfig | None],
 ) -> Iterator[Problem]:
-    """Whether the driver can serve the parts that are behind its controller."""
+    """Yield problems if the driver cannot serve the parts of its controller."""
     kinds = [control_kind(part.kind) for name in connection.parts if (part := parts.get(name)) is not None]
     if not serves or not kinds or len(kinds) < len(connection.parts):
         return

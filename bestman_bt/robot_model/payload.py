@@ -74,7 +74,7 @@ def flange_of(model: RobotModel, arm: str) -> str:
 
 
 def _children(robot: ET.Element, positions: Mapping[str, float]) -> dict[str, list[tuple[str, Pose]]]:
-    """Link → its children and where they are in it."""
+    """Return, by link, its child links and their poses in it."""
     children: dict[str, list[tuple[str, Pose]]] = {}
     for child, joint in joints_to(robot).items():
         children.setdefault(parent_of(joint), []).append((child, joint_pose(joint, positions)))

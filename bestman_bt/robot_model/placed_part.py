@@ -114,7 +114,7 @@ def _corners(link: ET.Element) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=256)
 def _hull_properties(corners: bytes) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-    """Volume, centre (3,) and inertia (3, 3) at unit density of the hull of points."""
+    """Return volume, centre (3,) and inertia (3, 3) at unit density of the hull of points."""
     from trimesh.convex import convex_hull
 
     hull = convex_hull(np.frombuffer(corners).reshape(-1, 3))
@@ -290,7 +290,7 @@ def _added_frames(config: PartConfig) -> list[ET.Element]:
 
 
 def _with_name(document: Document, name: str) -> Document:
-    """``<part>`` in a description stands for the part's name in its robot."""
+    """Replace ``<part>`` in a description by the part's name in its robot."""
 
     def fill(value: Any) -> Any:
         if isinstance(value, str):

@@ -213,7 +213,9 @@ def _ros_folders() -> list[Path]:
 def _kept(
     links: Mapping[str, ET.Element], below: Mapping[str, Sequence[ET.Element]], root: str, cut: tuple[str, ...]
 ) -> list[ET.Element]:
-    """Links and joints from ``root`` on, without the subtrees ``cut``; ``below``: link → the joints that it carries."""
+    """Return links and joints from ``root`` on, without the subtrees ``cut``; ``below``: link → the joints that it
+    carries.
+    """
     kept: list[ET.Element] = []
     waiting = [root]
     while waiting:

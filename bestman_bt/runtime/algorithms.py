@@ -342,7 +342,7 @@ def _choose(
 def _parameters_of_none(
     config: RunConfig, slot: str, values: Iterable[str], algorithms: Iterable[_ClassAndPreset]
 ) -> Iterator[Problem]:
-    """Parameters that no algorithm of a slot has, beside the name of an algorithm that there is not."""
+    """Yield parameters that no algorithm of a slot has, besides those of an unknown algorithm."""
     types = [parameters_of(algorithm, slot) for algorithm, _ in algorithms]
     known = {field.name for one in types if one is not None for field in dataclasses.fields(one)}
     for name in values:

@@ -79,10 +79,10 @@ class ExecutionWatcher(Protocol):
     """Callbacks of an execution, called in the executor's thread."""
 
     def after_tick(self) -> None:
-        """Called after each tick."""
+        """Handle the end of a tick."""
 
     def held(self, hold: PauseReason | None) -> None:
-        """Called with the reason when the execution pauses, and with None when it continues. Optional."""
+        """Handle a pause, with its reason, or its end, with None. Optional."""
         return
 
 
@@ -227,7 +227,7 @@ class Executor:
         return Execution(ending, status_name(status), self.ticks, elapsed, time.perf_counter() - wall_start, why)
 
     def _shut_down(self) -> None:
-        """Shut native py_trees behaviours down; a failure of that is logged, the tree has its result already."""
+        """Shut native py_trees behaviours down; a failure is logged, since the tree has its result already."""
         try:
             self.tree.shutdown()
         except EngineError as error:
@@ -258,7 +258,9 @@ class Executor:
             self._sleep()
 
     def _sleep(self) -> None:
-        """Let a period pass, or nothing where a node has woken the loop; a tree cannot stop time by waking for ever."""
+        """Sleep for a period, or not at all if a node has woken the loop, but let time pass even if nodes wake it
+        endlessly.
+        """
         before = self.clock.now()
         self.tree.sleep(self.period)
         self._wake_ups = self._wake_ups + 1 if self.clock.now() == before else 0

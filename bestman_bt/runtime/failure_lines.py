@@ -37,7 +37,7 @@ def renamed_codes(tree: Tree) -> Iterator[TreeProblem]:
 
 
 def _codes(port: str, text: object) -> list[str]:
-    """What an attribute compares a code with."""
+    """Return the codes with which an attribute compares."""
     if not isinstance(text, str):
         return []
     if port.startswith("_") or port in ("code", "if"):

@@ -42,7 +42,7 @@ def object_picture(model: ObjectModel, gripper: GripperModel | None = None, side
 
 
 def _viewpoint(size: float) -> Viewpoint:
-    """From the front right above."""
+    """Return the viewpoint from the front right above."""
     eye = 2.4 * size * np.array([0.62, -0.62, 0.48])
     return Viewpoint((float(eye[0]), float(eye[1]), float(eye[2])), (0.0, 0.0, 0.0), 32.0, near=0.2 * size)
 
@@ -57,7 +57,7 @@ def _axes(size: float) -> list[Part]:
 
 
 def _fork(grasp: ObjectGrasp, gripper: GripperModel) -> list[Part]:
-    """Two fingers, the palm behind them and a piece of wrist: thin bars in the tool frame."""
+    """Return two fingers, the palm behind them and a piece of wrist: thin bars in the tool frame."""
     thick, depth = 0.002, gripper.part.finger_depth
     half = grasp.width / 2 + thick / 2
     ahead = gripper.part.pad_size[1] / 2

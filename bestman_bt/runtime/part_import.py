@@ -388,7 +388,7 @@ def _limits(chain: Sequence[ET.Element]) -> tuple[dict[str, list[float]], list[s
 
 
 def _foot(tree: UrdfTree, links: Sequence[str]) -> str:
-    """Where the arm begins: the first link on the way to it that has a shape, or its joint's own link."""
+    """Return the first link of an arm: the first one on the way to it that has a shape, or its joint's own link."""
     solid = (link for link in links if tree.links[link].find("visual") is not None)
     return next(solid, links[-1])
 
@@ -405,7 +405,7 @@ def _hand_joints(tree: UrdfTree) -> list[str]:
 
 
 def _before_the_hand(tree: UrdfTree, chain: list[ET.Element]) -> list[ET.Element]:
-    """Without the joints that belong to a hand: those beyond the first link that carries two moving branches."""
+    """Return the joints without those of a hand: those beyond the first link that carries two moving branches."""
     for index, joint in enumerate(chain):
         branches = [b for b in tree.joints.values() if parent_of(b) == child_of(joint) and _moves_below(tree, b)]
         if len(branches) > 1:

@@ -154,7 +154,7 @@ def object_marks(skills: SkillContext) -> tuple[ObjectMark, ...]:
 
 
 def _best_grasps(skills: SkillContext) -> Iterable[GraspMark]:
-    """The first grasp that is proposed for each believed object and handle; whether the arm reaches it is not asked."""
+    """Return the first grasp that is proposed for each believed object and handle; reachability is not checked."""
     if not skills.has("arm") or not skills.has("gripper"):
         return
     depth = skills.gripper_model.part.finger_depth

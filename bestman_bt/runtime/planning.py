@@ -260,7 +260,7 @@ class PlannedTree:
     xml: str
 
     def __repr__(self) -> str:
-        """Goal, scene and actions, in a line."""
+        """Return goal, scene and actions in one line."""
         goal, task = " and ".join(map(str, self.problem.goal)), self.setup.config.task
         actions = "; ".join(map(str, self.plan.actions)) or "nothing to do"
         return f"PlannedTree({goal}, in {Path(str(task.scene)).stem} by {Path(str(task.robot)).stem}: {actions})"

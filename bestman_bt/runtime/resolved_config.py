@@ -360,7 +360,7 @@ def _driver_problems(config: RunConfig, model: RobotModel | None) -> Iterable[Pr
 
 
 def _connection_problems(config: RunConfig, model: RobotModel) -> Iterable[Problem]:
-    """Every controller has to have its vendor's package and an address before any of them is connected."""
+    """Check that every controller has its vendor's package and an address before any of them is connected."""
     if model.parts and not any(connection.parts for connection in model.connections.values()):
         message = f"is missing, so the driver hardware has no part of {model.name}: see docs/hardware.md"
         yield Problem(str(config.task.robot), None, "connections", message)
@@ -403,7 +403,7 @@ def task_problems(task: DrawnTask) -> Iterator[Problem]:
 
 @up_to_unread_field
 def _tolerance_problems(config: RunConfig, world: World) -> Iterator[Problem]:
-    """A tolerance of position that no place in the scene is outside of."""
+    """Yield problems of position tolerances so large that every place in the scene satisfies them."""
     places = [wall.start for wall in world.walls] + [wall.end for wall in world.walls]
     places += [(world.robot_start.x, world.robot_start.y)]
     for piece in world.furniture:

@@ -65,7 +65,7 @@ def _unpack(wheel: Path, into: Path) -> None:
 
 
 def _download(into: Path) -> None:
-    """Let pip, else uv, install the wheel into ``into``: they use the user's settings for package indexes."""
+    """Install the wheel into ``into`` with pip, else uv, which use the user's settings for package indexes."""
     lock = into / "lock.txt"
     lock.write_text(f"{REQUIREMENT} --hash=sha256:{SHA256}\n", encoding="utf-8")
     if find_spec("pip") is not None:

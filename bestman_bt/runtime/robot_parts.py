@@ -168,7 +168,7 @@ class _ArmParts:
         )
 
     def _bodies_at(self, positions: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Corners (N, 3) of what moves with the arm at ``positions``, in the map frame."""
+        """Return the corners (N, 3) of all bodies that move with the arm at ``positions``, in the map frame."""
         parts = self._parts
         joints = dict(parts.joints.positions()) | dict(
             zip(parts.model.of(ArmModel)[self._arm].joint_names, positions.tolist(), strict=True)

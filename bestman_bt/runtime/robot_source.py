@@ -122,7 +122,7 @@ def _planar(pose: Pose2D) -> tuple[float, float, float]:
 
 
 def _thinned(points: NDArray[np.float64]) -> Points:
-    """At most ``MOST_POINTS`` of (N, 2) points, evenly, with the last one."""
+    """Return at most ``MOST_POINTS`` of (N, 2) points, evenly, with the last one."""
     if len(points) > MOST_POINTS:
         points = points[np.linspace(0, len(points) - 1, MOST_POINTS).astype(int)]
     return _points(points)
@@ -192,8 +192,8 @@ class PictureSource:
         self._tell(partial(_kept_events, time, camera, rgb, self._folder, file, node, widest))
 
     def _drawn(self, obstacle: MotionObstacle) -> Callable[[], NDArray[np.uint8]] | None:
-        """Draws the scene of the arm that failed, in the pose that was tried last, or None for a robot without an
-        arm.
+        """Return the scene of the arm that failed, in the pose that was tried last, or None for a
+        robot without an arm.
         """
         from bestman_bt.visualization.scene_picture import scene_picture
 
@@ -231,7 +231,7 @@ def _kept_events(
 
 
 def _jpeg(rgb: NDArray[np.uint8], widest: int) -> tuple[int, int, bytes]:
-    """Width, height and file of (H, W, 3) uint8, made smaller where it is wider than ``widest``."""
+    """Return width, height and JPEG file of (H, W, 3) uint8, scaled down if wider than ``widest``."""
     image = Image.fromarray(rgb)
     image.thumbnail((widest, rgb.shape[0]))
     file = io.BytesIO()

@@ -123,7 +123,9 @@ class SelfTest:
 def _postures(
     arm: ArmModel, world: CollisionWorld, start: Array, procedure: TrialProcedure, rng: np.random.Generator
 ) -> Iterator[Array]:
-    """Joint positions (n,) to which a straight line in joint space leads from the one before without a collision."""
+    """Yield joint positions (n,) to which a straight line in joint space leads from the previous ones without a
+    collision.
+    """
     home, here, found = start, start, 0
     for _ in range(procedure.draws):
         if found == procedure.postures:

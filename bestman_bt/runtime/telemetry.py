@@ -174,13 +174,13 @@ class Source(Protocol):
     """A source of events besides the tree; called in the executor's thread, with ``time`` and ``tick`` of events."""
 
     def begin(self, tell: Publish) -> None:
-        """Called when recording or watching starts."""
+        """Begin recording or watching."""
 
     def after_tick(self, time: float, tick: int, wanted: frozenset[Topic]) -> None:
-        """Called after each tick; ``wanted``: the subscribed topics."""
+        """Handle the end of a tick; ``wanted``: the subscribed topics."""
 
     def failed(self, time: float, node: str) -> None:
-        """Called when an action has failed."""
+        """Handle the failure of an action."""
 
 
 class Telemetry:

@@ -151,7 +151,7 @@ def literals(
 
 
 def _literals_written(tree: Tree) -> dict[int, list[tuple[Node, str]]]:
-    """Slot → the texts that SetBlackboard puts there, and who."""
+    """Return, by slot, the texts that SetBlackboard writes to it, with the node."""
     written: dict[int, list[tuple[Node, str]]] = {}
     for node in tree.nodes:
         value, target = node.attributes.get("value"), node.attributes.get("output_key")

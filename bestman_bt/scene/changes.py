@@ -115,13 +115,13 @@ class _Floor:
         return second_best
 
     def _in_reach(self, limits: Sequence[tuple[float, float]], radius: float) -> list[Points]:
-        """What is taken that a piece of this radius can meet somewhere within the limits."""
+        """Return the occupied outlines that a piece of this radius can touch within the limits."""
         (x_min, x_max), (y_min, y_max) = limits[:2]
         low, high = np.array([x_min, y_min]) - radius, np.array([x_max, y_max]) + radius
         return [line for line in self._taken if np.all(line.max(axis=0) >= low) and np.all(line.min(axis=0) <= high)]
 
     def _beside(self, pose: Pose2D, model: FurnitureModel) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """(rows, columns) Where the disc gets to with the piece standing there, and where it has room."""
+        """Return (rows, columns) where the disc can get with the piece in place, and where it fits."""
         grid = self._grid.beside(rectangle(pose, model.footprint), self._passage)
         return grid.largest_area(self._passage), grid.room > self._passage
 

@@ -291,7 +291,7 @@ def _changed(
 
 
 def _moving_doors(scene: SceneConfig, furniture: Iterable[PlacedFurniture]) -> tuple[MovingDoor, ...]:
-    """Those whose furniture came: an unmapped piece may be absent."""
+    """Return the moving doors whose furniture is present: an unmapped piece may be absent."""
     there = {f"{piece.name}/{leaf.name}": leaf for piece in furniture for leaf in piece.model.articulations}
     return tuple(
         MovingDoor(name, min(asked.to, there[name].upper), asked.within, asked.speed, asked.torque)
@@ -338,7 +338,7 @@ def _way_points(
     others: Sequence[Walker],
     rng: np.random.Generator,
 ) -> Points | None:
-    """Points (N, 2) to walk between; the first one is not near the robot nor near another walker."""
+    """Return points (N, 2) to walk between; the first one is not near the robot or another walker."""
     if asked.way_points is not None:
         return np.array(asked.way_points)
     rows, columns = np.nonzero(free)

@@ -51,7 +51,9 @@ class FloorGrid:
         return replace(self, room=room)
 
     def _covered(self, polygon: Points, around: float = 0.0) -> tuple[tuple[slice, slice], NDArray[np.bool_]]:
-        """Rows and columns of a polygon and ``around`` it, metres, and which cells there have their middle in it."""
+        """Return rows and columns of a polygon and ``around`` it, metres, and which cells there have their middle in
+        it.
+        """
         low = np.maximum(np.floor((polygon.min(axis=0) - around - self.origin) / self.resolution).astype(int), 0)
         high = np.ceil((polygon.max(axis=0) + around - self.origin) / self.resolution).astype(int) + 1
         high = np.clip(high, low, self.room.shape[::-1])

@@ -129,7 +129,7 @@ def _handle_faults(name: str, config: ArticulationConfig, document: Document) ->
 
 
 def _pulled(config: ArticulationConfig) -> np.ndarray:
-    """Which way the handle goes when the joint opens, not of unit length."""
+    """Return the direction in which the handle moves when the joint opens, not of unit length."""
     axis = np.array(config.axis) / (np.linalg.norm(config.axis) or 1.0)
     if config.joint == "prismatic":
         return axis
@@ -193,7 +193,7 @@ def _facing(xyz: Lengths3, direction: str) -> Pose:
 
 
 def _hinge_side(handle: np.ndarray, origin: np.ndarray, axis: np.ndarray) -> HingeSide:
-    """Seen from the front, where -y is to the right: on which side of the handle the axis runs."""
+    """Return on which side of the handle the hinge axis is, seen from the front, where -y is to the right."""
     away = origin - handle
     away = away - (away @ axis) * axis
     if abs(away[1]) >= abs(away[2]):

@@ -72,9 +72,10 @@ def revolved_parts(profile: Sequence[tuple[float, float]]) -> tuple[Mesh, ...]:
 
 
 def _ring_part(rows: NDArray[np.float64], part: int) -> Mesh:
-    """One of the parts around a ring of ``rows`` (N, 3), see Row; it reaches one side far into its neighbours' walls.
+    """Return one of the parts around a ring of ``rows`` (N, 3), see Row; it reaches one side far into its neighbours'
+    walls.
 
-    Where parts only met, a finger that gives way a little would be caught between the sides on which they meet.
+    Where parts only touched, a finger that gives way a little would be caught between the adjoining sides.
     """
     step = SIDES // RING_PARTS
     circle = _circle(SIDES)
@@ -131,7 +132,9 @@ def _circle(sides: int) -> NDArray[np.float64]:
 
 
 def _levels(profile: Sequence[tuple[float, float]]) -> list[list[tuple[Row, Row]]]:
-    """Between each two heights of corners, from the bottom up: the trapezoids (lower row, upper row) of the profile."""
+    """Return, between each two heights of corners, from the bottom up, the trapezoids (lower row, upper row) of the
+    profile.
+    """
     heights = sorted({round(z, 9) for _, z in profile})
     edges = list(zip(profile, [*profile[1:], profile[0]], strict=True))
     levels = []
@@ -155,7 +158,7 @@ def _radius(edge: tuple[tuple[float, float], tuple[float, float]], z: float) -> 
 
 
 def _convex_stacks(levels: list[list[tuple[Row, Row]]]) -> list[list[Row]]:
-    """Trapezoids joined upwards as long as they continue each other and stay convex."""
+    """Join trapezoids upwards as long as they continue each other and stay convex."""
     done: list[list[Row]] = []
     growing: list[list[Row]] = []
     for level in levels:

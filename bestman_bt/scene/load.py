@@ -43,7 +43,7 @@ _RESERVED = ("robot", "fingers", "floor")
 
 
 def _generator_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]:
-    """What a file owes without a generator, and what it leaves to one."""
+    """Yield faults of fields that a file lacks without a generator, or has although the generator sets them."""
     written = document.data
     if written.get("generator") is None:
         for name in ("walls", "furniture", "robot_start"):
@@ -60,7 +60,7 @@ def _generator_faults(scene: SceneConfig, document: Document) -> Iterator[Proble
 
 
 def _name_faults(file: SceneFile, document: Document) -> Iterator[Problem]:
-    """Contacts are told by name, so each body needs one of its own."""
+    """Yield faults of names: each body needs one of its own, by which contacts are reported."""
     for kind, names in (("furniture", file.furniture), ("unmapped", file.unmapped), ("objects", file.objects)):
         for name in names:
             if name in _RESERVED or _NUMBERED.fullmatch(name):
@@ -243,7 +243,7 @@ def _prism(shape: Shape, pose: Pose) -> _Prism:
 
 
 def _outermost(shape: Shape) -> NDArray[np.float64]:
-    """Points (N, 3) whose hull is that of the shape, in its frame; round ones by points on their rims."""
+    """Return points (N, 3) whose hull is that of the shape, in its frame; round ones by points on their rims."""
     rim = np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE), np.zeros_like(_CIRCLE)])
     match shape:
         case Box():
@@ -337,7 +337,7 @@ def _surface_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]
 def _faults_on_surface(
     scene: SceneConfig, document: Document, path: tuple[str, str], placement: ObjectPlacement | GoalPlacement
 ) -> Iterator[Problem]:
-    """Of what stands on a surface: one that there is not, and places beside it."""
+    """Yield faults of objects on surfaces: an unknown surface, or a position outside it."""
     name = placement.surface
     unknown = list(_unknown_surface(scene, document, (*path, "surface"), name))
     yield from unknown
@@ -386,7 +386,7 @@ def _beside(name: str, surface: Surface) -> str:
 
 
 def _object_overlaps(scene: SceneConfig, document: Document) -> Iterator[Problem]:
-    """Of objects that stand exactly somewhere: circles that lie within both of their outlines overlap."""
+    """Yield overlaps of objects with an exact pose: circles that lie within both of their outlines overlap."""
     surfaces, places = given(scene.file.objects, "surface"), given(scene.file.objects, "at")
     placed = {
         name: (surface, places[name])
@@ -402,7 +402,7 @@ def _object_overlaps(scene: SceneConfig, document: Document) -> Iterator[Problem
 
 
 def _misopened(piece: str, opened: Mapping[str, float], model: FurnitureModel) -> Iterator[tuple[str, str]]:
-    """Names of doors and drawers that cannot stand open as asked, and why."""
+    """Yield names of doors and drawers that cannot be open as requested, and why."""
     leaves = {leaf.name: leaf for leaf in model.articulations}
     for name, position in opened.items():
         if name not in leaves:

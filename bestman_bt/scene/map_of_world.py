@@ -65,7 +65,7 @@ def _plain_boards(leaf: Articulation) -> list[PlacedShape]:
 
 
 def _boxes(parts: Sequence[PlacedShape]) -> list[PlacedShape]:
-    """Handles of bars and knobs are round, boards are not."""
+    """Return the boxes of handles; those of bars and knobs are round, those of boards are not."""
     return [part for part in parts if isinstance(part.shape, Box)]
 
 
@@ -111,14 +111,16 @@ def semantic_map(world: World) -> SemanticMap:
 
 
 def _surfaces(model: FurnitureModel) -> Iterator[tuple[str | None, Surface]]:
-    """Surfaces and the drawers that they move with; those that stand still come first."""
+    """Yield surfaces and the drawers that they move with; fixed ones come first."""
     for surface in model.all_surfaces:
         leaf = model.drawer_of(surface.name)
         yield (leaf.name if leaf is not None else None), surface
 
 
 def _wall_faces(world: World) -> NDArray[np.float64]:
-    """Segments (N, 4): faces of the walls without what other walls cover and without the building's outside."""
+    """Return segments (N, 4): faces of the walls without the parts that other walls cover and without the building's
+    outside.
+    """
     outlines = [wall_rectangle(wall) for wall in world.walls]
     ends = np.array([point for wall in world.walls for point in (wall.start, wall.end)])
     lower, upper = ends.min(axis=0), ends.max(axis=0)

@@ -95,7 +95,9 @@ def read_convex_parts(config: MeshConfig, folder: Path) -> tuple[Mesh, ...]:
 
 
 def _is_convex(part: Any, hull: Mesh) -> bool:
-    """By volume; of a part with holes, which has none, by its corners: they all lie on the hull."""
+    """Return whether a part is convex: by volume, or for a part with holes, which has none, by its
+    corners on the hull.
+    """
     if part.is_watertight:
         return abs(float(part.volume)) >= CONVEX_SHARE * hull.volume
     planes = ConvexHull(hull.vertices).equations

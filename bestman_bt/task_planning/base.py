@@ -18,7 +18,7 @@ class TaskPlanner(ABC):
     """Computes a plan for a problem; equal problems give equal plans."""
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Raises TypeError for a method that takes other arguments."""
+        """Check the signature. Raises TypeError for a method that takes other arguments."""
         super().__init_subclass__(**options)
         if fault := signature_fault(cls, TaskPlanner):
             raise TypeError(fault)

@@ -132,7 +132,7 @@ class Domain:
         return told
 
     def _presumed(self, literal: Literal) -> list[Literal]:
-        """What has to be known for a negation to say anything. Raises GoalError for one that is nothing to aim at."""
+        """Return the facts that a negation presupposes. Raises GoalError for a predicate that cannot be a goal."""
         predicate = self.predicates.get(literal.fact.predicate)
         if predicate is None or not literal.negated:
             return []
@@ -164,7 +164,7 @@ class Domain:
         )
 
     def _resolved(self, problem: PlanningProblem, fact: Fact) -> Fact:
-        """With the full names of things, each of the right type."""
+        """Return the literal with the full names of things, each of the right type."""
         signatures = {**problem.predicates, **self.signatures}
         types = signatures.get(fact.predicate)
         if types is None:
@@ -238,7 +238,7 @@ def _values(predicate: Predicate, arguments: Sequence[str]) -> dict[str, str]:
 
 
 def _words(name: str) -> list[str]:
-    """``lower`` and ``door`` of ``fridge/lower_door``."""
+    """Return the words of a name: ``lower`` and ``door`` of ``fridge/lower_door``."""
     return name.rpartition("/")[2].split("_")
 
 
@@ -248,7 +248,7 @@ def without_number(name: str) -> str:
 
 
 def _uses(operator: Operator) -> Iterable[tuple[Fact, tuple[str, ...]]]:
-    """Each fact of an operator with the types that its parameters give its arguments."""
+    """Yield each fact of an operator with the types that its parameters give its arguments."""
     for condition in (*operator.pre, *operator.hold, *operator.effects):
         kinds = {f"{{{name}}}": kind for name, kind in operator.parameters.items()}
         if isinstance(condition, Forall):

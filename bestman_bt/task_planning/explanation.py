@@ -45,7 +45,7 @@ class _Frontier:
         _, self._reached = reachable_actions(actions, problem.state)
 
     def lines(self, goal: Literal) -> Iterator[str]:
-        """A line for each root of why a goal is out of reach."""
+        """Yield a line for each root cause of an unreachable goal."""
         for words, way in self._roots(goal, frozenset({goal}), (), {goal}):
             steps = "; ".join(f"{action} needs {need}" for need, action in reversed(way))
             yield f"{words}: {goal} is out of reach" + (f" ({steps})" if steps else "")

@@ -81,7 +81,7 @@ class Holds(SkillCondition):
         return None
 
     def _declared(self, predicate: str) -> frozenset[str]:
-        """Predicates of abilities; they are only looked up for one that is not declared as such."""
+        """Return the predicates of abilities; they are looked up only for an undeclared one."""
         if self._brought_about is None and predicate not in PREDICATES.names():
             self._brought_about = frozenset(Domain.of(self.owner.registry).signatures)
         return self._brought_about or frozenset()

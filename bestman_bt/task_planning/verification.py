@@ -116,7 +116,7 @@ class _Check:
         self.actions: dict[Node, Action] = {}
 
     def nodes(self) -> Iterator[TreeProblem]:
-        """Each node of the tree but those inside abilities."""
+        """Yield each node of the tree except those inside abilities."""
         for node in self.tree.nodes:
             if node.place is not None and self.operators.keys() & set(node.place.ancestors):
                 continue
@@ -127,7 +127,7 @@ class _Check:
                 yield _fault(node, "", "it is no ability", suggestion(node.type_id, list(self.operators)))
 
     def branches(self) -> Iterator[TreeProblem]:
-        """What goes side by side must not need the same part, nor touch what the other needs."""
+        """Check that parallel branches do not need the same part, nor change what another one needs."""
         for node in self.tree.nodes:
             if not isinstance(node, (Parallel, ParallelAll)):
                 continue
@@ -215,7 +215,7 @@ def _dry_run(source: str | Path, problem: PlanningProblem, registry: NodeRegistr
 
 
 def _hints(tree: Tree, actions: dict[Node, Action], robot: RobotModel, world: WorldModel) -> Iterator[TreeProblem]:
-    """Warnings on what is higher than the arm, or thicker than the open hand."""
+    """Yield warnings for objects that are higher than the arm reaches, or thicker than the open hand."""
     reach, grasp = highest_reach(robot), widest_grasp(robot)
     for node, action in actions.items():
         if "arm" not in action.parts:

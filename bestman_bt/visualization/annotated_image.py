@@ -239,7 +239,7 @@ def annotated_image(image: RGBDImage, frame_from_camera: Pose, marks: SceneMarks
 
 
 def _draw_surface(canvas: Canvas, surface: SurfaceMark) -> None:
-    """The outline where it is in sight, and its name at the lowest point of that, rather on the right."""
+    """Draw the visible part of the outline, and its name at the lowest point of that, preferably on the right."""
     x, y = surface.size[0] / 2, surface.size[1] / 2
     corners = np.array([[-x, -y, 0.0], [x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0]])
     steps = np.arange(OUTLINE_STEPS)[:, None] / OUTLINE_STEPS
@@ -289,7 +289,7 @@ def _draw_circle(canvas: Canvas, centre: NDArray[np.float64], radius: float, col
 
 
 def _draw_yaws(canvas: Canvas, found: ObjectMark, foot: NDArray[np.float64], color: Color) -> None:
-    """The arcs of possible directions of the object's x axis, around its foot."""
+    """Draw the arcs of possible directions of the object's x axis, around its foot."""
     radius = 0.75 * float(np.linalg.norm(found.model.size[:2]))
     for middle, half in found.yaw_set.arcs:
         turns = middle + np.linspace(-half, half, max(2, math.ceil(half * 20)))
@@ -306,7 +306,7 @@ def _draw_grasp(canvas: Canvas, grasp: GraspMark) -> None:
 
 
 def _along(mark: HandleMark) -> NDArray[np.float64]:
-    """Points (N, 3) on the handle's front."""
+    """Return points (N, 3) on the handle's front."""
     handle = mark.handle
     offsets = np.linspace(-0.5, 0.5, OUTLINE_STEPS)[:, None] * handle.length * handle.axis
     points: NDArray[np.float64] = handle.pose.position + handle.radius * handle.outward + offsets

@@ -125,7 +125,9 @@ class MotionRecord:
 
 
 def _between(before: NDArray[np.float64], after: NDArray[np.float64], share: float) -> Pose:
-    """A quaternion and its negative are the same rotation; moments are so close that no slerp is needed."""
+    """Interpolate linearly; a quaternion and its negative are the same rotation, and samples are so close that no slerp
+    is needed.
+    """
     sign = 1.0 if before[3:] @ after[3:] >= 0.0 else -1.0
     quaternion = (1.0 - share) * before[3:] + share * sign * after[3:]
     return Pose((1.0 - share) * before[:3] + share * after[:3], quaternion / np.linalg.norm(quaternion))
@@ -179,7 +181,7 @@ def _names(head: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def _apply(row: NDArray[np.float64], line: Any, joints: int, bodies: int) -> None:
-    """Take over what a line tells; ``row``: time, tick, base, joints, poses of bodies."""
+    """Apply a line; ``row``: time, tick, base, joints, poses of bodies."""
     row[0], row[1] = float(line["time"]), int(line["tick"])
     if "base" in line:
         row[2:9] = _pose(line["base"])

@@ -40,7 +40,7 @@ def scene_picture(bodies: Sequence[Body], robot: Collection[str], obstacle: Moti
 
 
 def _window(links: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np.float64], float]:
-    """Middle (3,) of what is shown, and metres from there to each edge."""
+    """Return the middle (3,) of the scene to show, and the distance from there to each edge, metres."""
     corners = np.concatenate(links) if links else np.zeros((1, 3))
     low, high = corners.min(axis=0), corners.max(axis=0)
     return (low + high) / 2, min(AROUND, 0.35 + float((high - low).max()) / 2)

@@ -61,7 +61,7 @@ def _subtree_sizes(tree: NodeList) -> dict[int, int]:
 
 
 def _with_running_below(tree: NodeList, states: NodeStates) -> set[int]:
-    """Nodes with a running node strictly below them."""
+    """Return nodes with a running node strictly below them."""
     active: set[int] = set()
     for node in reversed(list(tree.depth_first())):
         runs_or_active = states.states[node.uid] == RUNNING or node.uid in active

@@ -266,7 +266,7 @@ def _unknown_names(beliefs: SavedBeliefs, document: Document, start: WorldModel)
 
 
 def _held_elsewhere(beliefs: SavedBeliefs, document: Document) -> Iterator[Problem]:
-    """One thing cannot be in the hand and also lie somewhere."""
+    """Yield faults of objects that are in the hand and also lie elsewhere."""
     for held in beliefs.hands.values():
         if held.name in beliefs.objects:
             yield document.problem(
@@ -306,7 +306,7 @@ def _at(pose: Pose2D) -> dict[str, float]:
 
 
 def _number(value: float) -> float:
-    """To a micrometre or a microsecond: more is noise, and hard to read."""
+    """Round to a micrometre or a microsecond: more is noise, and hard to read."""
     return round(float(value), 6)
 
 

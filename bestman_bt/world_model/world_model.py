@@ -218,7 +218,7 @@ class WorldModel:
         return tuple(belief.name for belief in carried)
 
     def _free(self, hull: PlacedShape) -> None:
-        """What was seen in a box of the map has gone from there."""
+        """Remove the belief in what was seen in a box of the map."""
         grid = self.occupancy
         if grid is None or not isinstance(hull.shape, Box):
             return

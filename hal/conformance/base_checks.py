@@ -94,7 +94,7 @@ def _drive(robot: Robot, base: MobileBase, velocity: tuple[float, float, float],
 
 
 def _require_way(moved: Pose2D, velocity: tuple[float, float, float], took: float) -> None:
-    """What odometry says is what the velocity makes in that time, to a fifth and 2 cm or 0.05 rad."""
+    """Check that odometry agrees with the velocity times its duration, to a fifth and 2 cm or 0.05 rad."""
     vx, vy, wz = velocity
     turned = wrap_angle(moved.theta - wz * took)
     right = (

@@ -190,7 +190,9 @@ def a_part_at_rest_takes_the_next_command_at_once(robot: Robot) -> None:
 
 
 def _turns_of(part: JointGroup | Gripper | MobileBase) -> Iterator[Motion[None] | None]:
-    """Small commands of a part, there and back, each given when the next one is asked for; None: without a motion."""
+    """Yield small commands of a part, forward and back, each started when the next one is requested; None: without a
+    motion.
+    """
     if isinstance(part, JointGroup):
         here = part.positions()
         room = part.model.upper - here > here - part.model.lower
@@ -364,7 +366,7 @@ def _due(robot: Robot, arm: Arm, trajectory: JointTrajectory, begin: float) -> N
 
 
 def _time_of(robot: Robot, command: Callable[[], object]) -> tuple[float, float]:
-    """Seconds that a command takes, of the robot's clock and of the machine's."""
+    """Return the seconds that a command takes, of the robot's clock and of the machine's."""
     start, begin = robot.clock.now(), time.perf_counter()
     command()
     return robot.clock.now() - start, time.perf_counter() - begin

@@ -32,7 +32,7 @@ class PromisesOfAConnectedRobot:
     @pytest.fixture(scope="class")
     @classmethod
     def connected_robot(cls, make_robot: MakeRobot) -> Iterator[Robot]:
-        """Return the robot under test."""
+        """Yield the robot under test."""
         with make_robot() as robot:
             yield robot
 

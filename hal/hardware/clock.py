@@ -200,7 +200,7 @@ class RealTimeClock(Clock):
             own.sleeping = False
 
     def _begin(self, own: _OfThread) -> float:
-        """Now, or when the last sleep was to end if the thread goes back to sleep at once."""
+        """Return the start of a sleep: now, or the planned end of the last sleep if the thread sleeps again at once."""
         now = self.now()
         goes_on = now - own.woke < AT_ONCE and 0.0 <= now - own.due < LONGEST_DEBT
         return own.due if goes_on else now

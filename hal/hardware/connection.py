@@ -309,9 +309,10 @@ class Connection(ABC):
             )
 
     def _compare_arm(self) -> None:
-        """Tool, payload and mounting: other than at the bring-up is refused; before one, and for bring-up, remarked.
+        """Compare tool, payload and mounting with those at the bring-up: a difference is refused; before a bring-up,
+        and during it, only reported.
 
-        At the first connection: later on the hand may hold something.
+        At the first connection only: later the hand may hold an object.
         """
         told = self.arm_facts() if self._unlike is None else None
         if told is not None:

@@ -17,7 +17,7 @@ REAL_TIME_PRIORITY = 20
 
 
 def take_real_time_priority(priority: int = REAL_TIME_PRIORITY) -> None:
-    """Put the calling thread before all others of a lower priority or none, where the system allows it."""
+    """Give the calling thread real-time priority, if the system allows it."""
     with contextlib.suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
 
@@ -33,7 +33,7 @@ class Lateness:
     missed: int
 
     def __str__(self) -> str:
-        """Milliseconds, for people."""
+        """Return a line in milliseconds for display."""
         return (
             f"{self.cycles} cycles, late by {1e3 * self.median:.2f} ms (median), {1e3 * self.p99:.2f} ms (p99), "
             f"{1e3 * self.worst:.2f} ms (worst), {self.missed} left out"

@@ -108,6 +108,6 @@ COMPARISONS: tuple[Callable[[RobotModel, str, ArmFacts], ModelComparison | None]
 
 
 def _placed(model: RobotModel, link: str, reference: str) -> Pose:
-    """Of one link in another, all joints at zero."""
+    """Return the pose of one link in another, all joints at zero."""
     poses = link_poses(list(ET.fromstring(model.urdf)), {}, (link, reference))
     return poses[reference].inverse() @ poses[link]

@@ -30,7 +30,7 @@ class ReturnMotion:
     there: NDArray[np.float64]
 
     def __str__(self) -> str:
-        """For people."""
+        """Return the joints and their ranges for display."""
         moved = zip(self.joints, self.here, self.there, strict=True)
         return ", ".join(f"{joint} from {here:.4f} to {there:.4f}" for joint, here, there in moved if here != there)
 

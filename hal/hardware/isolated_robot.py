@@ -176,7 +176,7 @@ class IsolatedRobot(Robot):
         return answer
 
     def _asked(self, what: str, otherwise: Callable[[], Any]) -> Any:
-        """What the other process says; ``otherwise`` where there is none, or it is lost by asking it."""
+        """Query the other process; ``otherwise`` if there is none, or if it is lost during the query."""
         with suppress(NotConnectedError):
             if self._client.open:
                 return self._client.call(Call(ROBOT, what))
@@ -298,7 +298,7 @@ class RpcClient:
             self._lose(f"the process that holds the robot's connections was killed because it did not {did_not}")
 
     def _lose(self, why: str, wire: RpcConnection | None = None) -> None:
-        """The process is gone, or goes now. ``wire``: by which that was seen, which may be of one that was closed."""
+        """Mark the process as gone. ``wire``: the connection that showed it, which may be a closed one."""
         with self._losing:
             if self.lost is not None or not self._wires or (wire is not None and wire not in self._wires.values()):
                 return

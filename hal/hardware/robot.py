@@ -203,7 +203,7 @@ class HardwareRobot(Robot):
         return make(name, settings, self.model, self.model.safety, self.clock, self._latch)
 
     def _clear(self, connection: Connection) -> Failure | None:
-        """Why a connection that stops nothing is still lost."""
+        """Clear the fault of a connection; return why one that stops nothing is still lost."""
         fault = self._faults.get(connection.name)
         try:
             connection.clear(fault)
@@ -214,7 +214,9 @@ class HardwareRobot(Robot):
         return None
 
     def _stop(self, fault: Failure | None, fail: Callable[[], None] = lambda: None) -> None:
-        """``fail``: what fails motions. Commands are already refused when a caller sees that a motion has ended."""
+        """Stop. ``fail``: the failure of motions. New commands are refused before a caller can see that a motion has
+        ended.
+        """
         first = self._latch.set(fault)
         fail()
         for connection in self.connections.values():
@@ -232,7 +234,7 @@ class HardwareRobot(Robot):
             time.sleep(0.005)
 
     def _watch(self, elapsed: float) -> None:
-        """A controller with a fault stops the robot, once; so does a program that plans no more."""
+        """Stop the robot once, if a controller has a fault or the program plans no more."""
         self._recorder.look()
         now = self.clock.now()
         if elapsed > HELD_UP and (elapsed > self._held_up[0] or now > self._held_up[1] + HELD_UP_WITHIN):
@@ -261,7 +263,7 @@ class HardwareRobot(Robot):
                 self._lock.release()
 
     def _of_whom(self, fault: Failure) -> Failure:
-        """Silence and lateness may be of the machine that this runs on: it says so, where it was held up itself."""
+        """Return the fault; silence and lateness also name a recent delay of this machine, if any."""
         lasted, ended = self._held_up
         if fault.code not in (MotionErrorCode.DISCONNECTED, MotionErrorCode.TIMEOUT):
             return fault
@@ -283,6 +285,6 @@ class HardwareRobot(Robot):
 
 
 def _in_order_of(model: RobotModel, parts: Mapping[str, Part]) -> list[str]:
-    """Names in the order of the robot's YAML kinds, so that the first arm of a list is the model's first arm."""
+    """Return names in the order of the robot's YAML kinds, so that the first arm of a list is the model's first arm."""
     known = [name for name in model.parts if name in parts]
     return [*known, *(name for name in parts if name not in known)]

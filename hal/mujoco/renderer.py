@@ -30,7 +30,9 @@ FAR = 30.0
 
 
 def _graphics(width: int, height: int) -> Any:
-    """Those that MUJOCO_GL names, else EGL on Linux: MuJoCo's own choice is a window system, which needs a display."""
+    """Return the graphics backends: those of MUJOCO_GL, else EGL on Linux: MuJoCo's own choice is a window system,
+    which needs a display.
+    """
     if os.environ.get("MUJOCO_GL") or sys.platform != "linux":
         return mujoco.GLContext(width, height)
     return import_module("mujoco.egl").GLContext(width, height)
@@ -165,7 +167,7 @@ class Renderer:
 
 @contextmanager
 def shown(parts: Sequence[tuple[PlacedShape, tuple[float, float, float]]]) -> Iterator[Renderer]:
-    """A renderer of shapes with their colours, without a simulation."""
+    """Yield a renderer of shapes with their colours, without a simulation."""
     shapes = Shapes(MujocoParameters())
     shapes.light()
     body = shapes.body(shapes.spec.worldbody, "object", Pose())

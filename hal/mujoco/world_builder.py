@@ -261,7 +261,7 @@ class WorldBuilder(Shapes):
         )
 
     def _furniture(self, piece: PlacedFurniture) -> None:
-        """A piece that stands fixed, its leaves open as the scene says: only friction of their joints holds them."""
+        """Add a fixed piece, its doors and drawers open as in the scene, held only by the friction of their joints."""
         model = piece.model
         contact = _Contact(model.friction)
         body = self.body(self.spec.worldbody, piece.name, piece.pose)
@@ -299,7 +299,7 @@ class WorldBuilder(Shapes):
         _set_inertia(body, model.mass, np.zeros(3), mass_distribution(model.collision, model.mass)[1])
 
     def _walker(self, walker: Walker) -> None:
-        """An upright cylinder on two slides, along x and y, that motors move; they are at 0 where its round begins."""
+        """Add an upright cylinder on two motorised slides, along x and y, which are at 0 at the start of its route."""
         x, y = walker.route[0]
         track = self.body(self.spec.worldbody, f"{walker.name}/track", Pose(np.array([x, y, 0.0])))
         carrier = self.body(track, f"{walker.name}/carrier", Pose())
@@ -315,7 +315,9 @@ class WorldBuilder(Shapes):
     def _joint(
         self, body: Any, name: str, kind: str, axis: Sequence[float], limits: tuple[float, float] | None
     ) -> None:
-        """A hinge or slide at the body's origin, with a motor for speeds; the engine sets how stiff and how strong."""
+        """Add a hinge or slide at the body's origin, with a velocity motor; the engine sets its
+        stiffness and strength.
+        """
         turns = kind in ("revolute", "continuous")
         body.add_joint(
             name=name,
@@ -428,7 +430,7 @@ class WorldBuilder(Shapes):
         return PlacedShape(Mesh(np.asarray(mesh.vertices) * scale, np.asarray(mesh.faces)), pose)
 
     def _contacts(self, joints: dict[str, ET.Element]) -> tuple[dict[str, _Contact], dict[str, float]]:
-        """Of wheels, casters and fingers, by link; the frictions of fingers, by link."""
+        """Collect the contacts of wheels, casters and fingers, by link, and the frictions of fingers, by link."""
         parameters = self.parameters
         carried = {str(joint.get("name")): child for child, joint in joints.items()}
         contacts: dict[str, _Contact] = {}
@@ -446,7 +448,7 @@ class WorldBuilder(Shapes):
         return contacts, fingers
 
     def _grips(self) -> None:
-        """Contacts of fingers with objects, whose frictions multiply."""
+        """Add contacts of fingers with objects, whose frictions multiply."""
         parameters = self.parameters
         for finger, one in self.fingers.items():
             for thing, other in self.object_geoms.items():
@@ -480,7 +482,7 @@ class WorldBuilder(Shapes):
                 )
 
     def _let_arms_collide(self, elements: Iterable[str], joints: dict[str, ET.Element]) -> None:
-        """Of the robot's links, those of two arms with their hands collide, but for pairs that the model leaves out."""
+        """Let the links of two arms with their hands collide, except for pairs that the model excludes."""
 
         def arms_of(link: str) -> frozenset[str]:
             found = set()
@@ -517,14 +519,14 @@ class _Links:
     efforts: dict[str, float] = field(default_factory=dict)
 
     def take(self, joint: ET.Element) -> None:
-        """A joint, whose parent is known."""
+        """Add a joint whose parent is known."""
         name, limit = str(joint.get("name")), joint.find("limit")
         self.children[name], self.parents[child_of(joint)] = child_of(joint), parent_of(joint)
         self.efforts[name] = 0.0 if limit is None else float(limit.get("effort", "0"))
 
 
 def _set_inertia(body: Any, mass: float, centre: NDArray[np.float64], inertia: NDArray[np.float64]) -> None:
-    """``inertia``: (3, 3) about the centre of mass, along the axes of the body."""
+    """Set the inertia. ``inertia``: (3, 3) about the centre of mass, along the axes of the body, kg m²."""
     body.mass, body.ipos, body.explicitinertial = mass, centre, True
     moments = np.maximum(np.diag(inertia), 1e-9)
     body.fullinertia = [*moments, inertia[0, 1], inertia[0, 2], inertia[1, 2]]
@@ -536,7 +538,7 @@ def _wxyz(pose: Pose) -> list[float]:
 
 
 def _file(visual: ET.Element) -> str:
-    """Of a mesh; those of Collada take a package of their own: the robot is then drawn as what of it collides."""
+    """Return the file of a mesh; Collada needs a package of its own, without which the collision shapes are drawn."""
     return str(_child(visual, "geometry")[0].get("filename", "")).lower()
 
 

@@ -204,7 +204,9 @@ class SetpointGate:
         return wanted
 
     def _time_to_go(self, length: float, speed: float) -> float:
-        """Seconds in which a tool, at a mean ``speed`` in the last step, goes ``length`` while its joints brake."""
+        """Return the seconds in which a tool, at a mean ``speed`` in the last step, moves by ``length`` while its
+        joints brake.
+        """
         braking = 2.0 * float(np.max(np.abs(self.rate) / self.deceleration))
         if speed * braking <= 0.0:
             return np.inf
@@ -232,9 +234,9 @@ class SetpointGate:
         return nearest
 
     def _chased(self, wanted: Array, velocity: Array, dt: float) -> Array:
-        """Towards a set-point that moves at ``velocity``, so that it is met without going beyond.
+        """Return the step towards a set-point that moves at ``velocity``, so that it is reached without overshoot.
 
-        It may brake as hard as the joints themselves can. So no joint is faster than it can be to come to rest where
+        It may brake as hard as the joints themselves can. So no joint is faster than allows it to come to rest where
         the set-point would.
         """
         limits, acceleration, time = self._model, self._acceleration, (self._before + dt) / 2
@@ -257,7 +259,7 @@ class SetpointGate:
         return braked
 
     def _braking_times(self, position: Array, rate: Array, middle: float) -> Array:
-        """Seconds (n,) from full speed to rest: all joints together, or sooner where one has less room.
+        """Return the seconds (n,) from full speed to rest: all joints together, or sooner where one has less room.
 
         ``rate``: mean speeds ``middle`` seconds ago.
         """
@@ -268,7 +270,7 @@ class SetpointGate:
         return times
 
     def _objection(self, wanted: Array, rate: Array, dt: float, acceleration: Array) -> str:
-        """Which limit a set-point would break, or the way on to rest from it, in words; empty: none."""
+        """Return which limit a set-point, or the braking after it, would violate; empty: none."""
         limits, names = self._model, self._model.joint_names
         if not np.all(np.isfinite(wanted)):
             return "a set-point is not finite"
@@ -317,7 +319,9 @@ class SetpointGate:
 
 
 def _way(time: float, braking: Array) -> Array:
-    """Seconds of full speed that a joint goes within ``time`` after it has begun to brake to rest in ``braking``."""
+    """Return the seconds of full speed that a joint moves within ``time`` after it has begun to brake to rest in
+    ``braking``.
+    """
     passed = np.minimum(time, braking)
     way: Array = passed - passed**2 / (2.0 * np.maximum(braking, 1e-12))
     return way

@@ -149,7 +149,7 @@ class CommandedGripper(StoppablePart, Gripper):
             self._watch(reading, elapsed * share)
 
     def _halt(self) -> None:
-        """Unless they press on something; fingers that have not begun to move yet are not blocked."""
+        """Halt the fingers unless they press on an object; fingers that have not begun to move yet are not blocked."""
         gripping = self._gripping
         with self._connection.lock:
             if self._time <= self._channel.reaction_time or self._still_for < gripping.still_time / 3:

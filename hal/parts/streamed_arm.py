@@ -150,7 +150,9 @@ class StreamedArm(StreamedJointGroup, Arm):
 
 
 def _between(trajectory: JointTrajectory) -> tuple[Array, Array, Array]:
-    """Positions, velocities and accelerations, (N, n) each, of a trajectory's samples and of three places between."""
+    """Return positions, velocities and accelerations, (N, n) each, of a trajectory's samples and of three points
+    between.
+    """
     if len(trajectory.times) < 2:
         return trajectory.positions, trajectory.velocities, np.zeros_like(trajectory.positions)
     s = np.linspace(0.0, 1.0, 5)[:, None, None]

@@ -406,7 +406,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             self._setpoints = Hold(self._wanted)
 
     def _step(self, dt: float, elapsed: float) -> None:
-        """The next set-point, through the gate."""
+        """Send the next set-point through the gate."""
         setpoints, pace = self._setpoints, 1.0
         if setpoints.waits:
             behind = float(np.max(np.abs(self._wanted - self._position)))
@@ -485,7 +485,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         self._connection.end_motion(MotionStatus.FAILED, code, text, obstacle=obstacle)
 
     def _watch_settling(self, motion: Motion[None], elapsed: float) -> None:
-        """The set-points have arrived: the motion succeeds when the joints have, too."""
+        """Wait for the joints after the last set-point: the motion succeeds when they have arrived."""
         reading, constraints, tolerance = self._channel.read(), self.model.part.constraints, self.model.goal_tolerance
         error, speed = np.abs(self._wanted - reading.positions), float(np.max(np.abs(reading.velocities)))
         self._waiting += elapsed
@@ -541,7 +541,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         return Brake(self._position, self._velocity, deceleration, model.lower, model.upper)
 
     def _check_way(self, command: str, target: Array) -> None:
-        """Nothing but joint limits bounds joints that carry no tool."""
+        """Check the way to a target; without a tool, joint limits alone bound it."""
 
     def _slow_down(self, profile: Trapezoid) -> float:
         return 1.0

@@ -25,7 +25,7 @@ class _Missing:
 
 @contextmanager
 def _nothing_on_standard_error() -> Iterator[None]:
-    """A C library writes past ``sys.stderr``, to the file descriptor."""
+    """Redirect the standard error: a C library writes past ``sys.stderr``, to the file descriptor."""
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
     try:

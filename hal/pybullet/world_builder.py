@@ -83,7 +83,7 @@ def build_world(client: PhysicsClient, model: RobotModel, world: World, paramete
 
 
 def _let_arms_collide(client: PhysicsClient, model: RobotModel, built: BuiltWorld) -> None:
-    """Of the robot's links, those of two arms with their hands collide, but for pairs that the model leaves out."""
+    """Let the links of two arms with their hands collide, except for pairs that the model excludes."""
     carriers: defaultdict[int, set[str]] = defaultdict(set)
     for name, arm in model.of(ArmModel).items():
         for link in (built.links.get(arm.base_frame), *built.below(arm.joint_names)):
@@ -204,7 +204,7 @@ class _RobotSetup:
     links: dict[str, int]
 
     def set_up(self, model: RobotModel, world: World) -> None:
-        """Do it for all parts of the robot."""
+        """Set up all parts of the robot."""
         self._set_up_feet(model)
         self._reset(next((model.postures[n] for n in self.parameters.initial_postures if n in model.postures), {}))
         for gripper in model.of(GripperModel).values():

@@ -153,7 +153,7 @@ class RealSenseConnection(Connection):
             self._arrived.notify_all()
 
     def _here(self, color: Any, now: float) -> float:
-        """Each domain is a clock of its own."""
+        """Convert a time stamp to this clock; each domain is a clock of its own."""
         told, domain = 1e-3 * color.get_timestamp(), color.get_frame_timestamp_domain()
         remote, order = self._camera_times.setdefault(domain, (RemoteTime(), StampOrder()))
         if order.set_back(told):

@@ -177,7 +177,7 @@ class ReplayRobot(Robot):
         return value
 
     def _go_on_to_image(self, camera: str, images: Readings) -> None:
-        """Images are few: the one that a program takes is the next one that was taken, if that is soon."""
+        """Advance to the next image, if it is soon: images are rare."""
         taken = images.after(max(self._seen.get(camera, 0.0), self.moment() - SAME_MOMENT))
         if taken is not None and taken - self.moment() <= IMAGE_WAIT:
             self._seen[camera] = taken
@@ -210,7 +210,7 @@ class ReplayRobot(Robot):
         return motion
 
     def _go_on_with_streams(self, key: tuple[str, str]) -> None:
-        """A stream of commands that begins in the program begins in the recording, too."""
+        """Move the recording to the start of a stream of commands when the program starts one."""
         now, last = self.clock.now(), self._streamed.get(key, -LONGEST_GAP)
         self._streamed[key] = now
         if now - last <= STREAM_PAUSE:

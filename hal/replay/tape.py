@@ -172,7 +172,7 @@ def read_tape(path: Path) -> Tape:
 
 
 def _bounded(stream: TextIO, most: int) -> Iterator[str]:
-    """The lines of a tape. Raises OSError if they unfold to more than ``most`` characters."""
+    """Yield the lines of a tape. Raises OSError if they unfold to more than ``most`` characters."""
     while line := stream.readline(most + 1):
         most -= len(line)
         if most < 0:
@@ -229,7 +229,7 @@ class _TapeReader:
         return robot, start, time_step, parts
 
     def _following(self, stream: Iterator[str]) -> Iterator[tuple[int, str]]:
-        """Number and text of the lines after the header, as far as there are any."""
+        """Yield number and text of the lines after the header."""
         number = 2
         while True:
             try:

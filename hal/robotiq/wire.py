@@ -140,7 +140,7 @@ class URCapWire(RobotiqWire):
         return line.decode("ascii", "replace").strip()
 
     def _expect(self, word: bytes) -> None:
-        """An acknowledgement, which some versions end with a line feed and some do not."""
+        """Read an acknowledgement, which some versions end with a line feed and some do not."""
         while len(self._buffer.lstrip(b"\r\n")) < len(word):
             self._receive()
         self._buffer = self._buffer.lstrip(b"\r\n")

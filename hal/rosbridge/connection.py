@@ -311,7 +311,7 @@ class RosbridgeConnection(Connection):
                 )
 
     def _unlike_clock(self, streams: Sequence[TopicStream[Any]]) -> str:
-        """What shows that clocks that should be synchronised are not; empty where nothing does."""
+        """Return evidence that clocks are not synchronised although they should be; empty without any."""
         cure = "synchronise the robot's clock with this machine's (PTP, NTP), or write options.clock: estimated"
         return next((f"{stream.topic} {unlike}: {cure}" for stream in streams if (unlike := stream.unlike_clock)), "")
 

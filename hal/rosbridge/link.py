@@ -146,7 +146,9 @@ class RosLink:
     def open(
         self, load: Callable[[str], ModuleType], address: str, port: int, secure: bool, token: str, timeout: float
     ) -> None:
-        """Connect; ConnectionFailedError. ``load`` imports the SDK; ``token``: for a proxy's Authorization header."""
+        """Connect. ``load`` imports the SDK; ``token``: for a proxy's Authorization header. Raises
+        ConnectionFailedError.
+        """
         self._sdk = load("roslibpy")
         for library in ("roslibpy", "autobahn"):  # they log addresses
             logging.getLogger(library).setLevel(logging.CRITICAL)

@@ -100,7 +100,7 @@ class ContactWatcher:
         return tuple(sorted(overlaps, key=lambda overlap: -overlap.depth))
 
     def _note_forces(self, forces: dict[tuple[int, int, int, int], float], stamp: float) -> None:
-        """First who holds what, then what the robot and the held objects press on.
+        """Record which hands hold which objects, then what the robot and the held objects press on.
 
         Two fingers hold an object, or a suction cup that presses on it.
         """
@@ -161,7 +161,7 @@ class ContactWatcher:
 
 
 def _on_the_floor(base: BaseModel, built: BuiltWorld) -> list[int]:
-    """Links that roll or step: casters, wheels, feet."""
+    """Return the links that roll or step: casters, wheels, feet."""
     if isinstance(base, WheeledBaseModel):
         casters, wheels = base.part.caster_links, base.part.wheel_joints
         return [*(built.links[link] for link in casters), *(built.joints[joint] for joint in wheels)]
@@ -230,5 +230,5 @@ class ApproachWatcher:
 
 
 def _closing(state: BodyState, point: NDArray[np.float64], towards: NDArray[np.float64]) -> float:
-    """Speed of a point of the robot's body towards the other, m/s."""
+    """Return the speed of a point of the robot's body towards the other, m/s."""
     return float(towards @ (np.array(state.linear) + np.cross(state.angular, point - np.array(state.position))))

@@ -135,7 +135,7 @@ class DisturbanceInjector:
         self._log.tell(Finding(self._now, text))
 
     def _update(self) -> None:
-        """Before each control period."""
+        """Update the events, before each control period."""
         self._pushes = [running for running in self._pushes if not self._push_ends(running)]
         for body, (event, until) in list(self._falls.items()):
             if self._now > until or self._touched(body):
@@ -186,7 +186,7 @@ class DisturbanceInjector:
         return any(self._reader.gaps(other, body, KEEPS_AWAY, link) for other in (built.robot, *held))
 
     def _overlaps(self, body: int) -> bool:
-        """With anything that stands there: closest points are found where bodies are now."""
+        """Return whether a body overlaps others at their current poses."""
         return any(
             gap < -OVERLAP
             for other in self._simulation.built.body_names

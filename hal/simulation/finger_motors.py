@@ -65,7 +65,7 @@ class FingerMotors(SimulatedChannel, GripperChannel):
             self._contacts.follow()
 
     def _drive(self, width: float, force: float, speed: float) -> None:
-        """By virtual work, what the motors exert together gives ``force`` at each finger."""
+        """Set the efforts so that, by virtual work, the motors together exert ``force`` at each finger."""
         model = self._model
         self._sent_to = width
         targets, per_metre = model.joint_positions(width), model.transmission(self.read().width)

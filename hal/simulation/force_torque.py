@@ -79,7 +79,7 @@ class SimulatedForceTorque(SimulatedSensor[Wrench], ForceTorque):
         return math.floor(stamp * self._model.rate + 1e-6)
 
     def _load(self, simulation: Simulation, reader: Reader) -> NDArray[np.float64]:
-        """Force and torque (6,) in the sensor's frame."""
+        """Return force and torque (6,) in the sensor's frame, newtons and N m."""
         pose = simulation.link_pose(reader, self._model.frame)
         load = self._weight_and_inertia(simulation, reader) + self._contacts(simulation, reader)
         turned: NDArray[np.float64] = load.reshape(2, 3) @ pose.rotation  # of both: rotation.T @ vector
@@ -88,7 +88,7 @@ class SimulatedForceTorque(SimulatedSensor[Wrench], ForceTorque):
         return turned.ravel()
 
     def _contacts(self, simulation: Simulation, reader: Reader) -> NDArray[np.float64]:
-        """Force and moment about the map's origin of what touches from outside, (6,)."""
+        """Return force and moment (6,) of outside contacts about the map's origin."""
         robot, carried = simulation.built.robot, self._masses
         fx = fy = fz = mx = my = mz = 0.0
         # All contacts are asked for: of one body alone, Bullet may swap the two of a contact, but not their friction.
@@ -105,7 +105,9 @@ class SimulatedForceTorque(SimulatedSensor[Wrench], ForceTorque):
         return np.array((fx, fy, fz, mx, my, mz))
 
     def _weight_and_inertia(self, simulation: Simulation, reader: Reader) -> NDArray[np.float64]:
-        """Force, and moment about the map's origin, (6,); spins of the single links count for nothing."""
+        """Return force and moment (6,) of weight and inertia about the map's origin; spins of the single links are
+        neglected.
+        """
         wx = wy = wz = px = py = pz = hx = hy = hz = 0.0
         motions = reader.link_motions(simulation.built.robot, self._masses)
         for mass, (position, (u, v, w), _) in zip(self._masses.values(), motions, strict=True):
@@ -123,5 +125,7 @@ class SimulatedForceTorque(SimulatedSensor[Wrench], ForceTorque):
 
 
 def _cross(a: Sequence[float], b: Sequence[float]) -> Vector:
-    """Of two triples: numpy's takes twenty times as long, and this is asked for each contact of each reading."""
+    """Return the cross product of two triples: numpy's takes twenty times as long, and each contact of each reading
+    needs one.
+    """
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

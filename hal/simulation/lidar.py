@@ -45,7 +45,9 @@ class SimulatedLidar(SimulatedSensor[LaserScan], Lidar):
         return lambda: self._cast(simulation, reader, starts)
 
     def _leaving(self, outline: NDArray[np.float64], base_from_lidar: Pose) -> NDArray[np.float64]:
-        """Metres along each beam (N,) to where it leaves a convex outline (M, 2); 0 where it begins beyond it."""
+        """Return the distance (N,), metres, along each beam to where it leaves a convex outline (M, 2); 0 where it
+        begins beyond it.
+        """
         edges = np.roll(outline, -1, axis=0) - outline
         normals = np.column_stack([edges[:, 1], -edges[:, 0]])
         room = np.einsum("ij,ij->i", normals, outline) - normals @ base_from_lidar.position[:2]

@@ -97,7 +97,7 @@ class AttachmentCheck:
         return bool(mean > PRESSING_SHARE * self._weights[body])
 
     def _drawers_below(self, observation: SimulationState) -> dict[int, tuple[Leaf, float]]:
-        """For objects that touch a door or drawer: which, and how far that is open."""
+        """Return, for objects that touch a door or drawer, which it is and how far it is open."""
         below: dict[int, tuple[Leaf, float]] = {}
         if not self._leaves:
             return below
@@ -253,7 +253,7 @@ class AuditMonitor:
             self._integrity.watch_everything(observation.stamp, slipping)
 
     def _take_in_events(self) -> None:
-        """After every step, and never forgotten."""
+        """Record new events after every step; they are never dropped."""
         events = self.disturbance_log.events
         if events != self._events:
             new = [event for event in events if event not in self._events]

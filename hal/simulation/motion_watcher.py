@@ -134,7 +134,9 @@ class MotionWatcher:
         return self._before._replace(bodies={**self._before.bodies, **there})
 
     def _wake(self, observation: SimulationState, robot_forces: Mapping[int, float]) -> None:
-        """Bodies that moved or that the robot touched a moment ago are integrated in every step until the next look."""
+        """Wake bodies that moved or that the robot touched recently: they are integrated in every step until the next
+        check.
+        """
         for body, state in observation.bodies.items():
             speed = math.hypot(*state.linear) + 0.1 * math.hypot(*state.angular)
             if body == self._robot or body in robot_forces or speed > AWAKE_SPEED:
@@ -145,7 +147,9 @@ class MotionWatcher:
     def _watch_body(
         self, body: int, old: BodyState, new: BodyState, time: float, undisturbed: bool, stamp: float
     ) -> None:
-        """An integrated body has moved along its path; one that rested has not, unless something may have hit it."""
+        """Check that an integrated body moved along its path, and that a resting one did not, unless it may have been
+        hit.
+        """
         path = self._paths.get(body)
         slack = 0.0
         if path is None:
@@ -179,7 +183,7 @@ class MotionWatcher:
     def _watch_free_fall(
         self, body: int, old: BodyState, observation: SimulationState, time: float, touched: set[int]
     ) -> None:
-        """What touches nothing falls with g."""
+        """Check that bodies without contact fall with g."""
         if body in touched or body in self._touched_before:
             self._afloat[body] = 0
             return
@@ -191,13 +195,15 @@ class MotionWatcher:
             self.unexplained_forces.append(Finding(observation.stamp, text))
 
     def _watch_rest(self, body: int, stamp: float, touched: set[int]) -> None:
-        """What rests, rests on something."""
+        """Check that bodies at rest have support."""
         self._afloat[body] = 0 if body in touched else self._afloat[body] + 1
         if self._afloat[body] == RESTS_ON_NOTHING:
             self.unexplained_forces.append(Finding(stamp, f"{self._objects[body]} rests on nothing and does not fall"))
 
     def _watch_joints(self, before: SimulationState, observation: SimulationState, time: float) -> None:
-        """Motors and bumps make joints stutter between two looks, but not faster than their top speed."""
+        """Check that joints were no faster than their top speed between two checks, with a margin for motors and
+        impacts.
+        """
         old, new = before.joints, observation.joints
         change = new[:2] - old[:2]
         residual = np.abs(change[0] - (old[1] + new[1]) * (time / 2.0))

@@ -231,7 +231,7 @@ class SimulatedRobot(Robot):
         return texts
 
     def _attach(self, simulation: Simulation) -> None:
-        """The simulation's loop drives the parts, as a connection's loop does on hardware."""
+        """Attach the parts to the simulation's loop, which drives them as a connection's loop does on hardware."""
         for name, part in self._actuators.items():
             self._channels[name].attach(simulation)
             part.attach()
@@ -259,7 +259,9 @@ class SimulatedRobot(Robot):
         self._step()
 
     def _generator(self, part: str) -> np.random.Generator:
-        """Noise of a part; its own stream, so that one part's use does not change another's."""
+        """Return the random generator of a part's noise; its own stream, so that one part's use does not change
+        another's.
+        """
         return np.random.default_rng([self._seed, crc32(part.encode())])
 
     def _make_sensors(self) -> None:

@@ -57,7 +57,7 @@ class SceneRecorder:
         )
 
     def _walker_pose(self, body: int, slides: tuple[int, int]) -> Pose:
-        """Its root stands where its round begins."""
+        """Return the pose of a walker, whose root is at the start of its route."""
         start, _ = self._reader.body_pose(body)
         x, y = self._reader.joint_states(body, slides)[0]
         return Pose(np.array(start) + np.array([x, y, 0.0]))

@@ -109,7 +109,9 @@ class Walkers:
 
 
 def _direction(walk: _Walk, here: tuple[float, float]) -> tuple[float, float]:
-    """Unit vector towards a point of the round a little ahead; the nearest one is the last or soon after it."""
+    """Return the unit vector towards a point of the route a little ahead; the nearest one is the last
+    or soon after it.
+    """
     count = len(walk.route)
     window = (walk.at + walk.sense * np.arange(5)) % count
     distances = np.hypot(walk.route[window, 0] - here[0], walk.route[window, 1] - here[1])

@@ -77,7 +77,7 @@ class SimulatedTactile(SimulatedSensor[TactileReading], Tactile):
         return bool(abs(place[0]) <= width / 2 + margin and abs(place[1]) <= height / 2 + margin)
 
     def _shares(self, place: Array) -> Array:
-        """What of a point of pressure each taxel feels, (rows, columns); all together 1."""
+        """Return the fraction of a pressure point that each taxel feels, (rows, columns); the sum is 1."""
         along_x = np.exp(-0.5 * ((self._x - place[0]) / self._model.spread) ** 2)
         along_y = np.exp(-0.5 * ((self._y - place[1]) / self._model.spread) ** 2)
         shares = np.outer(along_y, along_x)

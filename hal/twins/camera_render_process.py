@@ -119,7 +119,7 @@ class CameraRenderProcess:
 
 
 def _work(wire: Connection, simulated: type[SimulatedRobot], model: RobotModel, world: World, seed: int) -> None:
-    """The other process: less urgent than the controllers, and ended by the end of the wire alone."""
+    """Run the other process, at a lower priority than the controllers, until the connection ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # This process renders what it is told to at once; the latency is that of the twin that sends the picture.
     prompt = {name: dataclasses.replace(camera, latency=0.0) for name, camera in model.of(CameraPart).items()}
@@ -144,7 +144,7 @@ def _picture(
 
 
 def _put(robot: SimulatedRobot, state: WorldState) -> None:
-    """Nothing moves in this copy: poses are set, not reached."""
+    """Set the poses of this copy, in which nothing moves by physics."""
     built, engine = robot.simulation.built, robot.simulation.engine
     if robot.model.of(BaseModel):
         engine.put(built.robot, *state.robot)

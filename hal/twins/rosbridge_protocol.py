@@ -1,4 +1,6 @@
-"""The rosbridge protocol, version 2.0, of a server: https://github.com/RobotWebTools/rosbridge_suite/blob/ros2/ROSBRIDGE_PROTOCOL.md."""
+"""The rosbridge protocol, version 2.0, of a server:
+https://github.com/RobotWebTools/rosbridge_suite/blob/ros2/ROSBRIDGE_PROTOCOL.md.
+"""
 
 from __future__ import annotations
 
@@ -169,7 +171,7 @@ class RosbridgeServer:
             inbox.put(None)
 
     def _answer_all(self, client: Client, inbox: queue.SimpleQueue[tuple[float, str | bytes] | None]) -> None:
-        """Each message when it is due: a delay of the wire holds each one back, the rate stays."""
+        """Answer each message when it is due: a delay of the wire holds each one back, the rate stays."""
         while (arrived := inbox.get()) is not None:
             due, text = arrived
             time.sleep(max(0.0, due - time.monotonic()))
@@ -206,7 +208,7 @@ class RosbridgeServer:
             client.put(json.dumps(status))
 
     def _check_type(self, asked: Mapping[str, Any]) -> None:
-        """One type for each topic; both versions of ROS understand types without ``msg``."""
+        """Check that a topic has one type; both versions of ROS accept types without ``msg``."""
         told, known = asked.get("type"), self._types.get(asked["topic"])
         if told and known and told.replace("/msg/", "/") != known.replace("/msg/", "/"):
             raise ValueError(f"{asked['topic']} is of type {known}, not {told}")

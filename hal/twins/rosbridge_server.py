@@ -322,11 +322,11 @@ class RosbridgeTwin:
         return topic
 
     def _header(self, frame: str, at: float) -> Message:
-        """``at``: simulated time."""
+        """Return a message header. ``at``: simulated time."""
         return self._version.header(frame, at + self._offset - self._set_back)
 
     def _tick(self, dt: float) -> None:
-        """One physics step of the world is about to come."""
+        """Run one control tick, before a physics step of the world."""
         now = self._world.now()
         self._offset = time.time() - now
         for joints in self._joints:

@@ -200,7 +200,7 @@ class TwinHost:
         self.world.close()
 
     def _sign(self) -> BringUpFile:
-        """Twins match the robot's file: there is nothing to discover about them."""
+        """Sign the bring-up: twins match the robot's file."""
         serial_numbers = {name: getattr(twin, "serial_number", "") for name, twin in self.twins.items()}
         told = {name: number for name, number in serial_numbers.items() if number}
         signature = Signature("bestman-bt twin", time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()))
@@ -223,7 +223,9 @@ class TwinHost:
         raise TwinError("no loopback address has the twin's ports free") from why
 
     def _fault(self, question: dict[str, Any]) -> Mapping[str, Any]:
-        """``{"connection": NAME, "fault": NAME, "value": NUMBER}``; without a fault, what there is."""
+        """Apply a request ``{"connection": NAME, "fault": NAME, "value": NUMBER}``; without a fault, return the
+        available ones.
+        """
         name = str(question.get("connection", ""))
         if name not in self.twins:
             raise LookupError(f"no connection {name!r}; there are {', '.join(self.twins)}")

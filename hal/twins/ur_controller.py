@@ -222,7 +222,7 @@ class URController:
         return arrived
 
     def _set_outputs(self, values: Mapping[str, Any]) -> None:
-        """Digital outputs: 8 standard, 8 configurable, 2 of the tool."""
+        """Set the digital outputs: 8 standard, 8 configurable, 2 of the tool."""
         for kind, shift in (("standard", 0), ("configurable", 8), ("tool", 16)):
             mask = values.get(f"{kind}_digital_output_mask")
             if mask is not None:
@@ -230,7 +230,7 @@ class URController:
                 self._digital_outputs = self._digital_outputs & ~(mask << shift) | bits << shift
 
     def _watch(self, program: URProgram, dt: float) -> None:
-        """What ends a program: itself, its watchdog, jumps of set-points, and what holds a joint up."""
+        """End a program that has finished, or for its watchdog, a jump of set-points, or an obstructed joint."""
         frequency = program.watchdog_frequency
         # By the clock and by cycles, so that neither a pause of this process nor its catching up counts as silence.
         silence = min(time.monotonic() - self._written, self._cycles_since)

@@ -161,7 +161,7 @@ class RtdeSession:
             self._send(command, b"\1")
 
     def _stream(self) -> None:
-        """Data packages at the agreed rate; a delay of the wire holds each one back, the rate stays."""
+        """Stream data packages at the agreed rate; a delay of the wire holds each one back, the rate stays."""
         due, underway = time.monotonic(), deque[tuple[float, bytes]]()
         recipe = self._output
         assert recipe is not None

@@ -69,7 +69,7 @@ class URTwin(TcpTwin):
         RtdeSession(client, self.faults, self.controller.read, self.controller.write, self._owners).serve()
 
     def _attend_script(self, client: socket.socket) -> None:
-        """A program is complete with an ``end`` at the beginning of a line."""
+        """Receive programs, each of which ends with an ``end`` at the beginning of a line."""
         text = ""
         for chunk in self.received(client):
             text += chunk.decode("ascii", "replace")

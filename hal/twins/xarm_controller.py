@@ -207,7 +207,7 @@ class XArmController:
             self.state = State.MOVING if self.commands_left else State.SLEEPING
 
     def _watch(self, follower: ServoFollower, positions: Array, dt: float) -> None:
-        """As a controller does: a jump is an error, and what holds a joint up is a collision."""
+        """Raise the errors of the controller: a jump of set-points, or a collision of an obstructed joint."""
         if follower.too_fast or (self.reduced and follower.faster_than(self.reduced_joint_speed)):
             self.trip(SPEED_ERROR)
         held_up = bool(np.any(np.abs(follower.setpoint - positions) > TRACKING_TOLERANCE))

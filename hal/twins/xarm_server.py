@@ -74,7 +74,7 @@ class XArmTwin(TcpTwin):
         return self.settings.serial_number
 
     def _attend(self, client: socket.socket) -> None:
-        """Requests of one client until it goes; a robot whose last client goes comes to rest."""
+        """Serve one client until it disconnects; a robot comes to rest when its last client disconnects."""
         self._clients.add(client)
         try:
             for frame in modbus_frames(self.received(client)):

@@ -91,7 +91,7 @@ class URArm(StreamedArm):
             blends = [blend] * (len(rows) - 1) + [0.0]
 
             def upload() -> object:
-                """At the operator's share of the speed as it is now."""
+                """Upload the path at the operator's current share of the speed."""
                 now = self.speed_share
                 moving = numbers[0] * now, numbers[1] * now**2
                 path = [[*row.tolist(), *moving, round_off] for row, round_off in zip(rows, blends, strict=True)]
@@ -198,7 +198,7 @@ class URArm(StreamedArm):
         return motion
 
     def _attend(self, own: _OwnMotion) -> None:
-        """The connection's loop alone speaks to the controller, and no lock is held meanwhile."""
+        """Serve the controller from the connection's loop, the only one that talks to it, without holding a lock."""
         report = self._link.report
         try:
             if own.begun is None:

@@ -291,7 +291,7 @@ class URConnection(Connection):
             self._link.call("set_payload", whole.mass, whole.centre.tolist(), timeout=READY_TIME)
 
     def _settings(self) -> dict[str, float]:
-        """For the SDK's process."""
+        """Return the settings of the SDK's process."""
         options: UROptions = self.options
         settings = {
             "rate": options.rate,
@@ -411,7 +411,7 @@ class URIdentity:
         return ArmFacts(np.array(self.joints), tool, offset, payload=self.payload)
 
     def _flange_apart(self, robot: RobotModel, arm: str) -> float:
-        """Metres between the flange by the controller and by the robot file."""
+        """Return the distance between the controller's and the robot file's flange, metres."""
         import pinocchio
 
         description = robot.of(ArmModel)[arm]
@@ -431,10 +431,10 @@ class URIdentity:
 
 
 def _pose(values: list[float]) -> Pose:
-    """Of a place in metres and a rotation vector."""
+    """Return the pose of a position in metres and a rotation vector."""
     return Pose(np.array(values[:3]), Rotation.from_rotvec(values[3:]).as_quat())
 
 
 def _family(model: str) -> str:
-    """The dashboard's names have no "e"; versions differ in that."""
+    """Return the model family of the dashboard's name, which has no "e" and depends on the version."""
     return model.strip().upper().removesuffix("E")

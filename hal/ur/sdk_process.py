@@ -281,7 +281,9 @@ class SDKProcess:
         self._await(self._control.isProgramRunning, PROGRAM_TIME, "its program does not start")
 
     def _watch(self, stop: Callable[[], None]) -> None:
-        """As the controller watches this process, so it watches its parent: ``stop`` without a renewal in that time."""
+        """Start the watchdog on the parent: ``stop`` is called if a renewal is late, as the controller watches this
+        process.
+        """
         self._renewed_until, self._stop = time.monotonic() + 1.0 / self._settings["watchdog"], stop
 
     def _come_to_rest(self, keep_alive: Callable[[], object]) -> None:
@@ -295,7 +297,7 @@ class SDKProcess:
                 return
 
     def _lapse(self) -> None:
-        """The parent hangs: brake, and follow nothing of what it still sends."""
+        """Brake, and ignore what a hanging parent still sends."""
         self._heard, self._lapsed = None, True
         if self._control is None or not self._control.isProgramRunning():
             return
@@ -327,7 +329,9 @@ class SDKProcess:
             self._heard = time.monotonic()  # what has come meanwhile was not looked at
 
     def _check_released(self) -> None:
-        """Nothing is unlocked, powered on or restarted here: Universal Robots ask for a person who looks first."""
+        """Raise if people have to release the robot: nothing is unlocked, powered on or restarted here, as Universal
+        Robots asks for a person who looks first.
+        """
         dashboard = self._dashboard
         if not dashboard.isInRemoteControl():
             version = dashboard.polyscopeVersion()
@@ -397,7 +401,7 @@ class SDKProcess:
         return control is not None and bool(control.getAsyncOperationProgressEx().isAsyncOperationRunning())
 
     def _go(self) -> None:
-        """The parent is gone: bring the arm to rest if the controller answers, and end in any case."""
+        """Bring the arm to rest, if the controller answers, after the parent is gone, and exit."""
         threading.Timer(1.0, os._exit, (1,)).start()
         try:
             self.leave()

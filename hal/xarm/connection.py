@@ -93,7 +93,7 @@ class XArmGripper(GripperChannel):
 
 
 def _set_position(arm: Any, pulses: int, turns: int) -> int:
-    """Without waiting for the arm to stand still, as the SDK would; the next reading tells of errors."""
+    """Set a position without waiting for the arm to stand still, as the SDK would; the next reading shows errors."""
     code: int = arm.set_gripper_position(pulses, speed=turns, wait=False, wait_motion=False, check_err=False)
     return code
 
@@ -235,7 +235,7 @@ class XArmConnection(Connection):
         self.remarks = (*others, words) if words else others
 
     def _other_payload(self, mass: float) -> str:
-        """What the controller counts on, read back, where that is not ``mass``; empty where it is, or is not told."""
+        """Return the controller's payload if it differs from ``mass``; empty if it does not, or is not reported."""
         for _ in range(REPORTS):
             told = read_report(self.settings.address, self.options.connect_timeout)
             counted = None if told is None else told.payload
@@ -245,7 +245,7 @@ class XArmConnection(Connection):
         return f"{COUNTS} {counted:.2f} kg at the flange, though it was told {mass:.2f} kg"
 
     def _set_limits(self, options: XArmOptions) -> None:
-        """What the controller is to hold itself to, beside what is enforced above it."""
+        """Set the limits that the controller enforces, besides those that are enforced above it."""
         wire = self._wire
         sensitivity, payload = options.collision_sensitivity, options.payload
         if sensitivity is not None:

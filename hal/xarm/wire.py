@@ -344,7 +344,7 @@ class XArmWire:
             time.sleep(0.02)
 
     def _note(self, code: int) -> None:
-        """What a reply says about the controller; called after each one."""
+        """Update the controller's state from a reply."""
         if code == NOT_CONNECTED:
             text = f"the controller has closed the connection of {self._name}"
             self._fault = Failure(MotionErrorCode.DISCONNECTED, text)

@@ -103,7 +103,7 @@ Result = TypeVar("Result")
 
 class _Streaming(Protocol):
     def tick(self) -> bool:
-        """One period; False when it is over."""
+        """Run one control period; return False when the motion is over."""
 
 
 @dataclass(frozen=True)

@@ -158,7 +158,7 @@ class _Turn(Motion[Result]):
         self.started: Motion[Result] | None = None
 
     def attempt(self, left: float) -> None:
-        """Start, if nothing is in the way; fail if that lasts, or in ``left`` seconds no longer."""
+        """Start the motion unless another arm blocks it; fail if it stays blocked for ``left`` seconds."""
         try:
             obstacle = self._coordinator.obstacle(self._arm, self._way)
             if obstacle is None:

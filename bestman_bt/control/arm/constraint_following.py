@@ -237,12 +237,12 @@ class ConstraintFollowing:
         return None
 
     def _held(self, tool: Pose) -> Array:
-        """Where the place (3,) is that goes along the way, in the base frame."""
+        """Return the position (3,), base frame, of the point that is guided along the way."""
         held: Array = tool.apply(self._held_at[None])[0]
         return held
 
     def _remaining(self, held: Array) -> float:
-        """Metres that are left of the way."""
+        """Return the remaining length of the way, metres."""
         axis = self._estimator.axis
         left = self._goal.distance - axis.travelled(self._start, held)
         if axis.kind == "revolute":

@@ -133,7 +133,7 @@ class JointAxisEstimator:
 
 
 def _circle(points: Array) -> tuple[Array, float]:
-    """Centre (2,) and radius of Taubin's circle through (N, 2) points about their mean."""
+    """Return centre (2,) and radius of Taubin's circle through (N, 2) points about their mean."""
     square = np.sum(points**2, axis=1)
     mean = float(square.mean())
     scaled = (square - mean) / (2.0 * math.sqrt(mean))

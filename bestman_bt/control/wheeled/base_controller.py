@@ -116,7 +116,7 @@ class VelocityGate:
 
 
 def _tall(known: Costmap, points: NDArray[np.float64], placed: bool) -> NDArray[np.bool_]:
-    """Which of what the lidar hits at points (N, 2) of the map reaches up to the arm: mapped furniture may be lower."""
+    """Return which lidar hits (N, 2), map frame, reach up to the arm; mapped furniture may be lower."""
     if known.above is None or not placed:
         return np.full(len(points), known.above is not None)
     tall: NDArray[np.bool_] = (known.above.distance_at(points) < ON_IT) | (known.distance_at(points) > BESIDE_IT)
@@ -402,7 +402,7 @@ class BaseController:
             return motion
 
     def _planned(self, goal: Pose2D | None, driven: _DrivenPath | None, by_odometry: bool) -> PlannedMotion:
-        """What a person is shown: the outline of the base along the path, or all around where it turns on the spot."""
+        """Return the outline of the base along the path for display, or a circle around it for a turn on the spot."""
         here, corners = self._world.base.pose, np.array(self.model.footprint)
         if goal is None or (driven is None and goal.distance_to(here) < STANDING):
             around = turned(corners, np.linspace(-math.pi, math.pi, 24)) + here.xy
@@ -429,7 +429,7 @@ class BaseController:
         self._action = action
 
     def _tick(self) -> None:
-        """One control tick."""
+        """Run one control period."""
         with self._lock:
             try:
                 self.localisation.step()
@@ -451,7 +451,7 @@ class BaseController:
                 self._end(MotionStatus.FAILED, error.failure)
 
     def _end_stopped(self, refused: RobotStoppedError) -> None:
-        """The robot was stopped; where that is because the base's controller is lost, this is the reason."""
+        """End the motion after a stop of the robot; a lost base controller is given as the reason."""
         try:
             self._base.odometry()
         except READING_ERRORS as error:

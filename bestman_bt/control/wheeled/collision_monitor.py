@@ -191,7 +191,7 @@ class CollisionMonitor:
         tall: NDArray[np.float64],
         are_tall: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None,
     ) -> list[_Look]:
-        """Which outline is held against which points."""
+        """Return which outline is checked against which points."""
         looks = [(self._motion, points), (self._above, points[_within(points, tall)])]
         if self._overhang is not None and are_tall is not None:
             near = points[np.hypot(points[:, 0], points[:, 1]) < self._overhang.reach + NEAR]
@@ -199,7 +199,9 @@ class CollisionMonitor:
         return looks
 
     def _contact(self, looks: tuple[list[_Look], list[_Entry]], twist: Twist2D) -> tuple[float, str, float]:
-        """Seconds until a twist touches something, what that is, and the share of it that stops in time."""
+        """Return the seconds until a twist leads to contact, the obstacle, and the fraction of the twist that stops in
+        time.
+        """
         reaction, braking = self.reaction, self._braking(twist)
         horizon, time, what = reaction + braking / 2.0 + 0.05, math.inf, ""
         seen, mapped = looks
@@ -218,7 +220,7 @@ class CollisionMonitor:
         return braking_time(twist, limits.max_acceleration, limits.max_angular_acceleration)
 
     def _pressed(self, odometry: Pose2D) -> NDArray[np.float64] | None:
-        """Where the bumpers are pressed in the mean, (2,) in the base frame; it is remembered like what was seen."""
+        """Return the mean position (2,) of pressed bumpers, base frame; it is kept in memory like seen obstacles."""
         places = [bumper.zones[z].middle for bumper in self.bumpers for z in bumper.read().pressed]
         if not places:
             return None
@@ -233,7 +235,7 @@ class CollisionMonitor:
 
 
 def _within(points: NDArray[np.float64], discs: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Which points (N, 2) lie within, or right before, one of ``discs`` (M, 3)."""
+    """Return which points (N, 2) lie within, or just in front of, one of ``discs`` (M, 3)."""
     if not len(discs):
         return np.zeros(0, dtype=np.intp)
     away = np.linalg.norm(points[:, None] - discs[None, :, :2], axis=-1) - discs[:, 2]
@@ -241,7 +243,7 @@ def _within(points: NDArray[np.float64], discs: NDArray[np.float64]) -> NDArray[
 
 
 def _side(point: NDArray[np.float64]) -> str:
-    """Where a point (2,) of the base frame lies, in words."""
+    """Return the words for the side on which a point (2,) of the base frame lies."""
     eighth = round(math.atan2(point[1], point[0]) / (math.pi / 4)) % 8
     return ("ahead", "ahead on the left", "on the left", "behind on the left", "behind", "behind on the right",
             "on the right", "ahead on the right")[eighth]  # fmt: skip
@@ -283,7 +285,7 @@ class NearPoints:
         return odometry.inverse().apply(np.vstack([self._seen, self._blind[:, :2]]))
 
     def _still_hidden(self, points: NDArray[np.float64], scan: LaserScan, lidar: Pose2D) -> NDArray[np.float64]:
-        """Of points (N, 3) those that the scan could not see, one for each beam: the latest."""
+        """Return, of points (N, 3), those that the scan could not see: the latest one of each beam."""
         own = lidar.inverse().apply(points[:, :2])
         distance = np.hypot(own[:, 0], own[:, 1])
         hidden = (distance < scan.range_min + EDGE) & (scan.stamp - points[:, 2] < MEMORY)

@@ -53,7 +53,7 @@ def measure_turning_slip(
 
 
 def _turn(base: MobileBase, gyro: GyroHeading, clock: Clock, angle: float, share: float) -> tuple[float, float]:
-    """What the odometry counted and what the gyroscope felt, radians, of one turn."""
+    """Return the angles of one turn by odometry and by gyroscope, radians."""
     gyro.begin()
     clock.sleep(REST)
     gyro.level()

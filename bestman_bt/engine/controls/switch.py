@@ -37,7 +37,7 @@ class ManualSelector(Control, composites.Selector):
         super().halt()
 
     def on_tick(self) -> int:
-        """Ask, unless the last choice is repeated or its child still runs, and tick the child."""
+        """Choose a child, unless the last choice is repeated or still running, and tick it."""
         children = self.nodes_below()
         repeat = self.chosen >= 0 and self.repeat_last_selection
         self.set_state(RUNNING)

@@ -298,7 +298,7 @@ class Tree:
             self.rebind()
 
     def sleep(self, duration: float) -> None:
-        """Let ``duration`` seconds of the clock pass, or less after a wake-up."""
+        """Wait for ``duration`` seconds of the clock, or until a wake-up."""
         if self._woken():
             return
         clock = self.clock
@@ -380,7 +380,7 @@ class Tree:
         self._status = IDLE
 
     def wait_until_stopped(self, period: float = 0.05) -> None:
-        """After a halt, let time pass until no action is stopping any more, or the waiting times have ended."""
+        """Wait, after a halt, until no action is stopping any more or its time limit is over."""
         while self.stopping.until:
             self.clock.sleep(period)
             self._begin()

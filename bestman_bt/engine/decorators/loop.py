@@ -131,7 +131,7 @@ class Loop(Decorator):
             raise self.error(f"port 'queue': expected a list of items but got {value!r}") from error
 
     def on_tick(self) -> int:
-        """Take the next item unless the child is still running, and tick the child."""
+        """Pop the next item unless the child is still running, and tick the child."""
         if self._s <= IDLE:
             self.child_runs = False
             self.left = None if self.literal is None else deque(self.literal)

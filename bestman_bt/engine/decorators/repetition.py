@@ -46,7 +46,7 @@ class _Counting(Decorator):
     count: int = 0
 
     def on_load(self) -> None:
-        """Raises ValueError for a literal that counts less than -1, which would be none at all."""
+        """Check a literal count. Raises ValueError below -1."""
         port = type(self).limit.port
         value = self.attributes.get(port)
         if value is not None and key_of(value, port) is None and self.limit < -1:

@@ -91,7 +91,7 @@ class PopFromQueue(SyncAction):
     popped_item = Out(Any, "the item")
 
     def on_tick(self) -> int:
-        """Take an item."""
+        """Pop an item."""
         queue = self.queue
         if not queue:
             return FAILURE

@@ -151,7 +151,7 @@ def _subtree(tag: _Tag) -> Iterator[str]:
 
 
 def _check(tag: _Tag, kind: str) -> Iterator[str]:
-    """BlackboardCheck…: a Precondition of version 4, where one side is an entry."""
+    """Convert BlackboardCheck… to a Precondition of version 4, if one side is an entry."""
     one, two = (tag.attributes.get(key, "") for key in ("value_A", "value_B"))
     if not (one.startswith("{") and one.endswith("}")):
         one, two = two, one

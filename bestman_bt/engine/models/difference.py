@@ -178,7 +178,7 @@ def _likeness(one: Element, two: Element, prints: dict[int, int]) -> int:
 def _aligned(
     old: list[Element], new: list[Element], prints: dict[int, int]
 ) -> list[tuple[Element | None, Element | None]]:
-    """Children side by side in their order, so that the most likeness is kept."""
+    """Align children in their order so that the total similarity is greatest."""
     start = 0
     while start < min(len(old), len(new)) and prints[id(old[start])] == prints[id(new[start])]:
         start += 1

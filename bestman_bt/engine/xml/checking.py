@@ -146,7 +146,7 @@ class Checker:
         }
 
     def _remedy(self, name: str) -> str:
-        """What may help against an unknown node: the file beside the tree that defines it, or the closest name."""
+        """Return a remedy for an unknown node: the file beside the tree that defines it, or the closest name."""
         if name in self.documents.trees:
             return f'it is a tree: write <SubTree ID="{name}"/>'
         for path in sorted(Path(self.file).parent.glob("*.py")):

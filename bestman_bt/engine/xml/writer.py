@@ -203,7 +203,7 @@ def palette_xml(registry: NodeRegistry, *, builtin_models: bool = False) -> str:
 
 
 def _write_models(registry: NodeRegistry, lines: _Lines, depth: int, builtin: bool, native: Mapping[str, str]) -> None:
-    """``native``: class to kind, of native py_trees behaviours."""
+    """Write the TreeNodesModel. ``native``: class to kind, of native py_trees behaviours."""
     infos = [info for info in registry.manifest() if builtin or not info.builtin]
     further = [(name, kind) for name, kind in native.items() if name not in registry]
     lines.element(depth, "TreeNodesModel", (), closed=not infos and not further)

@@ -73,7 +73,7 @@ def read_filmed_run(folder: Path) -> FilmedRun:
 
 
 def _doings(folder: Path) -> tuple[tuple[float, str], ...]:
-    """Which leaf ran, from when on; of several at once the last in the tree."""
+    """Return which leaf ran from which time on; of several running ones the last in the tree."""
     if not has_record(folder):
         return ()
     try:

@@ -69,7 +69,7 @@ def _painted_bodies(world: World) -> Iterable[BlenderBody]:
 
 
 def _walls(world: World) -> list[tuple[str, Wall]]:
-    """With the names that they have as bodies."""
+    """Return the walls with the names of their bodies."""
     return [(f"wall{number}", wall) for number, wall in enumerate(world.walls)]
 
 
@@ -216,7 +216,7 @@ Frame = tuple[RobotSnapshot, Viewpoint]
 def _photographed(
     stage: ReplayScene, frames: Sequence[Frame], options: RenderOptions, tell: Callable[[str], None]
 ) -> list[NDArray[np.uint8]]:
-    """By the simulator's own renderer: a few seconds a picture of 960×720."""
+    """Render with the simulator's renderer: a few seconds for a picture of 960×720."""
     pictures = []
     for snapshot, view in frames:
         stage.set(snapshot)
@@ -228,7 +228,7 @@ def _photographed(
 def _painted(
     run: FilmedRun, frames: Sequence[Frame], options: RenderOptions, python: Path, tell: Callable[[str], None]
 ) -> list[NDArray[np.uint8]]:
-    """By Blender: many seconds a picture."""
+    """Render with Blender: many seconds for a picture."""
     with TemporaryDirectory() as name:
         files = [Path(name) / f"{number:05d}.png" for number in range(len(frames))]
         job = blender_job(run, frames, files, options.size, options.samples)
@@ -308,7 +308,7 @@ def plan_shot(run: FilmedRun, stage: ReplayScene) -> Shot:
     keys = standing[np.linspace(0, len(standing) - 1, KEY_MOMENTS).round().astype(int)]
 
     def score(side: tuple[float, float]) -> float:
-        """How well hand and subjects are seen while the base stands."""
+        """Return how well hand and subjects are visible while the base stands."""
         total = 0.0
         for index in keys:
             stage.set(snapshots[index])

@@ -125,7 +125,7 @@ class SlurmArray(Launcher):
         return Path(name)
 
     def _running(self) -> set[str]:
-        """Tasks that wait or run; from the queue, because not every Slurm keeps accounts."""
+        """Return waiting and running tasks; from the queue, because not every Slurm keeps accounts."""
         if self._cluster != "slurm":
             return {part.job.job_id for part in self._parts if not part.job.done()}
         asked = ["squeue", "--noheader", "--array", "--user", getpass.getuser(), "--format", "%i"]

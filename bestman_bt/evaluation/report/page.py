@@ -233,7 +233,7 @@ def _depth(nodes: NodeList, node: DescribedNode) -> int:
 
 
 def _bars(mine: Activities, scale: float) -> Iterator[Bar]:
-    """Bars that would cover one another become one, of the result that matters most; ``scale``: units a second."""
+    """Merge overlapping bars into one with the most important result; ``scale``: units per second."""
     left = mine.begins * scale
     right = np.maximum(mine.ends * scale, left + LEAST_WIDTH)
     apart = left[1:] > np.maximum.accumulate(right)[:-1] + 0.5

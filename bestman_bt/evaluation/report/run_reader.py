@@ -102,7 +102,7 @@ def read_run_report(folder: Path) -> RunReport:
 
 
 def _part(folder: Path, name: str, read_part: Callable[[Path], Any], notes: list[str]) -> Any:
-    """What a file tells; None, and a note, where it cannot be read."""
+    """Return the content of a file; None, and a note, if it cannot be read."""
     path = folder / name
     if not path.is_file():
         return None
@@ -117,7 +117,7 @@ def _part(folder: Path, name: str, read_part: Callable[[Path], Any], notes: list
 
 
 def _outcome(folder: Path, result: RunResult | None, history: RunHistory) -> str:
-    """A run without an end was interrupted, unless its executor still answers."""
+    """Return the outcome; a run without an end was interrupted, unless its executor still answers."""
     if result is not None:
         return str(result.outcome)
     if history.end is not None:
@@ -132,7 +132,7 @@ def _outcome(folder: Path, result: RunResult | None, history: RunHistory) -> str
 
 
 def _settings(about: dict[str, Any]) -> dict[str, str]:
-    """Everything of a run's configuration that may decide it, but what a report names otherwise."""
+    """Return the settings that may decide a run, except those that a report states elsewhere."""
     below = {"scene.": "scene_settings", "robot.": "robot_settings", "": "task"}
     found = {
         key: value
@@ -183,7 +183,7 @@ class _PlainLoader(yaml.BaseLoader):
 
 
 def _failures(folder: Path, result: RunResult | None, history: RunHistory, notes: list[str]) -> Iterator[ReportFailure]:
-    """Of the log; without one, the failure that the result tells."""
+    """Yield the failures of the log, or without a log that of the result."""
     logged = [line for _, line in history.log if line.node and line.level in ("warning", "error")]
     if not logged and result is not None and result.failure is not None:
         failure = result.failure
@@ -216,7 +216,7 @@ def _pictures(folder: Path, notes: list[str]) -> Iterator[ReportPicture]:
 
 
 def _stops(folder: Path, notes: list[str]) -> Iterator[StopChart]:
-    """The black boxes, the first stop first."""
+    """Yield the charts of the black boxes, the first stop first."""
     for path in sorted(folder.glob(PATTERN), key=lambda one: (len(one.name), one.name))[:MAX_STOPS]:
         try:
             yield stop_chart(path.name, BlackBox.load(path))

@@ -88,7 +88,7 @@ def stop_chart(file: str, box: BlackBox) -> StopChart:
 
 
 def _curves(name: str, part: PartTrace, first: float, last: float) -> Iterator[StopCurve | str]:
-    """Those that move; of others their names."""
+    """Yield the curves of moving joints, and the names of the others."""
     shown = part.times >= first
     times = part.times[shown]
     held = tuple(_held(part, first, last))
@@ -115,7 +115,7 @@ def _curves(name: str, part: PartTrace, first: float, last: float) -> Iterator[S
 
 
 def _held(part: PartTrace, first: float, last: float) -> Iterator[tuple[float, float]]:
-    """Where the gate held set-points back."""
+    """Yield the intervals in which the gate limited set-points."""
     ends = [*(time for time, _ in part.reasons[1:]), last]
     for (time, text), end in zip(part.reasons, ends, strict=False):
         if text and end > first:

@@ -163,7 +163,7 @@ def _no_room(world: World, seed: int, message: str) -> SceneError:
 
 
 def _none_drawn(known: SemanticMap, before_furniture: bool, refused: Counter[str]) -> str:
-    """Which kind of pose was drawn, and why none was taken, the commonest reason first."""
+    """Return the kind of pose that was sampled, and why every sample was rejected, the most frequent reason first."""
     where = f"before furniture ({', '.join(_pieces_to_face(known))})" if before_furniture else "on open floor"
     reasons = ", ".join(f"{reason} ({count})" for reason, count in refused.most_common())
     return f"the base can get to none of {refused.total()} poses drawn {where}: {reasons}"
@@ -180,7 +180,7 @@ def _pieces_to_face(known: SemanticMap) -> list[str]:
 
 
 def _before_furniture(known: SemanticMap, footprint: Footprint, rng: np.random.Generator) -> Pose2D:
-    """Facing the front of a piece, somewhere along it."""
+    """Return poses that face the front of a piece, along it."""
     pieces = _pieces_to_face(known)
     piece = known.furniture[pieces[int(rng.integers(len(pieces)))]]
     reach = max(0.0, piece.footprint[1] / 2 - 0.1)
@@ -189,7 +189,7 @@ def _before_furniture(known: SemanticMap, footprint: Footprint, rng: np.random.G
 
 
 def _straight_behind(goal: Pose2D, distance: float) -> NDArray[np.float64]:
-    """Poses (N, 3) from the goal straight back."""
+    """Return poses (N, 3) straight behind the goal."""
     along = -np.arange(0.0, distance + 1e-9, 0.02)
     x, y = goal.x + along * math.cos(goal.theta), goal.y + along * math.sin(goal.theta)
     return np.column_stack([x, y, np.full_like(along, goal.theta)])

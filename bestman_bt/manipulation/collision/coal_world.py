@@ -254,7 +254,7 @@ class CoalCollisionWorld(CollisionWorld):
         ]
 
     def _clearances(self, positions: ArrayLike) -> list[tuple[float, int, int]]:
-        """Metres beyond its padding, and the two bodies, of each pair."""
+        """Return the clearances, metres beyond their padding, and the two bodies of each pair."""
         q = self._configuration(positions)
         fresh = pinocchio.GeometryData(self._geometry)  # else the last digits depend on what was asked before
         pinocchio.computeDistances(self._model, self._data, self._geometry, fresh, q)
@@ -343,7 +343,7 @@ class CoalCollisionWorld(CollisionWorld):
         self._pairs[min(i, j), max(i, j)] = max(margin, _SMALLEST_MARGIN)
 
     def _check_pairs(self) -> pinocchio.GeometryData:
-        """Tell the geometry of the pairs, all at once: one by one, that would be half of the cost of a world."""
+        """Pass all pairs to the geometry at once: one by one they would take half of the time to build a world."""
         count = len(self._owners)
         margins = np.zeros((count, count))
         if self._pairs:
@@ -357,7 +357,9 @@ class CoalCollisionWorld(CollisionWorld):
 def _broad_phase(
     model: pinocchio.Model, geometry: pinocchio.GeometryModel, data: pinocchio.GeometryData
 ) -> pinocchio.BroadPhaseManagerBase:
-    """Few boxes are compared fastest all with all; a tree of boxes costs twice as much until there are many."""
+    """Return the broad phase: few boxes are compared fastest all with all; a tree costs twice as much until there are
+    many.
+    """
     few = len(geometry.geometryObjects) <= _FEW_BODIES
     manager = "NaiveCollisionManager" if few else "DynamicAABBTreeCollisionManager"
     return getattr(pinocchio, f"BroadPhaseManager_{manager}")(model, geometry, data)
@@ -389,7 +391,7 @@ def _coal_shape(shape: Shape, name: str) -> coal.CollisionGeometry:
 
 
 def _corners(shape: coal.CollisionGeometry) -> NDArray[np.float64] | None:
-    """Points (N, 3) whose convex hull is the shape, or nearly; None of voxels."""
+    """Return points (N, 3) whose convex hull is, nearly, the shape; None for voxels."""
     match shape:
         case coal.ConvexBase():
             return np.array(shape.points())

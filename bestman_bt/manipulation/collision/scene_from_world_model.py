@@ -61,7 +61,7 @@ def hollow_furniture(
 
 
 def _measured_surfaces(world_model: WorldModel, piece: MapFurniture) -> list[Pose]:
-    """Poses in the furniture frame of the surfaces within a piece that were measured."""
+    """Return poses in the furniture frame of the measured surfaces within a piece."""
     inner = (surface.name for surface in piece.surfaces if piece.is_inside(surface))
     names = [f"{piece.name}/{name}" for name in inner if f"{piece.name}/{name}/surface" in world_model.obstacles]
     return [world_model.surface(name)[1].pose for name in names]
@@ -339,7 +339,7 @@ def _in_base(shapes: Iterable[PlacedShape], base_from_body: Pose) -> tuple[Place
 
 
 def _distance_to_box(base_from_box: Pose, size: tuple[float, float, float]) -> float:
-    """Horizontal distance from the base to a box, metres."""
+    """Return the horizontal distance from the base to a box, metres."""
     base_in_box = base_from_box.inverse().position
     outside = np.maximum(np.abs(base_in_box[:2]) - np.array(size[:2]) / 2, 0.0)
     return float(np.linalg.norm(outside))

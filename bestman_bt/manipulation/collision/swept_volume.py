@@ -70,7 +70,7 @@ class SweptVolume:
 
 
 def _resampled(path: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(M, n) positions along the path, at most ``_STEP`` apart, from its first to its last."""
+    """Return (M, n) positions along the path, at most ``_STEP`` apart, from its first to its last."""
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(path, axis=0)).max(axis=1))])
     at = np.linspace(0.0, way[-1], int(np.ceil(way[-1] / _STEP)) + 1)
     return np.column_stack([np.interp(at, way, joint) for joint in path.T])

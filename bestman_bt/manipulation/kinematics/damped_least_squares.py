@@ -212,7 +212,9 @@ class DampedLeastSquares(InverseKinematics):
         patience: int | None = None,
         leash: float = math.inf,
     ) -> tuple[NDArray[np.float64], bool]:
-        """Most of the time of planning goes here, hence LAPACK and lists: numpy's own calls cost several times that."""
+        """Descend; most planning time is spent here, hence LAPACK and lists, since numpy's own calls cost several times
+        that.
+        """
         model, data, tool = self._model, self._data, self._tool
         patience = self.patience if patience is None else patience
         to_arm = None if self._order is None else np.argsort(self._order)

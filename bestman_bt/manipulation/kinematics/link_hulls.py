@@ -60,7 +60,7 @@ def link_hulls(robot: RobotModel) -> Mapping[str, tuple[NDArray[np.float64], ...
 
 @lru_cache(maxsize=4)
 def _hulls(urdf: str) -> Mapping[str, tuple[NDArray[np.float64], ...]]:
-    """By description, as loading the meshes takes a second."""
+    """Return the cached hulls of a description; loading the meshes takes a second."""
     model = pinocchio.buildModelFromXML(urdf)
     geometry = pinocchio.buildGeomFromUrdfString(model, urdf, pinocchio.GeometryType.COLLISION)
     hulls: dict[str, list[NDArray[np.float64]]] = {}
@@ -125,7 +125,7 @@ class LinkBodies:
         return [pose(link).apply(hull) for link, hulls in self._hulls.items() for hull in hulls]
 
     def _poses(self, positions: Mapping[str, float]) -> Callable[[str], Pose]:
-        """From a frame's name to base_from_frame."""
+        """Return base_from_frame by the name of the frame."""
         model = self._model
         data = model.createData()
         pinocchio.framesForwardKinematics(model, data, configuration(model, positions))

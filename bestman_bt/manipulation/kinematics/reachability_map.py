@@ -75,7 +75,7 @@ class ScrewChain:
 def _exponential(
     screw: NDArray[np.float64], angles: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """exp of a unit screw at ``angles`` (N,): rotations (N, 3, 3) and translations (N, 3)."""
+    """Return the exponential of a unit screw at ``angles`` (N,): rotations (N, 3, 3) and translations (N, 3)."""
     x, y, z = screw[3:]
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     square = cross @ cross
@@ -261,7 +261,7 @@ def _read(file: Path) -> ReachabilityMap | None:
 
 
 def _write(file: Path, built: ReachabilityMap) -> None:
-    """In one step, so that a second process never reads half a file."""
+    """Write in one step, so that another process never reads a partial file."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".npz", delete=False) as part:

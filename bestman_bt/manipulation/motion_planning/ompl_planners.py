@@ -85,7 +85,7 @@ def _limit(validity: CountedValidity, max_checks: int, max_iterations: int) -> C
 
 @contextmanager
 def _quiet_ompl() -> Iterator[None]:
-    """OMPL's messages off within the block (it warns about every seed but the first)."""
+    """Suppress OMPL's messages within the block (it warns about every seed but the first)."""
     level = util.getLogLevel()
     util.setLogLevel(util.LOG_NONE)
     try:

@@ -51,7 +51,7 @@ class _Tree:
         return len(self) - 1
 
     def nearest(self, point: NDArray[np.float64]) -> tuple[int, float]:
-        """Number and distance of the nearest configuration."""
+        """Return index and distance of the nearest configuration."""
         apart = self._points[: len(self)] - point
         squared = np.einsum("ij,ij->i", apart, apart)
         index = int(squared.argmin())

@@ -69,7 +69,7 @@ def _last_free(
 def _shorter(
     path: NDArray[np.float64], edges: CheckedEdges, rng: np.random.Generator, attempts: int, patience: int, fine: bool
 ) -> Iterator[NDArray[np.float64]]:
-    """Shorter and shorter versions of ``path``."""
+    """Yield ever shorter versions of ``path``."""
     for skipped in _skip_waypoints(path, edges, fine):
         path = skipped
         yield path

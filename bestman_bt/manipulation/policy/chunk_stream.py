@@ -220,7 +220,7 @@ class ChunkStream:
         return max(1.0, fastest / _TARGET_SHARE, math.sqrt(hardest / _TARGET_SHARE))
 
     def _timed(self, times: Array, waypoints: Array, state: StreamState, at: float) -> StreamedMotion:
-        """Ruckig from waypoint to waypoint, each passed in motion; ``times`` count from ``at``."""
+        """Time the motion with Ruckig from waypoint to waypoint, each passed in motion; ``times`` count from ``at``."""
         targets, last = self._targets(times, waypoints, state), len(times) - 1
         braking = self._braking(times, targets)
         now, late, index = 0.0, 0.0, 1

@@ -151,7 +151,7 @@ class PolicySpecification:
 
 
 def _faults(given: PolicySpecification) -> Iterator[str]:
-    """What no policy can be like, in words."""
+    """Yield the faults of a specification, which no policy can satisfy."""
     spaces = [space.value for space in ActionSpace]
     if given.space not in spaces:
         yield f"space should be one of {', '.join(spaces)}, got {given.space!r}"

@@ -84,7 +84,7 @@ class Groot2Client:
             raise Groot2Error(f"{self._address} sends a tree that is not UTF-8: {error}") from error
 
     def states(self) -> dict[int, int]:
-        """uid → state."""
+        """Return the states by uid."""
         read = self._records(self.ask(RequestKind.STATUS), _STATE)
         states = np.where(read["status"] >= IDLE_AFTER, IDLE, read["status"])
         self._check(states)
@@ -146,7 +146,7 @@ class Groot2Client:
         return [hook for hook in told if isinstance(hook, dict)] if isinstance(told, list) else []
 
     def listen(self) -> None:
-        """Hear of breakpoints from now on, on the next port."""
+        """Receive breakpoint notifications from now on, on the next port."""
         self._breakpoints = ZmtpConnection(self._host, self._port + 1, "SUB", self._timeout)
 
     def reached(self) -> int | None:

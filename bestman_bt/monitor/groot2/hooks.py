@@ -71,7 +71,7 @@ class _Hook:
         self.callback: Callable[..., int | None] = lambda *_: run(self)
 
     def change(self, asked: _Insertion) -> None:
-        """Become what was asked for; the place stays."""
+        """Adopt the requested settings; the position stays."""
         self.enabled, self.mode, self.once = asked.enabled, asked.mode, asked.once
         self.desired_status: str = asked.desired_status
 
@@ -190,7 +190,9 @@ class Groot2Hooks:
         return self._tree.nodes[hook.uid - 1]
 
     def _run(self, hook: _Hook) -> int | None:
-        """The tick has come to ``hook``: tell it, wait where it is a breakpoint, and say what replaces the result."""
+        """Notify subscribers that the tick has come to ``hook``, wait at a breakpoint, and return the replacement of
+        the result.
+        """
         if not hook.enabled:
             return None
         if hook.mode is Mode.BREAKPOINT:

@@ -75,7 +75,7 @@ def _entries(board: Blackboard) -> dict[str, Any] | None:
 
 
 def _shown(value: Any) -> Any:
-    """``value`` as JSON could hold it; what it cannot as text."""
+    """Return ``value`` as JSON can hold it, or as text."""
     if value is None or isinstance(value, (bool, str)):
         return value
     if isinstance(value, numbers.Integral):
@@ -88,7 +88,7 @@ def _shown(value: Any) -> Any:
 
 
 def _packed(value: Any) -> bytes:
-    """MessagePack as nlohmann::json writes it; the library's packer has one width for all reals."""
+    """Pack as MessagePack like nlohmann::json; the library's packer has one width for all reals."""
     import msgpack
 
     doubles, singles = msgpack.Packer(), msgpack.Packer(use_single_float=True)

@@ -72,7 +72,7 @@ class ObservedStates:
                     self._transitions.append(stamp + _STATE.pack(uid, state))
 
     def status_bytes(self) -> bytes:
-        """Three bytes a node, SubTree by SubTree, in the order of their making: u16 uid, u8 state."""
+        """Return three bytes per node, SubTree by SubTree, in the order of creation: u16 uid, u8 state."""
         self.take_in()
         return b"".join(_STATE.pack(uid, state) for uid, state in self._shown.items())
 
@@ -200,7 +200,7 @@ class Groot2Publisher:
             return error_reply(str(error))
 
     def _content(self, request: Request) -> bytes | None:
-        """Do what is asked; the second part of the answer."""
+        """Carry out a request; return the second part of the reply."""
         match request.kind:
             case RequestKind.FULL_TREE:
                 return self._xml

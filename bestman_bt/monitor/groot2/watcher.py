@@ -124,7 +124,7 @@ class _Session:
         self._points.tell = self._shown.tell
 
     def follow(self) -> None:
-        """Until the process is gone, has another tree, or the watching ends; raises what ends it."""
+        """Follow the process until it is gone, has another tree, or the watching ends; raises the reason."""
         with self._shown as shown:
             shown.say("info", f"watching {shown.run.source}: {len(self._nodes)} nodes")
             why = "the watching ended"
@@ -156,7 +156,9 @@ class _Session:
         return time.monotonic() - self._began
 
     def _take_changes(self) -> None:
-        """What changed since the last look: how all stood at the beginning or after a gap, then what was recorded."""
+        """Record the changes since the last poll: all states at the beginning or after a gap, then the recorded
+        transitions.
+        """
         if not self._recorded:
             self._tell_standing(self._client.states(), set())
             return
@@ -174,7 +176,7 @@ class _Session:
         self._tell_changes(news)
 
     def _tell_standing(self, standing: dict[int, int], but: set[int]) -> None:
-        """How all stand, ``but`` those whose changes follow."""
+        """Publish all states, ``but`` those whose changes follow."""
         shown = self._shown.standing.states
         changes = [(uid, state) for uid, state in standing.items() if uid not in but and shown.get(uid, state) != state]
         if changes:
@@ -215,7 +217,7 @@ class _Session:
             self._shown.tell(BlackboardEvent(max(shown.time, self._now()), shown.tick, boards))
 
     def _control(self, asked: Request) -> None:
-        """What is asked of the execution, from any thread."""
+        """Carry out a request for the execution, from any thread."""
         node, when = asked.get("node"), asked.get("when", "before")
         match asked.get("do"):
             case "pause":
@@ -311,7 +313,7 @@ class _Breakpoints:
             self._changed()
 
     def force(self, uid: int, result: str) -> None:
-        """Let a node that waits return ``result`` now, another one when it is ticked next."""
+        """Let a waiting node return ``result`` now, another one when it is ticked next."""
         with self._lock:
             if (uid, Position.BEFORE) in self._holding:
                 self._client.unlock(uid, Position.BEFORE, result, self._set.get((uid, Position.BEFORE), False))
@@ -332,7 +334,7 @@ class _Breakpoints:
                 self._pausing = True
 
     def resume(self) -> None:
-        """Let go what waits."""
+        """Let a waiting node continue."""
         with self._lock:
             if self._pausing:
                 self._client.remove_hook(ROOT, Position.BEFORE)
@@ -341,13 +343,13 @@ class _Breakpoints:
             self._unlock()
 
     def step(self) -> None:
-        """One tick."""
+        """Run one tick."""
         with self._lock:
             self.pause()
             self._unlock()
 
     def reached(self, uid: int, now: float) -> None:
-        """A tick has come to a hook on a node."""
+        """Handle a notification that a tick has come to the hook of a node."""
         with self._lock:
             self._time = now
             if self._forced.pop(uid, None) is not None:  # its result was replaced: nothing waits
@@ -368,7 +370,7 @@ class _Breakpoints:
                 self._changed()
 
     def forget_pause(self) -> None:
-        """The process is gone, and waits no more."""
+        """Clear the pause: the process is gone."""
         if self._holding:
             self.tell(ResumedEvent(self._time))
 

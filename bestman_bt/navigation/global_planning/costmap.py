@@ -249,7 +249,7 @@ class Costmap:
         return replace(self, tall=None, footprint=replace(self.footprint, overhang=None))
 
     def _of_disc(self, more: float) -> Costmap:
-        """For the base alone, with what is tall nearer by ``more`` metres."""
+        """Return the layer of the bare base, with tall obstacles ``more`` metres nearer."""
         if self.tall is None:
             return self
         return replace(self.without_overhang, distance=np.minimum(self.distance, self.tall - more))

@@ -148,7 +148,7 @@ class Footprint:
         return kept
 
     def _beyond(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Metres (N, sides) that points (N, 2) lie beyond the line of each side; negative within."""
+        """Return the distance (N, sides), metres, of points (N, 2) beyond the line of each side; negative within."""
         edges = np.roll(self.corners, -1, axis=0) - self.corners
         normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
         beyond: NDArray[np.float64] = points @ normals.T - np.einsum("ij,ij->i", normals, self.corners)
@@ -194,7 +194,9 @@ def _outline(corners: NDArray[np.float64], what: str) -> NDArray[np.float64]:
 
 
 def _lowest_beyond(beyond: NDArray[np.float64], height: NDArray[np.float64]) -> float:
-    """Of the convex hull of points, (N,) metres ``beyond`` a line and (N,) metres high, the lowest height beyond it."""
+    """Return the lowest height at which the convex hull of points, (N,) metres ``beyond`` a line and (N,) metres high,
+    is beyond it.
+    """
     out = beyond > 0.0
     if not out.any():
         return math.inf

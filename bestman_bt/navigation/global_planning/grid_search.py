@@ -103,7 +103,9 @@ def _padded(costmap: Costmap, lethal_distance: float, slack: float) -> NDArray[n
 
 
 def _graph(cost: NDArray[np.float64]) -> tuple[csr_matrix, NDArray[np.intp], NDArray[np.int32]]:
-    """Steps between free cells, the flat indices of these, and (rows, columns) the number of each, -1 where lethal."""
+    """Return the steps between free cells, their flat indices, and (rows, columns) the number of each,
+    -1 where lethal.
+    """
     width = cost.shape[1]
     flat = cost.ravel()
     free = np.flatnonzero(np.isfinite(flat))
@@ -171,7 +173,7 @@ def _search_within(
 
 
 def _nearest_free(point: NDArray[np.float64], padded: NDArray[np.float64], costmap: Costmap) -> Cell | None:
-    """Row and column in the padded grid of the free cell nearest to a point, at most two cells away."""
+    """Return row and column in the padded grid of the free cell nearest to a point, at most two cells away."""
     column, row = np.floor((point - costmap.origin) / costmap.resolution).astype(int) + 1
     best: tuple[float, Cell] | None = None
     for r in range(max(0, row - 2), min(padded.shape[0], row + 3)):

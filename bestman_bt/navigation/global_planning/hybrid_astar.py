@@ -195,7 +195,9 @@ class HybridAStarSearch:
         return node
 
     def _costs(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Cost (...) of driving along poses (..., N, 3); infinite where the footprint has too little room."""
+        """Return the cost (...) of driving along poses (..., N, 3); infinite where the footprint has
+        too little room.
+        """
         footprint, room = self.costmap.footprint, self.planner.clearance
         passing, turning = self.costmap.for_passing, self.costmap.for_turning
         distance = passing.distance_at(poses[..., :2])
@@ -218,7 +220,9 @@ class HybridAStarSearch:
 
 
 def _arc(angle: float, length: float) -> NDArray[np.float64]:
-    """Poses (N, 3) along an arc from (0, 0, 0), itself included, that turns by ``angle`` over ``length`` metres."""
+    """Return poses (N, 3) along an arc from (0, 0, 0), itself included, that turns by ``angle`` over
+    ``length`` metres.
+    """
     share = np.linspace(0.0, 1.0, math.ceil(abs(length) / _SPACING) + 1)
     turned = share * math.copysign(angle, angle * length) if angle else np.zeros_like(share)
     if not angle:

@@ -140,13 +140,13 @@ class FurnitureLayer(CostmapLayer):
 
 
 def _handle_rooms(piece: MapFurniture) -> Iterator[NDArray[np.float64]]:
-    """Corners (8, 3) in the map frame of the boxes in which the handles of closed doors and drawers are."""
+    """Yield the corners (8, 3), map frame, of the boxes that contain the handles of closed doors and drawers."""
     rooms = (leaf.handle_room for leaf in piece.leaves)
     return (_corners(PlacedShape(room.shape, piece.pose.to_pose() @ room.pose)) for room in rooms if room is not None)
 
 
 def _turned(piece: MapFurniture, corners: NDArray[np.float64], heading_error: float) -> Iterator[NDArray[np.float64]]:
-    """An outline (N, 2) of a piece in the map frame, turned about the piece by its heading error."""
+    """Yield an outline (N, 2) of a piece in the map frame, turned about the piece within its heading error."""
     centre = piece.pose.xy
     corners = corners - centre
     for turn in (-heading_error, 0.0, heading_error) if heading_error else (0.0,):
@@ -204,7 +204,7 @@ def unseen_outlines(
 def _possible_area(
     piece: MapFurniture, corners: NDArray[np.float64], position_error: float, heading_error: float
 ) -> NDArray[np.float64]:
-    """The area in which an outline (N, 2) of a piece lies wherever that may stand."""
+    """Return the area that an outline (N, 2) of a piece may cover, given the position error of the piece."""
     turned = np.concatenate(list(_turned(piece, corners, heading_error)))
     return _hull((turned[:, None] + position_error * _ROUND).reshape(-1, 2))
 
@@ -239,7 +239,8 @@ class CellLayer(CostmapLayer):
 
 
 def _to_squares(cells: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """From the centre of each cell to the nearest square of ``cells`` (rows, columns), in cells; exact.
+    """Return the distance, in cells, from the centre of each cell to the nearest square of ``cells`` (rows, columns);
+    exact.
 
     The point of a square that is nearest to the centre of another cell is a corner, or the middle of an edge: a node of
     the grid of half the spacing.

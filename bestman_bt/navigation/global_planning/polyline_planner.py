@@ -178,7 +178,9 @@ class GridAStar(PolylinePlanner):
 
 
 def _middle_above(costmap: Costmap) -> float:
-    """Metres to the left of the base's middle at which the middle of all that stands out above it is."""
+    """Return the offset, metres to the left of the base's middle, of the middle of the outline of the
+    arm and its load.
+    """
     return float(np.ptp(costmap.footprint.above.corners[:, 1]) / 2 + costmap.footprint.above.corners[:, 1].min())
 
 
@@ -194,7 +196,7 @@ def _beside(way: NDArray[np.float64], aside: float) -> NDArray[np.float64]:
 
 
 def _densified(vertices: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """Points (N, 2) along a polyline, ``spacing`` metres apart or a little more, its vertices among them."""
+    """Return points (N, 2) along a polyline, at least ``spacing`` metres apart, its vertices among them."""
     pieces = [vertices[:1]]
     for begin, end in pairwise(vertices):
         count = max(1, math.floor(float(np.linalg.norm(end - begin)) / spacing))
@@ -280,7 +282,7 @@ class FreeSpace:
     def _touches(
         self, points: NDArray[np.float64], headings: NDArray[np.float64], distance: NDArray[np.float64]
     ) -> NDArray[np.intp]:
-        """Indices of the points (N, 2) at which the footprint touches something, looked at only where it may."""
+        """Return the indices of the points (N, 2) at which the footprint touches an obstacle."""
         footprint, turning = self.costmap.footprint, self.costmap.for_turning
         outer = distance if turning is self.field else turning.distance_at(points)
         near = np.flatnonzero((distance >= footprint.inscribed_radius) & (outer < footprint.circumscribed_radius))
@@ -291,7 +293,9 @@ class FreeSpace:
 def _samples(
     starts: NDArray[np.float64], ends: NDArray[np.float64], spacing: float
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.intp]]:
-    """Points (M, 2) along segments, at most ``spacing`` apart, both ends included; of which segment; how many of it."""
+    """Return points (M, 2) along segments, at most ``spacing`` apart, both ends included; the segment of each; their
+    number.
+    """
     lengths = np.hypot(*(ends - starts).T)
     counts = np.maximum(2, np.ceil(lengths / spacing)).astype(np.intp) + 1
     segments = np.repeat(np.arange(len(ends)), counts)

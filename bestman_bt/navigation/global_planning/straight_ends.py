@@ -67,7 +67,7 @@ class StraightEnds:
         return approach if isinstance(approach, PlanningFailure) else Ends(*leave, approach)
 
     def _fault(self, start: Pose2D, goal: Pose2D) -> PlanningFailure | None:
-        """Why there cannot be a path, as far as both poses tell by themselves."""
+        """Return why there cannot be a path, as far as start and goal alone show."""
         for pose, what, reason in (
             (start, "start", PlanningFailureReason.START_OUTSIDE),
             (goal, "goal", PlanningFailureReason.GOAL_OUTSIDE),
@@ -83,7 +83,7 @@ class StraightEnds:
         return None
 
     def _leave(self, start: Pose2D) -> tuple[NDArray[np.float64], bool] | PlanningFailure:
-        """Where the way goes on first, (2,), and whether the base drives there backwards."""
+        """Return the direction (2,) in which the path goes on first, and whether the base drives there backwards."""
         best: tuple[int, NDArray[np.float64], bool] | None = None
         for direction in (-1.0, 1.0):
             poses = self._straight(start, direction)
@@ -122,7 +122,7 @@ class StraightEnds:
     def _end(
         self, poses: NDArray[np.float64], clearance: NDArray[np.float64], passable: NDArray[np.bool_]
     ) -> int | None:
-        """At which of the poses (N, 3) along a straight piece to end it; 0 if none is needed."""
+        """Return the index of the pose of a straight piece (N, 3) at which to end it; 0 if none is needed."""
         reached = np.logical_and.accumulate(passable)
         suits = reached & (clearance > self.clearance)
         if self.turning_distance is not None:
@@ -139,12 +139,12 @@ class StraightEnds:
         return int(np.flatnonzero(suits[: wanted + 1])[-1])
 
     def _straight(self, pose: Pose2D, direction: float) -> NDArray[np.float64]:
-        """Poses (N, 3) straight ahead of (1.0) or behind (-1.0) a pose, itself first."""
+        """Return poses (N, 3) straight ahead of (1.0) or behind (-1.0) a pose, itself first."""
         along = direction * np.arange(0.0, self.pieces.max_straight, self.pieces.step)
         heading = np.full_like(along, pose.theta)
         return np.column_stack([pose.x + along * math.cos(pose.theta), pose.y + along * math.sin(pose.theta), heading])
 
 
 def _rising(clearance: NDArray[np.float64], first: bool) -> NDArray[np.bool_]:
-    """Where along poses a clearance (N,) does not get less; ``first``: what is told of the first one."""
+    """Return where along poses a clearance (N,) does not decrease; ``first``: the value for the first one."""
     return np.append(first, np.diff(clearance) > -1e-3)

@@ -88,7 +88,7 @@ def theta_cells(cost: NDArray[np.float64], source: Cell, target: Cell) -> NDArra
 
 
 def _line_cost(costs: list[float], width: int, begin: int, end: int) -> float:
-    """Cost of the straight line between two cells, by the cells that Bresenham's algorithm would draw."""
+    """Return the cost of the straight line between two cells, by the cells of Bresenham's algorithm."""
     row, column = divmod(begin, width)
     rows, columns = end // width - row, end % width - column
     steps = max(abs(rows), abs(columns))

@@ -54,7 +54,9 @@ class GiveWay:
         return 0.0
 
     def _distances(self, pose: Pose2D, twist: Twist2D, tracks: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(T, M) metres between the outline with its margin and each of ``tracks`` (M, 5) at each time."""
+        """Return the distance (T, M), metres, between the outline with its margin and each of ``tracks`` (M, 5) at each
+        time.
+        """
         x, y, theta = arc(twist, self._times)
         places = tracks[None, :, :2] + self._times[:, None, None] * tracks[None, :, 2:4]
         own = pose.inverse().apply(places.reshape(-1, 2)).reshape(places.shape) - np.stack([x, y], axis=-1)[:, None]

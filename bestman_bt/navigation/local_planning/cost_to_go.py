@@ -140,9 +140,9 @@ def _field(
 
 
 def _wave(free: NDArray[np.bool_], seed: tuple[int, ...], start: tuple[int, ...]) -> NDArray[np.int32]:
-    """Steps from the seed to each free cell, -1 where none; some way past the start it ends.
+    """Return the steps from the seed to each free cell, -1 where none; ends some way past the start.
 
-    Crosses and squares in turns make the rings octagons: 6 % from circles at most.
+    Alternating 4- and 8-neighbourhoods make the rings octagons, which differ from circles by at most 6 %.
     """
     passable = free.astype(np.uint8)
     passable[seed] = 1

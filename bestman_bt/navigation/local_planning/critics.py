@@ -123,7 +123,9 @@ class Critics:
         return heading
 
     def _meet(self, drives: Drives, obstacle: MovingObstacle) -> tuple[NDArray[np.bool_], Floats]:
-        """Where the base and a moving disc touch (B, T), and how near they come, 0 (far) to 1, for each drive (B,)."""
+        """Return where the base and a moving disc touch (B, T), and how near they come, 0 (far) to 1, for each drive
+        (B,).
+        """
         p = self._weights
         steps = drives.x.shape[1]
         times = np.minimum((np.arange(steps) + 1) * drives.dt, p.prediction)

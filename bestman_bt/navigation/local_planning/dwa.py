@@ -72,7 +72,9 @@ class DWA(ObstacleAwareFollower):
         return chosen
 
     def _window(self, twist: Twist2D) -> tuple[Floats, Floats, Floats]:
-        """Velocities that can be reached within the window, (B,) each; standing still and going straight among them."""
+        """Return velocities that can be reached within the window, (B,) each; standing still and going straight among
+        them.
+        """
         base = self._base
         change, turn = base.max_acceleration * self.window, base.max_angular_acceleration * self.window
         forward = _samples(twist.vx, change, -self.reverse, base.max_vx, self.forward_samples)
@@ -116,7 +118,7 @@ class _Oscillation:
 
 
 def _samples(now: float, change: float, lowest: float, highest: float, count: int) -> NDArray[np.float64]:
-    """``count`` velocities around ``now``; one of them is zero where zero can be reached."""
+    """Return ``count`` velocities around ``now``; one of them is zero if zero can be reached."""
     if count == 1:
         return np.zeros(1)
     values = np.linspace(max(lowest, min(now - change, highest)), min(highest, max(now + change, lowest)), count)
@@ -126,7 +128,7 @@ def _samples(now: float, change: float, lowest: float, highest: float, count: in
 
 
 def _simulated(pose: Pose2D, vx: Floats, vy: Floats, wz: Floats, steps: int, step: float) -> Drives:
-    """Drives at constant velocities (B,): arcs, by the midpoint rule, which is exact but for a millimetre."""
+    """Return the poses of drives at constant velocities (B,): arcs by the midpoint rule, exact to a millimetre."""
     times = (np.arange(steps, dtype=np.float32) + np.float32(1.0)) * np.float32(step)
     theta = np.float32(pose.theta) + wz[:, None] * times
     middle = theta - wz[:, None] * np.float32(step / 2)

@@ -94,7 +94,9 @@ def entry(
 
 
 def _looks(twist: Twist2D, reach: float, horizon: float) -> NDArray[np.float64]:
-    """Seconds at which to look how far a twist that moves has come, so that no point within ``reach`` leaps far."""
+    """Return the times, seconds, at which to check a twist, such that no point within ``reach`` moves
+    far between them.
+    """
     way = (math.hypot(twist.vx, twist.vy) + abs(twist.wz) * reach) * horizon
     steps = min(MOST_STEPS, math.ceil(way / STEP))
     return horizon * np.arange(steps + 1) / steps

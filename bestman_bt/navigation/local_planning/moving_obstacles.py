@@ -152,7 +152,7 @@ class _Track:
 
 
 def _clusters(hits: NDArray[np.float64], gap: float) -> list[NDArray[np.intp]]:
-    """Runs of neighbouring hits; the last and the first are neighbours, too."""
+    """Return runs of neighbouring hits; the last and the first are neighbours, too."""
     if len(hits) < 2:
         return [np.arange(len(hits))] if len(hits) else []
     breaks = np.flatnonzero(np.linalg.norm(np.diff(hits, axis=0), axis=1) > gap) + 1
@@ -167,7 +167,9 @@ def _size(hits: NDArray[np.float64]) -> float:
 
 
 def _disc(hits: NDArray[np.float64], lidar: NDArray[np.float64]) -> NDArray[np.float64]:
-    """x, y, radius of the disc whose near side the hits are: its width across the view tells its radius."""
+    """Return x, y and radius of the disc whose near side the hits are; the radius follows from its
+    width in the view.
+    """
     away = hits.mean(axis=0) - lidar
     distance = max(float(np.linalg.norm(away)), 1e-6)
     away = away / distance

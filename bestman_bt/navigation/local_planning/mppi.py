@@ -83,7 +83,9 @@ class MPPI(ObstacleAwareFollower):
         return Twist2D(*chosen.tolist())
 
     def _sampled(self, now: NDArray[np.float32]) -> Floats:
-        """Velocities (3, B, T) within the limits of speed and acceleration; the last plan and braking among them."""
+        """Return velocities (3, B, T) within the limits of speed and acceleration; the last plan and braking among
+        them.
+        """
         controls = np.repeat(self._plan[:, None, :], self.batch, axis=1)
         for axis in self._axes:
             samples = self._rng.standard_normal((self.batch - 2, self.knots + 1), dtype=np.float32)

@@ -78,11 +78,11 @@ class ObstacleAwareFollower(PathFollower):
 
     @abstractmethod
     def begin(self, limits: MobilePart, critics: Critics) -> None:
-        """A base to drive, and how its drives are judged."""
+        """Set the base to drive, and how its drives are scored."""
 
     @abstractmethod
     def restart(self) -> None:
-        """What was chosen before says nothing about what comes now."""
+        """Forget the previous choice."""
 
     @abstractmethod
     def choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
@@ -167,7 +167,9 @@ class ObstacleAwareFollower(PathFollower):
         return FollowerCommand(self._smooth.towards(wanted, dt), False, remaining)
 
     def _wanted(self, pose: Pose2D, dt: float) -> Twist2D:
-        """Where there is room: turn on the spot towards a way that lies far off, else what the subclass chooses."""
+        """Return the wanted twist: turn on the spot, given room, towards a path that lies far aside, else that of the
+        subclass.
+        """
         assert self._limits is not None
         to_go = self._field(pose)
         if not to_go.reachable:
@@ -237,7 +239,7 @@ class ObstacleAwareFollower(PathFollower):
         return self._scaled(wanted, min(1.0, most / speed)) if speed else wanted
 
     def _final_path(self, pose: Pose2D) -> Path2D:
-        """From here to where the exact entry begins, and on as planned."""
+        """Return the path from here to where the exact entry begins, and from there as planned."""
         assert self._progress is not None
         points = self._progress.last(min(self.entry, self._progress.remaining))
         return Path2D(np.vstack([pose.xy, points]), self._path.goal)
@@ -270,7 +272,7 @@ class ObstacleAwareFollower(PathFollower):
         return reaction, braking, np.linspace(0.0, reaction + braking / 2.0 + 0.1, 16)
 
     def _seen(self, pose: Pose2D) -> NDArray[np.float64]:
-        """Points of what stands and the map lacks, and of what moves, now and a moment ahead; map frame."""
+        """Return points of obstacles that the map lacks and of moving ones, now and a moment ahead; map frame."""
         rim = np.linspace(0.0, 2.0 * math.pi, 12, endpoint=False)
         circle = np.column_stack([np.cos(rim), np.sin(rim)])
         moving = [

@@ -136,7 +136,7 @@ class ObstacleLayer:
         return replace(costmap, distance=distance)
 
     def _clear_by_rays(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
-        """Believe a cell that a beam passes through a little less in what was in it."""
+        """Lower the belief in obstacles in cells that a beam passes through."""
         marked = np.flatnonzero(self.marked)
         if not len(marked):
             return

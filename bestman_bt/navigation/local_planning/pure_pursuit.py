@@ -122,7 +122,7 @@ class PurePursuit(PathFollower):
         return FollowerCommand(twist, False, self._remaining())
 
     def _take_over(self, pose: Pose2D, velocity: Twist2D) -> None:
-        """Go on where the base drives in about the direction of the path already; else it has to come to rest first."""
+        """Continue if the base already drives about along the path; else it has to come to rest first."""
         leg = self._legs[0] if self._legs else None
         along = -velocity.vx if leg is not None and leg.reverse else velocity.vx
         ahead = leg is not None and abs(wrap_angle(leg.start_heading - pose.theta)) < self.corner

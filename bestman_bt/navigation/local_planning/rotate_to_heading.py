@@ -157,7 +157,7 @@ class RotateToHeading(PathFollower):
         return FollowerCommand(Twist2D(vx=self._back_to_place(pose), wz=self._speed), False, 0.0)
 
     def _back_to_place(self, pose: Pose2D) -> float:
-        """Speed along the base, m/s, against having crept away; 0 within the slack."""
+        """Return the speed along the base, m/s, that corrects drift; 0 within the slack."""
         assert self._place is not None
         ahead = (pose.inverse() @ self._place).x
         beyond = math.copysign(max(0.0, abs(ahead) - self.slack), ahead)

@@ -66,7 +66,7 @@ class SweptPath:
 
 
 def _seen_from(poses: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (N, 2) of the map in the frames of poses (M, 3), (M, N, 2)."""
+    """Return points (N, 2) of the map in the frames of poses (M, 3), (M, N, 2)."""
     cos, sin = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
     x, y = points[:, 0] - poses[:, 0, None], points[:, 1] - poses[:, 1, None]
     return np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1)
@@ -93,7 +93,7 @@ def _swept(path: Path2D) -> NDArray[np.float64]:
 
 
 def _turn(place: NDArray[np.float64], before: float, after: float) -> NDArray[np.float64]:
-    """Poses (N, 3) of a turn on the spot, the last one excluded."""
+    """Return poses (N, 3) of a turn on the spot, the last one excluded."""
     turn = wrap_angle(after - before)
     headings = before + turn * np.arange(0.0, 1.0, min(1.0, TURN / max(abs(turn), 1e-9)))
     return np.column_stack([np.broadcast_to(place, (len(headings), 2)), headings])

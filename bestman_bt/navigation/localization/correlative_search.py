@@ -164,7 +164,7 @@ class _Search:
         self._matcher = ScanToMap(planar_map, min_inlier_ratio=0.2)
 
     def coarse(self, scan: LaserScan) -> Iterator[Pose2D]:
-        """The best of all places on the floor, best first; none where the scan has hit too little."""
+        """Yield the most likely poses on the whole floor, best first; none if the scan has too few hits."""
         p, field_ = self._search, self._field
         points = self._base_from_lidar.apply(scan.points())
         if len(points) < 10:
@@ -206,13 +206,13 @@ class _Search:
         return estimate
 
     def fit(self, pose: Pose2D, scan: LaserScan) -> Agreement:
-        """How well an earlier scan fits near where the odometry says that it was taken."""
+        """Return how well an earlier scan fits near its pose by odometry."""
         p = self._search
         matched = self.matched(pose, 0.25 * p.apart, 0.5 * p.heading_step, scan)
         return self.agreement(matched.pose, scan)
 
     def agreement(self, pose: Pose2D, scan: LaserScan) -> Agreement:
-        """How well a scan fits at a pose of the base."""
+        """Return how well a scan fits at a pose of the base."""
         return self._search.beam_model.agreement(self._segments, pose @ self._base_from_lidar, scan)
 
 
@@ -285,7 +285,7 @@ class DistanceField:
 
 
 def _along(segments: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    """Points (N, 2) on the segments, at most ``step`` metres apart."""
+    """Return points (N, 2) on the segments, at most ``step`` metres apart."""
     starts, ends = segments[:, :2], segments[:, 2:]
     counts = np.ceil(np.linalg.norm(ends - starts, axis=1) / step).astype(int) + 1
     of = np.repeat(np.arange(len(segments)), counts)
@@ -296,7 +296,7 @@ def _along(segments: NDArray[np.float64], step: float) -> NDArray[np.float64]:
 
 
 def _indoors(distance: NDArray[np.float64], resolution: float) -> NDArray[np.bool_]:
-    """Cells that no way leads out of the map from; all, where the walls do not close anything in."""
+    """Return the cells from which no way leads out of the map; all if the walls enclose nothing."""
     regions, _ = ndimage.label(distance > resolution)
     border = np.unique(np.concatenate([regions[0], regions[-1], regions[:, 0], regions[:, -1]]))
     inside = ~np.isin(regions, border)

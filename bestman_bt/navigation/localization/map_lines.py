@@ -80,9 +80,9 @@ def within(rectangles: NDArray[np.float64], points: NDArray[np.float64]) -> NDAr
 
 
 def _borders(grid: OccupancyGrid) -> NDArray[np.float64]:
-    """Borders of the occupied regions as segments (N, 4), through the centres of their outermost cells.
+    """Return the borders of occupied regions as segments (N, 4), through the centres of their outermost cells.
 
-    A wall of one cell becomes a line there and back, as one that is seen from both sides should.
+    A wall of one cell becomes a line there and back, as a wall that is seen from both sides should.
     """
     occupied = (grid.data == OCCUPIED).astype(np.uint8)
     contours, _ = cv2.findContours(occupied, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)

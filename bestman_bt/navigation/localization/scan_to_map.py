@@ -135,7 +135,7 @@ class ScanToMap(Localizer):
         return TrackedEstimate(pose, covariance, ScanMatch(True, inliers, residual), before.odometry)
 
     def _visible(self, map_from_lidar: Pose2D, scan: LaserScan) -> NDArray[np.intp]:
-        """Indices of the segments in view: not the far side of a wall, nor what stands behind it."""
+        """Return the indices of visible segments: not the far side of a wall, nor segments behind it."""
         _, seen = cast_rays(self._lines.segments, map_from_lidar, scan.angles[::2])
         return np.unique(seen[seen >= 0])
 
@@ -207,7 +207,7 @@ def _nearest(
     along: NDArray[np.float64],
     length2: NDArray[np.float64],
 ) -> NDArray[np.intp]:
-    """For each of N points the nearest of M segments, (N,)."""
+    """Return for each of N points the nearest of M segments, (N,)."""
     dx, dy = x[:, None] - starts[:, 0], y[:, None] - starts[:, 1]
     u = ((dx * along[:, 0] + dy * along[:, 1]) / length2).clip(0.0, 1.0)
     dx -= u * along[:, 0]

@@ -63,7 +63,7 @@ class FreeFloor:
 
 
 def _neighbours(free: NDArray[np.bool_], resolution: float) -> sparse.csr_matrix:
-    """Distances between free cells that touch, in the order of the free cells; half of a symmetric matrix."""
+    """Return the distances between adjacent free cells, in the order of the free cells; half of a symmetric matrix."""
     number = np.full(free.shape, -1, dtype=np.intp)
     number[free] = np.arange(int(free.sum()))
     first, second, length = [], [], []
@@ -232,7 +232,9 @@ class FrontierExplorer(ExplorationPlanner):
     def _seen(
         self, grid: OccupancyGrid, blocked: NDArray[np.bool_], point: NDArray[np.float64]
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Numbers of the blocks of unknown floor that may be in view from a point, and m² of each that count."""
+        """Return the numbers of the blocks of unknown floor that may be in view from a point, and the counted m² of
+        each.
+        """
         step = grid.resolution
         angles = np.arange(self.rays) * (2.0 * math.pi / self.rays)
         along = np.arange(step, self.range, step)
@@ -267,7 +269,7 @@ class FrontierExplorer(ExplorationPlanner):
         return stops
 
     def _places(self, costmap: Costmap) -> NDArray[np.float64]:
-        """(N, 2) lattice points where the base can turn."""
+        """Return (N, 2) lattice points where the base can turn."""
         rows, columns = costmap.distance.shape
         x_min, y_min = costmap.origin
         x_max, y_max = x_min + columns * costmap.resolution, y_min + rows * costmap.resolution
@@ -289,6 +291,8 @@ class _Candidate:
 
 
 def _blocked(grid: OccupancyGrid) -> NDArray[np.bool_]:
-    """Where a view ends: at occupied cells, and unknown ones beside them, for beams meet far walls here and there."""
+    """Return where a view ends: at occupied cells, and at unknown ones beside them, since beams are sparse on far
+    walls.
+    """
     blocked: NDArray[np.bool_] = ndimage.binary_dilation(grid.data == OCCUPIED, NEIGHBOURS) & (grid.data != FREE)
     return blocked

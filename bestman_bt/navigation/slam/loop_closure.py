@@ -61,7 +61,7 @@ class LoopCloser:
         check_bounds(self)
 
     def find(self, keyframe: Keyframe, finished: Iterable[Submap], graph: PoseGraph) -> list[Constraint]:
-        """Constraints from submaps to ``keyframe`` that hold good; often none."""
+        """Return accepted constraints from submaps to ``keyframe``; often none."""
         near = []
         for submap in finished:
             if keyframe.node - submap.last_node < self.separation:

@@ -59,7 +59,7 @@ class LineReference:
     """The reference of a match: points whose normals and positions are those of lines through their neighbours."""
 
     def __init__(self, cloud: OrientedPoints, method: PointToLine = PointToLine()) -> None:
-        """``cloud`` should hold at least as many points as ``neighbours``."""
+        """Prepare the search. ``cloud`` should hold at least as many points as ``neighbours``."""
         self._method = p = method
         features = cloud.features(p.turning)
         self._tree = cKDTree(features)

@@ -61,7 +61,7 @@ class PoseGraph:
         return len(self._poses)
 
     def copy(self) -> PoseGraph:
-        """Another one with the same nodes and constraints, to be worked on elsewhere."""
+        """Return a copy with the same nodes and constraints, for another thread."""
         other = replace(self)
         other._poses, other.constraints = list(self._poses), list(self.constraints)
         return other
@@ -123,7 +123,7 @@ class PoseGraph:
     def _descend(
         self, poses: NDArray[np.float64], edges: ConstraintArrays, scaling: float
     ) -> tuple[NDArray[np.float64], float]:
-        """Levenberg-Marquardt: the poses at the end and their cost."""
+        """Minimise with Levenberg-Marquardt; return the final poses and their cost."""
         cost = edges.cost(edges.errors(poses), scaling)
         damping = self.damping
         for _ in range(self.iterations):
@@ -186,7 +186,7 @@ class ConstraintArrays:
         return float(np.where(self.doubtful & (chi > scaling), robust, chi).sum())
 
     def jacobians(self, poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Of the errors by the poses of ``first`` and ``second``, (M, 3, 3) each."""
+        """Return the Jacobians of the errors by the poses of ``first`` and ``second``, (M, 3, 3) each."""
         heading = poses[self.first, 2] + self.relative[:, 2]
         cos, sin = np.cos(heading), np.sin(heading)
         between = poses[self.second, :2] - poses[self.first, :2]
@@ -202,7 +202,7 @@ class ConstraintArrays:
     def normal_equations(
         self, poses: NDArray[np.float64], scaling: float
     ) -> tuple[sparse.csr_matrix, NDArray[np.float64]]:
-        """Hessian and gradient without the coordinates of node 0."""
+        """Return Hessian and gradient without the coordinates of node 0."""
         errors = self.errors(poses)
         information = self.information * self._weights(errors, scaling)[:, None, None]
         jacobians = self.jacobians(poses)
@@ -226,12 +226,12 @@ class ConstraintArrays:
         return hessian[3:, 3:], gradient.ravel()[3:]
 
     def _weights(self, errors: NDArray[np.float64], scaling: float) -> NDArray[np.float64]:
-        """1, or for a doubtful constraint the square of its scale, min(1, 2 Φ / (Φ + χ²))²."""
+        """Return 1, or for a doubtful constraint the square of its scale, min(1, 2 Φ / (Φ + χ²))²."""
         scale = np.minimum(1.0, 2.0 * scaling / (scaling + self.chi_squares(errors)))
         return np.where(self.doubtful, scale**2, 1.0)
 
 
 def _turned(vectors: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vectors (N, 2), each turned by its angle (N,)."""
+    """Return vectors (N, 2), each turned by its angle (N,)."""
     cos, sin = np.cos(angles), np.sin(angles)
     return np.column_stack([cos * vectors[:, 0] - sin * vectors[:, 1], sin * vectors[:, 0] + cos * vectors[:, 1]])

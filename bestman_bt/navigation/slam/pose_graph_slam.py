@@ -132,7 +132,7 @@ class LogOddsGrid:
         return OccupancyGrid(data, self.resolution, np.asarray(self._first * self.resolution, dtype=np.float64))
 
     def _cells(self, points: NDArray[np.float64]) -> NDArray[np.intp]:
-        """(N, 2) column and row from the map's origin."""
+        """Return (N, 2) column and row from the map's origin."""
         return np.floor(points / self.resolution).astype(np.intp)
 
     def _grow(self, cells: NDArray[np.intp]) -> None:
@@ -309,7 +309,7 @@ class PoseGraphSlam(Slam):
         return ScanMatch(True, found.inlier_ratio, found.residual)
 
     def _search(self, hits: OrientedPoints, guess: Pose2D, submap: Submap) -> ScanAlignment | None:
-        """Where the scan lies after a jump, or None unless it says so clearly."""
+        """Return the pose of the scan after a jump, or None if it is ambiguous."""
         coarse = submap.matcher.search(hits.points, guess, SearchWindow(self.recovery_distance, self.recovery_angle))
         if coarse is None:
             return None
@@ -346,7 +346,9 @@ class PoseGraphSlam(Slam):
     def _close(
         self, keyframe: Keyframe, finished: Sequence[Submap], graph: PoseGraph
     ) -> tuple[list[Constraint], NDArray[np.float64]]:
-        """Loops that ``keyframe`` closes, and all poses after that; ``graph`` is a copy, and nothing else changes."""
+        """Return the loops that ``keyframe`` closes, and all poses after that; ``graph`` is a copy, nothing else
+        changes.
+        """
         closures = self.closure.find(keyframe, finished, graph)
         for closure in closures:
             graph.add_constraint(closure)

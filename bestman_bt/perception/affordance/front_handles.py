@@ -240,7 +240,7 @@ class FrontHandles(HandleDetector):
 
 
 def _distance(point: NDArray[np.float64], front: FrontPlane, handle: HandleOnFront) -> float:
-    """From the line along a handle on ``front``."""
+    """Return the distance from the line along a handle on ``front``, metres."""
     frame_from_handle = front.frame_from_front @ Pose.from_xyz_rpy(handle.centre, (0.0, 0.0, handle.angle))
     along, across, out = frame_from_handle.inverse().apply(point[None])[0]
     return math.hypot(max(0.0, abs(along) - handle.length / 2), across, out)

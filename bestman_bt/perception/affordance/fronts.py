@@ -242,7 +242,7 @@ class FrontSearch:
     def _region(
         self, part: NDArray[np.bool_], planes: LocalPlanes, shape: tuple[int, ...], focal: float
     ) -> NDArray[np.bool_]:
-        """Grid points of a front as pixels: grown by a window's half, holes closed."""
+        """Return the grid points of a front as pixels: grown by half a window, holes closed."""
         depth = float(planes.points[..., 2][part].mean())
         reach = max(1, round(self.max_gap / 2 * focal / depth / planes.stride))
         grown = max(1, round(self.window / 2 / planes.stride))
@@ -282,7 +282,7 @@ class FrontPlane:
 
 
 def _window_areas(planes: LocalPlanes, focal: float) -> NDArray[np.float64]:
-    """Square metres of the plane that each grid point stands for."""
+    """Return the area of the plane that each grid point represents, m²."""
     rays = planes.points / np.maximum(np.linalg.norm(planes.points, axis=-1, keepdims=True), 1e-9)
     incidence = np.clip(-(rays * planes.normals).sum(axis=-1), 0.1, 1.0)
     area: NDArray[np.float64] = (planes.points[..., 2] * planes.stride / focal) ** 2 / incidence

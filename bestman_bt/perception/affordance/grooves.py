@@ -151,7 +151,7 @@ class GrooveSearch:
         return grooves
 
     def _split_at_seams(self, groove: Groove, front: RectifiedFront, borders: BorderSearch) -> list[Groove]:
-        """A groove may run along several panels: each has its part of it."""
+        """Split grooves at the seams of panels: each panel has its part of a groove."""
         x, y = groove.centre
         beside = sorted(groove.inward * distance for distance in (0.012, 0.9 * self.panel[0]))
         half = groove.length / 2 - self.grip

@@ -197,7 +197,7 @@ class HandleOnFront:
         return replace(self, centre=centre, length=2 * half, position_std=position_std)
 
     def _up_to_borders(self, borders: PanelBorders) -> tuple[float, float] | None:
-        """From where to where an edge goes that comes near a border of its panel; else None."""
+        """Return the extent of an edge that comes near a border of its panel, else None."""
         first, last = (borders.bottom, borders.top) if self.upright else (borders.left, borders.right)
         middle = float(self.centre[1 if self.upright else 0])
         low, high = middle - self.length / 2, middle + self.length / 2
@@ -285,9 +285,9 @@ class ProtrusionSearch:
         return found
 
     def _groups(self, flat: NDArray[np.float64], cell: float) -> list[NDArray[np.intp]]:
-        """Points (N, 2), metres, that lie near each other in all directions, or along a level or an upright bar.
+        """Group points (N, 2), metres, that lie near each other in all directions, or along a level or an upright bar.
 
-        Their cells are those of the front's plane: there a bar is level or upright, whatever the camera's angle.
+        The cells lie in the front's plane, in which a bar is level or upright at any angle of the camera.
         """
         places = np.floor((flat - flat.min(axis=0)) / cell).astype(np.intp)
         near, far = 2 * math.ceil(self.gap / cell / 2) + 1, 2 * math.ceil(self.bar_gap / cell / 2) + 1

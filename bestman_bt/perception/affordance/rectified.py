@@ -249,7 +249,7 @@ class BorderSearch:
         return [front.y_of(middle) if level else front.x_of(middle) for middle in middles]
 
     def _evidence(self, front: RectifiedFront) -> dict[str, tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
-        """For upright and lying borders: the cells that show one, and those that tell anything."""
+        """Return, for upright and level borders, the cells that show one and the cells with evidence."""
         with np.errstate(invalid="ignore"):
             hidden = front.height > self.before
         hidden = cv2.dilate((hidden | front.outside).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0

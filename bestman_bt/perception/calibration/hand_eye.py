@@ -253,7 +253,9 @@ def _unit_combination(
 
 
 def _dual_quaternions(motions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Real and dual parts (M, 4) of motions, scalar first and not negative, as the equations of a pair need it."""
+    """Return real and dual parts (M, 4) of motions, scalar first and not negative, as the equations of
+    a pair require.
+    """
     xyzw = Rotation.from_matrix(motions[:, :3, :3]).as_quat()
     xyzw = np.where(xyzw[:, 3:] < 0.0, -xyzw, xyzw)
     w, v, t = xyzw[:, 3], xyzw[:, :3], motions[:, :3, 3]

@@ -108,14 +108,16 @@ def changed(pose: Pose, x: NDArray[np.float64]) -> Pose:
 def _residuals(
     carriers: NDArray[np.float64], seen: NDArray[np.float64], end: Pose, target: Pose
 ) -> NDArray[np.float64]:
-    """(N, 6): how far the target was seen from where it should be, in the camera frame."""
+    """Return (N, 6) the deviation of the target from its predicted pose, in the camera frame."""
     expected = np.linalg.inv(carriers @ end.matrix) @ target.matrix
     turn = seen[:, :3, :3] @ expected[:, :3, :3].transpose(0, 2, 1)
     return np.hstack([seen[:, :3, 3] - expected[:, :3, 3], Rotation.from_matrix(turn).as_rotvec()])
 
 
 def _weights(seen: NDArray[np.float64], end: Pose, noise: HandEyeNoise) -> NDArray[np.float64]:
-    """(N, 6, 6) whitening matrices. A rotation of the carrier moves the target on a lever: from carrier to target."""
+    """Return (N, 6, 6) whitening matrices. A rotation of the carrier moves the target on a lever: from carrier to
+    target.
+    """
     carrier_in_eye = end.inverse().position
     identity = np.eye(6)
     weights = []

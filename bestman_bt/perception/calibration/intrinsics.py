@@ -122,7 +122,7 @@ def coverage(pixels: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.b
 
 
 def _missing(covered: NDArray[np.bool_]) -> str:
-    """Words for the quarters of the image that are covered worst."""
+    """Return words for the quarters of the image that are covered worst."""
     down, across = covered.shape
     shares = {
         f"{'upper' if i == 0 else 'lower'} {'left' if j == 0 else 'right'}": covered[

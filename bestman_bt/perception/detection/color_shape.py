@@ -120,7 +120,9 @@ def model_appearance(model: ObjectModel, elevation: float, yaws: int = 24, spaci
 def _visible(
     points: NDArray[np.float64], normals: NDArray[np.float64], eye: NDArray[np.float64], cell: float
 ) -> NDArray[np.bool_]:
-    """Samples that face the camera and that no other sample hides: a depth buffer with cells of that size."""
+    """Return the samples that face the camera and that no other sample hides: a depth buffer with
+    cells of that size.
+    """
     towards = eye - points
     distance = np.linalg.norm(towards, axis=1)
     facing = (towards * normals).sum(axis=1) > 0.1 * distance

@@ -141,7 +141,7 @@ class FromImage(Detector):
     def _labelled(
         self, scene: SegmentedScene, view: View, region: Region, models: Sequence[ObjectModel]
     ) -> tuple[list[LabelledCluster], list[Cluster]]:
-        """Clusters with labels, and what is left."""
+        """Return clusters with labels, and the remaining clusters."""
         rest = list(scene.clusters)
         labelled = []
         for detection in self.seen(view, models):
@@ -219,7 +219,7 @@ def _part(cluster: Cluster, kept: NDArray[np.bool_]) -> Cluster:
 
 
 def _overlap(box: tuple[float, float, float, float], pixels: NDArray[np.float64]) -> float:
-    """Intersection over union of ``box`` and the box around the pixels (N, 2)."""
+    """Return the intersection over union of ``box`` and the box around the pixels (N, 2)."""
     lower, upper = np.nanmin(pixels, axis=0), np.nanmax(pixels, axis=0)
     common = np.minimum(upper, box[2:]) - np.maximum(lower, box[:2])
     if (common <= 0).any():

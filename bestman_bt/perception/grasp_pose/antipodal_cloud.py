@@ -87,7 +87,9 @@ class CloudCompletion:
     def _smoothed(
         self, points: NDArray[np.float64], thinned: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """``thinned`` put onto the planes through their neighbours among all ``points``, and these planes' normals."""
+        """Return ``thinned`` projected onto the planes through their neighbours among all ``points``, and these planes'
+        normals.
+        """
         count = min(self.neighbours, len(points))
         distances, index = cKDTree(points).query(thinned, k=count, distance_upper_bound=self.radius)
         near = np.isfinite(distances)
@@ -105,7 +107,9 @@ class CloudCompletion:
     def _walls(
         self, points: NDArray[np.float64], support_height: float, cell: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Centre of mass (3,), and points and normals (M, 3) of walls from the outline down to the support."""
+        """Return the centre of mass (3,), and points and normals (M, 3) of walls from the outline down
+        to the support.
+        """
         border = 3
         origin = points[:, :2].min(axis=0) - border * cell
         cells = np.floor((points[:, :2] - origin) / cell).astype(np.intp)
@@ -168,7 +172,9 @@ def _signs(
     viewpoints: NDArray[np.float64] | None,
     centre: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """+1 or -1 (N,): which side of each point is outside: where a camera saw it from, else away from the middle."""
+    """Return +1 or -1 (N,) for the outside of each point: the side of the camera that saw it, else away from the
+    middle.
+    """
     outward = points - centre
     if viewpoints is not None:
         towards = np.zeros_like(points)
@@ -281,7 +287,7 @@ class AntipodalCloud(GraspPlanner):
     def _hands(
         self, cloud: CompletedCloud, gripper: GripperModel, shape: HandShape, support_height: float
     ) -> HandPoses:
-        """Tilted hands on all closing axes, each as deep as palm and support allow, and at the axis itself."""
+        """Return tilted hands on all closing axes, each as deep as palm and support allow, and at the axis itself."""
         middles, closing = self._closing_axes(cloud, gripper)
         hands = hands_about(middles, closing, np.array(self.tilts))
         wide_open = np.full(len(hands), gripper.max_width)
@@ -305,7 +311,7 @@ class AntipodalCloud(GraspPlanner):
     def _closing_axes(
         self, cloud: CompletedCloud, gripper: GripperModel
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Middles and unit directions (A, 3) along which the hand might close."""
+        """Return middles and unit directions (A, 3) along which the hand might close."""
         chosen = np.linspace(0, len(cloud.points) - 1, min(len(cloud.points), self.contacts)).astype(np.intp)
         points, normals = cloud.points[chosen], cloud.normals[chosen]
         lines = points[None] - points[:, None]

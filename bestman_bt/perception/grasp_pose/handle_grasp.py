@@ -87,7 +87,7 @@ class HandleGrasp(GraspPlanner):
         return tuple(sorted(candidates, key=lambda candidate: -candidate.quality))
 
     def _bar(self, handle: Handle, gripper: GripperModel) -> list[_Way]:
-        """Closing across the bar, turned about it, at some places along it."""
+        """Return grasps that close across the bar, turned about it, at some places along it."""
         free = max(0.0, handle.length / 2 - self.end - gripper.part.pad_size[0] / 2)
         ways = []
         for share in self.along if free > 0.01 else (0.0,):
@@ -99,7 +99,7 @@ class HandleGrasp(GraspPlanner):
         return ways
 
     def _knob(self, handle: Handle, gripper: GripperModel) -> list[_Way]:
-        """Closing in all directions across the knob, also from a little aside."""
+        """Return grasps that close in all directions across the knob, also a little beside it."""
         ways = []
         for turn in np.arange(self.knob_turns) * math.pi / self.knob_turns:
             closing = np.array([math.cos(turn), math.sin(turn), 0.0])
@@ -110,7 +110,9 @@ class HandleGrasp(GraspPlanner):
         return ways
 
     def _edge(self, handle: Handle, gripper: GripperModel) -> list[_Way]:
-        """One finger before the lip, the other in the recess behind it; the hand comes over the lip's free side."""
+        """Return grasps with one finger before the lip and the other in the recess behind it, from the
+        lip's free side.
+        """
         free = max(0.0, handle.length / 2 - gripper.part.pad_size[0])
         ways = []
         for side in free_sides(handle):
@@ -155,7 +157,7 @@ class HandleGrasp(GraspPlanner):
         return replace(candidate, grasp=grasp, pre_grasp=before, lift=lift, quality=quality)
 
     def _depth_in_front(self, candidate: GraspCandidate, handle: Handle, shape: HandShape) -> float:
-        """How deep the open hand lies in what stands behind the front's face, metres; 0 or less: not at all.
+        """Return how deep the open hand penetrates what lies behind the front's face, metres; 0 or less: not at all.
 
         The recess beside and behind a lip is free.
         """

@@ -102,7 +102,7 @@ class AntipodalModel:
     def _pairs(
         self, surface: SolidSurface, gripper: GripperModel, rng: np.random.Generator
     ) -> tuple[NDArray[np.float64], ...]:
-        """First contacts (P, 3), unit closing directions (P, 3) and distances (P,) of antipodal pairs."""
+        """Return first contacts (P, 3), unit closing directions (P, 3) and distances (P,) of antipodal pairs."""
         chosen = rng.permutation(len(surface.points))[: self.contacts]
         points, inward = surface.points[chosen], -surface.normals[chosen]
         found = [(points, inward, inward, *surface.opposite(points, inward, last)) for last in (False, True)]
@@ -228,7 +228,7 @@ class ModelBased(GraspPlanner):
     def _from_shape(
         self, model: ObjectModel, frame_from_object: Pose, gripper: GripperModel, support_height: float
     ) -> list[GraspCandidate]:
-        """Grasps of a box, a cylinder or a ball, in closed form."""
+        """Return grasps of a box, a cylinder or a ball, in closed form."""
         outline = self._outline(model, frame_from_object)
         return [
             candidate
@@ -238,7 +238,7 @@ class ModelBased(GraspPlanner):
         ]
 
     def _outline(self, model: ObjectModel, frame_from_object: Pose) -> NDArray[np.float64]:
-        """Samples of the collision shapes' surface in the frame, (n, 3): what the hand must not touch."""
+        """Return samples (n, 3) of the collision shapes' surface in the frame, which the hand must not touch."""
         return np.concatenate(
             [
                 (frame_from_object @ placed.pose).apply(sample_shape(placed.shape, self.spacing)[0])
@@ -438,7 +438,7 @@ def _contains(triangles: NDArray[np.float64], points: NDArray[np.float64]) -> ND
 def _crossings(
     triangles: NDArray[np.float64], origin: NDArray[np.float64], direction: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Distances (M,) at which a ray meets triangles, and their unit normals (M, 3).
+    """Return distances (M,) at which a ray meets triangles, and their unit normals (M, 3).
 
     Möller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997.
     """

@@ -71,7 +71,7 @@ def closed(mesh: Mesh) -> Mesh:
 
 
 def _loops(after: dict[int, list[int]]) -> Iterator[NDArray[np.int64]]:
-    """The closed ways along border edges, each through a corner once; uses the edges up."""
+    """Yield the closed loops of border edges, each through a corner once; uses the edges up."""
     for start in sorted(after):
         while after[start]:
             way = [start]

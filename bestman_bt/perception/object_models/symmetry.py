@@ -83,7 +83,7 @@ class _Surface:
 
 
 def _distances(points: NDArray[np.float64], triangles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """From points (N, 1, 3) to the nearest of their triangles (N, k, 3, 3): (N,) metres."""
+    """Return the distance (N,), metres, from points (N, 1, 3) to the nearest of their triangles (N, k, 3, 3)."""
     count, k = triangles.shape[:2]
     each = np.broadcast_to(points, (count, k, 3)).reshape(-1, 3)
     closest_point: Any = trimesh.triangles.closest_point

@@ -113,7 +113,7 @@ def color_distance(colors: NDArray[np.uint8], model_color: tuple[float, float, f
 
 
 def _unobstructed(pixels: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which samples no other sample of the same model hides: a depth buffer with cells of 3 pixels."""
+    """Return the samples that no other sample of the same model hides: a depth buffer with cells of 3 pixels."""
     if len(pixels) == 0:
         return np.zeros(0, dtype=bool)
     cells = np.floor((pixels - pixels.min(axis=0)) / 3.0).astype(np.intp)

@@ -121,7 +121,7 @@ class MultiView(MultiViewEstimator):
         all_points: Sequence[NDArray[np.float64]],
         palette: NDArray[np.float64],
     ) -> YawProfile:
-        """Product of the views' likelihoods, on the yaws of the first; positions: the means."""
+        """Return the product of the views' likelihoods, on the yaws of the first; positions: the means."""
         p = self.single
         turned = self.single.surfaces.turned(surface)
         start = p.coarse_poses(surface, seen[0].points, seen[0].eye, 1, 1)[0]

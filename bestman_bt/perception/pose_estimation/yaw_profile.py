@@ -154,7 +154,7 @@ class YawSearch:
         palette: NDArray[np.float64],
         noise: float,
     ) -> NDArray[np.float64]:
-        """Log-likelihood (S,) of the poses (S, 3): x, y, yaw in the plane's frame."""
+        """Return the log-likelihood (S,) of the poses (S, 3): x, y, yaw in the plane's frame."""
         variance = noise**2 + self.model_error**2
         unexplained = surface_distances(turned.surface, points, poses, plane_view.viewpoint)
         cost = np.minimum(unexplained**2 / (2 * variance), self.cap).sum(axis=1)

@@ -66,7 +66,7 @@ class PlaneDbscan(HorizontalPlane, Segmentation):
         return SegmentedScene((plane,), tuple(clusters))
 
     def _thinned(self, cloud: PointCloud) -> PointCloud:
-        """One point per voxel."""
+        """Return one point per voxel."""
         return voxel_means(cloud, self.voxel)
 
     def _labels(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -74,7 +74,7 @@ class PlaneDbscan(HorizontalPlane, Segmentation):
         return dbscan(points, self.cluster_distance, self.core_points)
 
     def _things_above(self, cloud: PointCloud, plane: SupportPlane, region: Region) -> PointCloud:
-        """``cloud`` is in the region's frame; the result in the view's."""
+        """Return the points above the surface. ``cloud`` is in the region's frame; the result in the view's."""
         local = (plane.frame_from_plane.inverse() @ region.frame_from_surface).apply(cloud.points)
         half = np.array(plane.size) / 2 - self.edge_margin
         above = (

@@ -115,7 +115,9 @@ def _borders(
     p: FragmentMerging,
     count: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(n, n) numbers of pixel pairs, up to four pixels apart: that touch; and in which row i is hidden by column j."""
+    """Return (n, n) numbers of pixel pairs, up to four pixels apart: that touch; and in which row i is hidden by column
+    j.
+    """
     touching = np.zeros((count + 1, count + 1), dtype=np.int64)
     hides = np.zeros((count + 1, count + 1), dtype=np.int64)
     for axis in (0, 1):
@@ -231,7 +233,7 @@ def depth_fragments(
 
 
 def _jumps(z: NDArray[np.float32], mask: NDArray[np.bool_], limit: float) -> NDArray[np.bool_]:
-    """Both pixels of each pair between which the depth changes more than beside them."""
+    """Return which pixels have a larger depth difference between them than beside them."""
     border = np.zeros(z.shape, dtype=bool)
     for axis in (0, 1):
         values, inside = (z, mask) if axis == 0 else (z.T, mask.T)
@@ -249,7 +251,7 @@ def _jumps(z: NDArray[np.float32], mask: NDArray[np.bool_], limit: float) -> NDA
 
 
 def _valleys(z: NDArray[np.float32], labels: NDArray[np.int32], reach: int, limit: float) -> NDArray[np.bool_]:
-    """Where a piece lies ``limit`` metres behind the line between its points ``reach`` pixels to both sides."""
+    """Return where a piece lies ``limit`` metres behind the line between its points ``reach`` pixels to both sides."""
     inverse = np.where(labels > 0, 1.0 / np.maximum(z, 1e-3), 0.0).astype(np.float32)
     found = np.zeros(z.shape, dtype=bool)
     for axis in (0, 1):
@@ -357,7 +359,7 @@ class RegionGrowing(HorizontalPlane, DepthFragments, FragmentMerging, Segmentati
         plane: SupportPlane,
         view: View,
     ) -> list[Cluster]:
-        """``first``: row and column of the image at which ``labels`` begins."""
+        """Return the clusters. ``first``: row and column of the image at which ``labels`` begins."""
         height, width = view.image.depth.shape
         clusters = []
         for label in range(1, int(labels.max()) + 1):
@@ -376,7 +378,7 @@ class RegionGrowing(HorizontalPlane, DepthFragments, FragmentMerging, Segmentati
 
 
 def _along(points: NDArray[np.float64], pose: Pose, axis: int) -> NDArray[np.float64]:
-    """One coordinate (h, w) of ``pose.apply(points)``: term by term, since BLAS adds in an order of its own."""
+    """Return one coordinate (h, w) of ``pose.apply(points)``, summed term by term, since the order of BLAS varies."""
     a, b, c = pose.rotation[axis]
     moved: NDArray[np.float64] = a * points[..., 0] + b * points[..., 1] + c * points[..., 2]
     moved += pose.position[axis]

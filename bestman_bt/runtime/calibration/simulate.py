@@ -136,7 +136,9 @@ def _shaken(pose: Pose, rng: np.random.Generator) -> Pose:
 
 
 def _pose_error(found: RobotModel, built: RobotModel, camera: str) -> dict[str, float]:
-    """Of the camera in the base, over nine postures of its head; on an arm, of the camera on its carrier."""
+    """Return the pose error of the camera in the base, over nine postures of its head; for an arm, of the camera on its
+    carrier.
+    """
     chains = RobotChain(found, camera), RobotChain(built, camera)
     head = chains[0].head
     if head is None:
@@ -180,7 +182,7 @@ def _lens_error(found: RobotModel, built: RobotModel, camera: str) -> dict[str, 
 
 
 def _depth_error(found: RobotModel, built: RobotModel, camera: str) -> dict[str, float]:
-    """Of the corrected depth between 0.3 and 1 m, millimetres."""
+    """Return the error of the corrected depth between 0.3 and 1 m, millimetres."""
     z = np.linspace(0.3, 1.0, 8)
     a, b = found.of(CameraPart)[camera], built.of(CameraPart)[camera]
     corrected = (b.depth_scale * z + b.depth_offset - a.depth_offset) / a.depth_scale

@@ -93,7 +93,7 @@ def _pixels_per_square(board: CharucoBoard) -> int:
 
 
 def _runs(black: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
-    """Row, first and past-the-last column of each run of black pixels."""
+    """Return row, first and past-the-last column of each run of black pixels."""
     padded = np.pad(black, ((0, 0), (1, 1))).astype(np.int8)
     rows, starts = np.nonzero(np.diff(padded, axis=1) == 1)
     _, ends = np.nonzero(np.diff(padded, axis=1) == -1)
@@ -219,7 +219,7 @@ class _Recorder:
         self._head = robot.part(self._chain.head, JointGroup) if self._chain.head is not None else None
 
     def visit(self) -> Iterator[None]:
-        """Come to rest at one view after the other; ends when none is reached any more."""
+        """Move from view to view and come to rest at each; ends when no view is reachable any more."""
         while True:
             for _ in range(TRIES):
                 if self._go():
@@ -255,7 +255,7 @@ class _Recorder:
         return motion.status is MotionStatus.SUCCEEDED
 
     def _tool_target(self) -> Pose:
-        """base_from_tool for which the camera sees the board as drawn by chance."""
+        """Return base_from_tool from which the camera sees the board in a randomly drawn pose."""
         placement, positions = self._placement, self._joints.positions()
         tool = self._model.of(ArmModel)[self._arm_name].tool_frame
         middle = Pose(np.array([*(np.array(placement.board.size) / 2), 0.0]))

@@ -207,7 +207,7 @@ class BoardViews:
 
     @contextmanager
     def named(self) -> Iterator[None]:
-        """Inside this context, ContradictingViewsError names the views instead of their indices."""
+        """Name the views, instead of their indices, in ContradictingViewsError raised within the context."""
         try:
             yield
         except ContradictingViewsError as error:

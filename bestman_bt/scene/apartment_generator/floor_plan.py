@@ -145,7 +145,7 @@ def _doorways(rooms: Sequence[Room], options: ApartmentOptions, rng: np.random.G
 
 
 def _common_walls(rooms: Sequence[Room]) -> Iterator[tuple[int, int, int, float, tuple[float, float]]]:
-    """Pairs of neighbours, along which axis their wall runs, where it is across it, and from where to where."""
+    """Yield pairs of neighbours, the axis along which their wall runs, its position across it, and its extent."""
     for first, a in enumerate(rooms):
         for second, b in enumerate(rooms):
             for along, (across_a, across_b, span_a, span_b) in enumerate(((a.y, b.y, a.x, b.x), (a.x, b.x, a.y, b.y))):
@@ -155,7 +155,7 @@ def _common_walls(rooms: Sequence[Room]) -> Iterator[tuple[int, int, int, float,
 
 
 def _opened(line: Line, doorways: Sequence[Doorway], thickness: float) -> Iterator[Line]:
-    """The pieces of a wall beside its doorways; walls reach half their thickness beyond their ends."""
+    """Yield the pieces of a wall beside its doorways; walls reach half their thickness beyond their ends."""
     start, end = line
     along = 0 if start[1] == end[1] else 1
     across, here, last = start[1 - along], start[along], end[along]

@@ -61,7 +61,7 @@ class _Furnisher:
     placed: list[ApartmentPiece] = field(default_factory=list)
 
     def along_walls(self, room: Room, kind: str) -> bool:
-        """Put a piece with its back to one of the walls; False where it finds no place."""
+        """Put a piece with its back to one of the walls; return False if it fits nowhere."""
         model = self._model(kind)
         depth, width = model.footprint
         back = OFFSET + width / 2 * math.sin(TURN) + 0.01 + self.wall_thickness / 2 + depth / 2
@@ -129,7 +129,9 @@ def _largest_first(rooms: Sequence[Room]) -> list[Room]:
 
 
 def _furnishings(count: int, rng: np.random.Generator) -> list[_Furnishing]:
-    """A single room is a studio; of many, the others are all had before one of them comes again."""
+    """Return the furnishing of each room: a single room is a studio; of many, each other kind occurs before one
+    repeats.
+    """
     if count == 1:
         return [_STUDIO]
     others = itertools.cycle([_OTHERS[index] for index in rng.permutation(len(_OTHERS))])
@@ -144,6 +146,6 @@ def _before_doorways(doorways: Iterable[Doorway], wall_thickness: float) -> Iter
 
 
 def _extent(at: Pose2D, size: tuple[float, float]) -> _Extent:
-    """What a rectangle covers that is turned by a multiple of a right angle."""
+    """Return the extent of a rectangle that is turned by a multiple of a right angle."""
     x, y = size if abs(math.cos(at.theta)) > 0.5 else size[::-1]
     return at.x - x / 2, at.y - y / 2, at.x + x / 2, at.y + y / 2

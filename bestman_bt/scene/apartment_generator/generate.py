@@ -139,7 +139,7 @@ def generate_apartment(options: ApartmentOptions, seed: int, passage: float = 0.
 
 
 def _within(room: Room, points: Points) -> NDArray[np.bool_]:
-    """Which of the points (N, 2) are in a room."""
+    """Return which of the points (N, 2) are in a room."""
     inside: NDArray[np.bool_] = np.all((points >= (room.x[0], room.y[0])) & (points <= (room.x[1], room.y[1])), axis=1)
     return inside
 

@@ -204,7 +204,7 @@ def _knob(panel: Panel, design: HandleDesign, finish: Finish, centred: bool) -> 
 
 
 def _middle(panel: Panel, design: HandleDesign, extent: tuple[float, float], centred: bool) -> tuple[float, float]:
-    """Where the middle of bar or knob comes to lie; its whole extent stays on the panel."""
+    """Return the position of the middle of bar or knob; its whole extent stays on the panel."""
     room = (panel.width / 2 - extent[0] / 2 - BORDER / 2, panel.height / 2 - extent[1] / 2 - BORDER / 2)
     if centred:
         return 0.0, 0.5 * max(0.0, design.height) * max(0.0, room[1])

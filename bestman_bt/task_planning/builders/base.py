@@ -17,7 +17,7 @@ class TreeBuilder(ABC):
     """Builds a tree from a plan; if the goal holds already, a tree that succeeds at once."""
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Raises TypeError for a method that takes other arguments."""
+        """Check the signature. Raises TypeError for a method that takes other arguments."""
         super().__init_subclass__(**options)
         if fault := signature_fault(cls, TreeBuilder):
             raise TypeError(fault)

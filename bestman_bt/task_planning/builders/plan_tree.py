@@ -89,7 +89,7 @@ class Writer:
         )
 
     def _unique(self, name: str) -> str:
-        """Paths name nodes in logs and reports: no name twice."""
+        """Return unique names, since paths name nodes in logs and reports."""
         count = self._names[name] = self._names.get(name, 0) + 1
         return name if count == 1 else f"{name}_again_{count}"
 

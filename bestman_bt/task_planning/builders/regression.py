@@ -87,7 +87,7 @@ def ready_steps(steps: Sequence[PlanStep], goal: Iterable[Literal], most_ways: i
 
 
 def _single(bits: int) -> Iterator[int]:
-    """The bits one by one, the lowest first."""
+    """Yield the bits one by one, the lowest first."""
     while bits:
         one = bits & -bits
         yield one
@@ -112,11 +112,11 @@ class _Bits:
         return frozenset(Literal(self._facts[place // 2], negated=bool(place % 2)) for place in places)
 
     def contrary(self, bits: int) -> int:
-        """What must hold where this must not, and the other way round."""
+        """Return the condition with positive and negative literals exchanged."""
         return (bits & self._positive) << 1 | (bits >> 1) & self._positive
 
     def before(self, pre: int, effects: int, after: int) -> int | None:
-        """What must hold before a step for ``after`` to hold after it, or None if nothing can."""
+        """Return the condition before a step under which ``after`` holds after it, or None if there is none."""
         if self.contrary(after) & effects:
             return None
         before = after & ~effects | pre
@@ -163,7 +163,7 @@ class _Bits:
         return best[:most]
 
     def simplified(self, ways: Mapping[int, int]) -> dict[int, int]:
-        """Two that differ in whether one fact holds are one without it; those that ask for more than others go."""
+        """Merge conditions that differ in the value of one fact, and drop those that another one implies."""
         found = dict(ways)
         while True:
             least: list[int] = []  # those that none of the others is a part of

@@ -241,7 +241,7 @@ def checked_plan(problem: PlanningProblem, limits: PlanLimits, answer: PlanAnswe
 
 
 def _run_through(problem: PlanningProblem, actions: Sequence[Action]) -> list[str]:
-    """Do the steps in thought, up to the first that cannot be done or leads back to where the plan has been."""
+    """Simulate the steps up to the first that is not applicable or leads back to an earlier state."""
     state = problem.state
     been = {state: "the start"}
     for number, action in enumerate(actions, start=1):

@@ -175,7 +175,9 @@ class _Reach:
 
 
 def _joined(problem: PlanningProblem) -> tuple[list[Action], set[Literal]]:
-    """As ``reachable_actions`` of all instances of the operators, which are not made; in the order of their things."""
+    """Return the reachable actions of all instances of the operators, without creating these; in the order of their
+    things.
+    """
     reach, join, order = _Reach(problem.state), _Join(problem), dict[int, tuple[int, ...]]()
     numbers = {name: number for number, name in enumerate(problem.objects)}
 
@@ -219,7 +221,7 @@ class _Join:
         self._found = set[tuple[int, tuple[str, ...]]]()
 
     def without_facts(self) -> Iterator[tuple[int, tuple[str, ...]]]:
-        """Operator's number and arguments where no fact is asked for."""
+        """Yield the operator's number and arguments for operators without a required fact."""
         for number, wanted in enumerate(self._wanted):
             if not wanted:
                 yield from self._bound(number, (), {})
@@ -275,7 +277,7 @@ class _Join:
         return fitting
 
     def _unified(self, number: int, asked: Fact, fact: Fact, values: dict[str, str]) -> dict[str, str] | None:
-        """``values`` and those that make a condition the fact, or None if they do not fit."""
+        """Return ``values`` extended such that a condition matches the fact, or None if they do not unify."""
         if len(asked.arguments) != len(fact.arguments):
             return None
         more = dict(values)

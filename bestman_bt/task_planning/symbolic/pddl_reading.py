@@ -113,7 +113,7 @@ class _File:
         return tuple(literals)
 
     def domain(self) -> tuple[tuple[Operator, ...], dict[str, str], dict[str, str], dict[str, tuple[str, ...]]]:
-        """Operators, type → more general type, constants and predicates."""
+        """Return operators, type → more general type, constants and predicates."""
         types: dict[str, str] = {}
         constants: dict[str, str] = {}
         predicates: dict[str, tuple[str, ...]] = {}
@@ -144,7 +144,7 @@ class _File:
     def problem(
         self, predicates: Mapping[str, tuple[str, ...]] | None
     ) -> tuple[dict[str, str], frozenset[Fact], tuple[Literal, ...]]:
-        """Objects, state and goal; ``predicates``: of the domain, all that these may speak of; None: whatever."""
+        """Return objects, state and goal; ``predicates``: those of the domain, which they may use; None: any."""
         self._predicates = predicates
         objects: dict[str, str] = {}
         state: set[Fact] = set()
@@ -197,7 +197,7 @@ class _File:
                 self._fail(section, f"the types go in a circle: {' - '.join([*seen, above])}")
 
     def _check_assumed(self, operators: Sequence[Operator]) -> None:
-        """What stands before ``imply`` must never change: the written-out ``forall`` would be another condition."""
+        """Check that the premise of ``imply`` never changes: the expanded ``forall`` would be another condition."""
         for part, fact in self._assumed:
             changing = [operator.name for operator in operators if fact.predicate in operator.changes]
             if changing:
@@ -312,7 +312,7 @@ class _File:
             self._fail(words[0], f"{name} takes {len(known[name])} things, not {len(words) - 1}")
 
     def _typed(self, parts: tuple[_Word | _List, ...]) -> dict[str, str]:
-        """``a b - t c`` as ``{a: t, b: t, c: object}``."""
+        """Parse ``a b - t c`` into ``{a: t, b: t, c: object}``."""
         found: dict[str, str] = {}
         waiting: list[str] = []
         words = iter(parts)

@@ -226,7 +226,7 @@ def _offer(
     reached: list[float],
     supporter: list[int | None],
 ) -> None:
-    """Note the action for those of the literals that it ``gives`` which nothing reaches at less cost."""
+    """Record the action for each of the literals that it ``gives`` if none reaches that at less cost."""
     for literal in gives:
         if cost < reached[literal]:
             reached[literal], supporter[literal] = cost, action

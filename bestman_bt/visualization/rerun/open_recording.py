@@ -171,7 +171,7 @@ class RobotEntities:
             transforms.add(prefix + joint.parent, prefix + joint.child, translation, quaternion)
 
     def _pose_of_root(self, joints: Sequence[UrdfJoint]) -> Pose:
-        """base_from_root, where the base frame hangs on the root by fixed joints."""
+        """Return base_from_root, if fixed joints connect the base frame with the root."""
         by_child = {joint.child_link: joint for joint in joints}
         root_from_base, link = Pose(), self.base_frame
         while link != self._root:

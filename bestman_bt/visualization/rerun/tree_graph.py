@@ -73,7 +73,7 @@ def tidy_layout(tree: NodeList, labels: Mapping[int, str], sizes: LabelSizes = L
 
 
 def _columns(tree: NodeList) -> tuple[dict[int, int], dict[int, int]]:
-    """uid → column, and uid → number of nodes above it in its chain."""
+    """Return, by uid, the column and the number of nodes above it in its chain."""
     columns: dict[int, int] = {}
     steps: dict[int, int] = {}
     for node in tree:
@@ -123,7 +123,7 @@ def _rows(tree: NodeList, family_gap: float) -> dict[int, float]:
 
 
 def _side_by_side(contours: list[_Contour], family_gap: float) -> tuple[_Contour, list[float]]:
-    """Pack subtrees below one another as closely as their contours allow: the union, and how far each moved."""
+    """Pack subtrees below one another as closely as their contours allow; return the union, and how far each moved."""
     merged = contours[0]
     shifts = [0.0]
     before = contours[0]

@@ -84,7 +84,7 @@ class LegKinematics:
         return np.asarray(np.cross(spins + rate, up) * self._radius)
 
     def _in_plane(self, angles: Array) -> tuple[Array, Array]:
-        """Of the feet along x, and along z before the hip turns."""
+        """Return the positions of the feet along x, and along z before the hip turns."""
         thigh, lower = angles[:, 1], angles[:, 1] + angles[:, 2]
         x = -self._thigh * np.sin(thigh) - self._calf * np.sin(lower)
         return x, -self._thigh * np.cos(thigh) - self._calf * np.cos(lower)
@@ -160,6 +160,6 @@ class Trot:
 
     @staticmethod
     def _velocities_of_feet(command: Array, feet: Array) -> Array:
-        """Of the places where the feet are, as points of the trunk, (4, 2)."""
+        """Return the velocities of the foot positions as points of the trunk, (4, 2)."""
         vx, vy, wz = command
         return np.column_stack([vx - wz * feet[:, 1], vy + wz * feet[:, 0]])

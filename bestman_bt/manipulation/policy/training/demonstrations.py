@@ -109,7 +109,7 @@ class DemonstrationFormat:
                 raise DatasetError(f"camera {name!r} should have an even height and width above 0, got {height, width}")
 
     def numbers(self) -> dict[str, list[str]]:
-        """The numeric features and the names of their entries."""
+        """Return the numeric features and the names of their entries."""
         joints = [*self.joint_names, *(["gripper_width"] if self.gripper else [])]
         goal = {"observation.goal": [f"goal_{i}" for i in range(self.goal_size)]} if self.goal_size else {}
         return {"observation.state": joints, **goal, "action": joints}
@@ -215,7 +215,7 @@ class DemonstrationRecorder:
         return index
 
     def _statistics(self, columns: Mapping[str, NDArray[Any]]) -> dict[str, dict[str, Any]]:
-        """Those of this episode; the totals grow with it."""
+        """Return the statistics of this episode, and add them to the totals."""
         found = {}
         for name, values in columns.items():
             size = values.shape[1] if values.ndim == 2 else 1

@@ -203,7 +203,7 @@ class PickingExpert:
         return abs(width - self.picked.width) < 0.002
 
     def _intent(self, state: PickState, goal: Pose) -> tuple[Pose, float]:
-        """Where the tool shall go from here, and what the gripper is told."""
+        """Return the next pose of the tool and the command of the gripper."""
         thing = self.picked
         tool = self.kinematics.tool_pose(state.positions)
         grasp = self._grasp(goal)
@@ -220,7 +220,7 @@ class PickingExpert:
         return _above(grasp, above), CLOSED if closing else OPEN
 
     def _grasp(self, goal: Pose) -> Pose:
-        """From above; turned as the arm points, where its last joint has most room."""
+        """Return a grasp from above, turned in the arm's direction, where its last joint has most room."""
         x, y, z = goal.position
         shoulder = self.kinematics.reach[0]
         yaw = math.atan2(y - shoulder[1], x - shoulder[0])
