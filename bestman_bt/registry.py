@@ -74,10 +74,10 @@ class Registry:
         resolved: type = _imported(target) if isinstance(target, str) else target
         return resolved
 
-    def of_kind(self, kind: str, base: type) -> dict[str, type]:
-        """Return the registered subclasses of ``base`` whose names begin with ``kind/``, by the rest of the name."""
-        found = {name.removeprefix(f"{kind}/"): self.resolve(name) for name in self if name.startswith(f"{kind}/")}
-        return {name: one for name, one in found.items() if issubclass(class_and_preset(one)[0], base)}
+    def of_kind(self, kind: str) -> dict[str, tuple[type, dict[str, Any]]]:
+        """Return class and preset of the entries whose names begin with ``kind/``, by the rest of the name."""
+        names = [name for name in self if name.startswith(f"{kind}/")]
+        return {name.removeprefix(f"{kind}/"): class_and_preset(self.resolve(name)) for name in names}
 
     def _discover(self) -> None:
         if not self._discovered:

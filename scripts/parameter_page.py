@@ -66,10 +66,13 @@ def _slot(slot: str, algorithms: dict[str, tuple[type[Any], dict[str, Any]]]) ->
     text = f"\n## {slot}\n"
     for name in sorted(algorithms, key=lambda name: (name != default, name)):
         algorithm, preset = algorithms[name]
-        kind = parameters_of(algorithm, slot)
+        kind = parameters_of(algorithm, slot, preset)
         about = f"{_descriptions(algorithm)[name]}." if preset else _first_paragraph(algorithm)
         text += f"\n### {name}{' (default)' if name == default else ''}\n\n{about}\n"
-        rows = [] if kind is None else list(_rows(kind(**preset), algorithm, f"algorithms.{slot}"))
+        rows = []
+        if kind is not None:
+            values = kind(**{field.name: preset[field.name] for field in dataclasses.fields(kind) if preset})
+            rows = list(_rows(values, algorithm, f"algorithms.{slot}"))
         if not rows:
             text += "\nNo parameters.\n"
             continue

@@ -6,10 +6,12 @@ import dataclasses
 import inspect
 from importlib import import_module
 from importlib.metadata import EntryPoint
+from typing import Any
 
 import pytest
 
-from bestman_bt.engine import EngineClock, ManualClock, Node
+from bestman_bt.engine import ManualClock, Node
+from bestman_bt.manipulation.motion_planning.ompl_planners import KPIECE, OmplPlanner
 from bestman_bt.registry import (
     ALGORITHMS,
     BEHAVIOURS,
@@ -116,14 +118,16 @@ def test_names_of_third_parties_are_found_by_entry_points_and_replace_none_of_ou
     assert asked == ["some.group"]
 
 
-def test_classes_of_a_kind_are_named_by_what_comes_after_it_and_others_are_left_out() -> None:
-    entries = {
+def test_entries_of_a_kind_are_named_by_what_comes_after_it_each_with_what_its_preset_sets() -> None:
+    entries: dict[str, Any] = {
         "clock/manual": "bestman_bt.engine:ManualClock",
-        "clock/no clock": "bestman_bt.engine:Sequence",
+        "clock/late": KPIECE,
         "clocks/wall": "bestman_bt.engine:WallClock",
     }
     registry = Registry("bestman_bt.nothing", "thing", entries)
-    assert registry.of_kind("clock", EngineClock) == {"manual": ManualClock}
+    found = registry.of_kind("clock")
+    assert (set(found), found["manual"]) == ({"late", "manual"}, (ManualClock, {}))
+    assert (found["late"][0], found["late"][1]["planner"]) == (OmplPlanner, "kpiece")
     registry.add("clock/more", "bestman_bt.engine:WallClock")
     assert "clock/more" not in entries
 

@@ -18,13 +18,18 @@ from bestman_bt.registry import ALGORITHMS
 def _planners() -> list[str]:
     from bestman_bt.navigation.global_planning.base import GlobalPlanner
 
-    return ["", *ALGORITHMS.of_kind("global_planning", GlobalPlanner)]
+    return _names("global_planning", GlobalPlanner)
 
 
 def _followers() -> list[str]:
     from bestman_bt.navigation.local_planning.base import PathFollower
 
-    return ["", *ALGORITHMS.of_kind("local_planning", PathFollower)]
+    return _names("local_planning", PathFollower)
+
+
+def _names(kind: str, base: type) -> list[str]:
+    """Return the registered algorithms of a class, and no name for the configured one."""
+    return ["", *(name for name, (algorithm, _) in ALGORITHMS.of_kind(kind).items() if issubclass(algorithm, base))]
 
 
 NAV2_NAMES: Final = ("GridBased", "FollowPath", "route_smoother", "SmoothPath")

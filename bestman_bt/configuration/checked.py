@@ -100,7 +100,7 @@ def override(document: Document, dataclass_type: type, values: Mapping[str, Any]
         nested: Any = value
         for part in reversed(path):
             nested = {part: nested}
-        document = document.merged(Document(nested, dict.fromkeys(_paths(value, path), (source, None))))
+        document = document.merged(Document(nested, dict.fromkeys(field_paths(value, path), (source, None))))
     if problems:
         raise ConfigurationError(problems)
     return document
@@ -118,12 +118,12 @@ def _path_of(key: str, data: Any) -> FieldPath:
     return tuple(path)
 
 
-def _paths(value: Any, path: FieldPath) -> Iterator[FieldPath]:
-    """Yield the paths of a value and of all values in it."""
+def field_paths(value: Any, path: FieldPath = ()) -> Iterator[FieldPath]:
+    """Yield the path of a value, then those of all that it holds."""
     yield path
     if isinstance(value, (dict, list)):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from _paths(inner, (*path, key))
+            yield from field_paths(inner, (*path, key))
 
 
 @functools.cache
@@ -259,8 +259,9 @@ class _Salvaging:
         if _holds_secret(kind):
             self._add(path, f"{error}; its value is not shown")
         elif isinstance(error, OrderError):
-            given = next((name for name in error.fields if name in data), None)
-            self._add(path if given is None else (*path, given), str(error))
+            given = [name for name in error.fields if name in data]
+            given.sort(key=lambda name: (*path, name) not in self.document.origins)  # what was written, before defaults
+            self._add((*path, *given[:1]), str(error))
         else:
             self._add(path, f"{error}, got {data!r}")
 

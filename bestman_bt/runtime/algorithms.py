@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import import_module
@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import Any
 
 from behaviours.nav2.ports import AlgorithmName
-from bestman_bt.configuration.checked import salvage
+from bestman_bt.configuration.checked import field_paths, salvage
 from bestman_bt.configuration.data import in_folders
 from bestman_bt.configuration.document import Document
 from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
@@ -260,14 +260,27 @@ def make_algorithm(
     return made_of_own(algorithm, SLOTS[slot].base, f"algorithms.{slot}", *needs, **parameters, **parts)
 
 
-def parameters_of(algorithm: type[Any], slot: str = "") -> type[Any] | None:
+def parameters_of(algorithm: type[Any], slot: str, preset: Mapping[str, Any]) -> type[Any] | None:
     """Return a dataclass of the parameters of an algorithm in ``slot``, or None if it has none.
 
-    They are the fields of the algorithm's dataclass without those that the session fills.
+    They are the fields of the algorithm's dataclass without those that the session fills, and without those that the
+    class requires and the ``preset`` sets: these tell the presets of a class apart.
     """
+    if not dataclasses.is_dataclass(algorithm):
+        return None
     kind: Any = algorithm  # mypy takes the types of dataclasses for unhashable
     given = SLOTS[slot].given if slot else ()
-    return _parameters_of(kind, given) if dataclasses.is_dataclass(algorithm) else None
+    return _parameters_of(kind, (*given, *_fixed(kind, preset)))
+
+
+def _fixed(algorithm: Any, preset: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields that the class requires and the preset sets."""
+    required = [field.name for field in dataclasses.fields(algorithm) if _default_of(field) is dataclasses.MISSING]
+    return {name: preset[name] for name in required if name in preset}
+
+
+def _default_of(field: dataclasses.Field[Any]) -> Any:
+    return field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
 
 
 @cache
@@ -310,13 +323,7 @@ def _choose(
     if ":" in name:
         algorithms = {name: (class_at(name, folders, partial(config.problem, ("algorithms", slot, "algorithm"))), {})}
     if name not in algorithms:
-        message = f"unknown algorithm {name!r}; {suggestion(name, list(algorithms))}"
-        if "known: " not in message:
-            message += f" (known: {', '.join(sorted(algorithms))})"
-        if example := PLUGIN_EXAMPLES.get(f"{SLOTS[slot].kind}/{name}"):
-            message = f"{name!r} is a plug-in now: name it as {example!r}, a file of bestman-bt's sources"
-        wrong = [config.problem(("algorithms", slot, "algorithm"), message)]
-        raise ConfigurationError([*wrong, *_parameters_of_none(config, slot, values, algorithms.values())])
+        raise ConfigurationError(list(_faults_of_unknown(config, slot, name, values, algorithms)))
     algorithm, preset = algorithms[name]
     refuse_unfinished(algorithm, SLOTS[slot].base, f"algorithms.{slot}")
     with module_of(algorithm) as module:
@@ -325,30 +332,52 @@ def _choose(
             source, line = inspect.getsourcefile(beside), inspect.getsourcelines(beside)[1]
             message = f"the fields of {beside.__name__} should match the dataclass fields of {algorithm.__name__}"
             raise ConfigurationError([Problem(str(source), line, f"algorithms.{slot}", message)])
-        parameters_type = parameters_of(algorithm, slot)
+        parameters_type = parameters_of(algorithm, slot, preset)
         if parameters_type is None:
             if values:
                 message = f"{name} takes no parameters, got {', '.join(values)}"
                 raise ConfigurationError([config.problem(("algorithms", slot), message)])
             return algorithm, {}
-        values = {field: value for field, value in preset.items() if field not in SLOTS[slot].given} | values
-        checked, problems = salvage(Document(values, {(): (f"algorithms.{slot}", None)}), parameters_type)
+        fixed = _fixed(algorithm, preset)
+        known = {field.name: _default_of(field) for field in dataclasses.fields(parameters_type)}
+        below = {field: value for field, value in preset.items() if field in known}
+        given = below | _completed({k: v for k, v in values.items() if k not in fixed}, known | below)
+        origins = dict.fromkeys(field_paths(values), (f"algorithms.{slot}", None))
+        checked, problems = salvage(Document(given, origins), parameters_type)
+    for field in fixed.keys() & values.keys():
+        message = f"the algorithm {name!r} fixes it to {fixed[field]!r}; set algorithms.{slot}.algorithm instead"
+        problems.append(Problem("", None, field, message))
     if problems and faults is None:
         raise ConfigurationError([_placed(config, slot, problem) for problem in problems])
-    known = [field.name for field in dataclasses.fields(parameters_type)]
-    return algorithm, {field: getattr(checked, field) for field in values if field in known}
+    return algorithm, fixed | {field: getattr(checked, field) for field in given if field in known}
 
 
-def _parameters_of_none(
-    config: RunConfig, slot: str, values: Iterable[str], algorithms: Iterable[_ClassAndPreset]
+def _completed(values: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
+    """Return ``values``; a group among them has the other fields of the default group, not those of its class."""
+    completed = dict(values)
+    for name, value in values.items():
+        if isinstance(value, Mapping) and dataclasses.is_dataclass(defaults.get(name)):
+            _, fields = class_and_preset(defaults[name])
+            completed[name] = fields | _completed(value, fields)
+    return completed
+
+
+def _faults_of_unknown(
+    config: RunConfig, slot: str, name: str, values: Iterable[str], algorithms: Mapping[str, _ClassAndPreset]
 ) -> Iterator[Problem]:
-    """Yield parameters that no algorithm of a slot has, besides those of an unknown algorithm."""
-    types = [parameters_of(algorithm, slot) for algorithm, _ in algorithms]
+    """Yield the fault of a name that no algorithm of a slot has, then those of parameters that none of them has."""
+    message = f"unknown algorithm {name!r}; {suggestion(name, list(algorithms))}"
+    if "known: " not in message:
+        message += f" (known: {', '.join(sorted(algorithms))})"
+    if example := PLUGIN_EXAMPLES.get(f"{SLOTS[slot].kind}/{name}"):
+        message = f"{name!r} is a plug-in now: name it as {example!r}, a file of bestman-bt's sources"
+    yield config.problem(("algorithms", slot, "algorithm"), message)
+    types = [parameters_of(algorithm, slot, preset) for algorithm, preset in algorithms.values()]
     known = {field.name for one in types if one is not None for field in dataclasses.fields(one)}
-    for name in values:
-        if name not in known:
-            message = f"no algorithm of this slot has it; {suggestion(name, sorted(known))}"
-            yield config.problem(("algorithms", slot, name), message)
+    for field in values:
+        if field not in known:
+            message = f"no algorithm of this slot has it; {suggestion(field, sorted(known))}"
+            yield config.problem(("algorithms", slot, field), message)
 
 
 def algorithms_by_slot() -> dict[str, dict[str, _ClassAndPreset]]:
@@ -359,13 +388,12 @@ def algorithms_by_slot() -> dict[str, dict[str, _ClassAndPreset]]:
 def _in_slot(slot: str) -> dict[str, _ClassAndPreset]:
     """Return the registered algorithms that a slot may hold, by name."""
     base, kind = SLOTS[slot].base, SLOTS[slot].kind
-    named = {name: class_and_preset(ALGORITHMS.resolve(name)) for name in ALGORITHMS if name.startswith(f"{kind}/")}
-    bases = {other.base for other in SLOTS.values() if other.kind == kind}
+    bases = tuple(other.base for other in SLOTS.values() if other.kind == kind)
     # Classes of another slot of this kind are not offered; classes of none are, so that the message says so.
     return {
-        name.removeprefix(f"{kind}/"): (cls, preset)
-        for name, (cls, preset) in named.items()
-        if issubclass(cls, base) or not issubclass(cls, tuple(bases))
+        name: (cls, preset)
+        for name, (cls, preset) in ALGORITHMS.of_kind(kind).items()
+        if issubclass(cls, base) or not issubclass(cls, bases)
     }
 
 

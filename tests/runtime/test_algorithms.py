@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from dataclasses import replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import pytest
 
@@ -13,11 +14,12 @@ from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import load_tree
 from bestman_bt.errors import InputError
-from bestman_bt.manipulation.motion_planning.ompl_planners import KPIECE
+from bestman_bt.manipulation.motion_planning.ompl_planners import BIT_STAR, KPIECE
 from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar
 from bestman_bt.navigation.local_planning.critics import CriticWeights
 from bestman_bt.navigation.local_planning.dwa import DWA
+from bestman_bt.navigation.slam.pose_graph_slam import PoseGraphSlam
 from bestman_bt.perception.detection.color_shape import ColorShape
 from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
 from bestman_bt.registry import ALGORITHMS, UnknownNameError, class_and_preset, undone
@@ -125,6 +127,37 @@ def test_a_preset_sets_the_parameters_that_are_not_given() -> None:
     assert (type(slow), slow.max_speed, slow.critics.path, slow.horizon) == (DWA, 0.2, 9.0, 2.0)
 
 
+def test_a_field_by_which_a_preset_differs_from_others_of_its_class_is_not_a_parameter() -> None:
+    assert faults("motion_planning.algorithm=kpiece", "motion_planning.planner=bit_star") == [
+        "motion_planning.planner: the algorithm 'kpiece' fixes it to 'kpiece'; "
+        "set algorithms.motion_planning.algorithm instead"
+    ]
+    config = load_run("fetch_cup", settings=["algorithms.motion_planning.algorithm=bit_star"])
+    assert make_algorithm(config, "motion_planning") == BIT_STAR
+
+
+@dataclass
+class Careful(DWA):
+    critics: CriticWeights = field(default_factory=lambda: CriticWeights(path=9.0))
+
+
+@pytest.mark.parametrize("registered", [DWA(critics=CriticWeights(path=9.0)), Careful])
+def test_a_parameter_of_a_group_leaves_the_others_of_the_group_as_the_algorithm_has_them(registered: Any) -> None:
+    with undone(ALGORITHMS):
+        ALGORITHMS.add("local_planning/careful", registered)
+        settings = ["algorithms.local_planning.algorithm=careful", "algorithms.local_planning.critics.goal=2"]
+        careful = make_algorithm(load_run("fetch_cup", settings=settings), "local_planning")
+    assert careful.critics == CriticWeights(path=9.0, goal=2.0)
+
+
+def test_a_wrong_order_names_the_parameter_that_was_given_and_not_that_of_the_preset() -> None:
+    with undone(ALGORITHMS):
+        ALGORITHMS.add("slam/dense", PoseGraphSlam(min_hits=30))
+        told = faults("slam.algorithm=dense", "slam.min_inlier_ratio=0.1")
+    message = "least_inlier_ratio (0.2) should not be larger than min_inlier_ratio (0.1)"
+    assert told == [f"slam.min_inlier_ratio: {message}"]
+
+
 def test_a_preset_of_an_algorithm_that_uses_another_leaves_this_to_the_session() -> None:
     with undone(ALGORITHMS):
         ALGORITHMS.add("detection/few", ColorShape(segmentation=PlaneDbscan(), max_shape=2.5))
@@ -146,9 +179,10 @@ def test_faults_of_several_slots_are_told_at_once() -> None:
 def test_the_defaults_lie_within_their_own_bounds(name: str) -> None:
     algorithm, preset = class_and_preset(ALGORITHMS.resolve(name))
     slot = next((s for s, found in algorithms_by_slot().items() if (algorithm, preset) in found.values()), "")
-    parameters = parameters_of(algorithm, slot)
+    parameters = parameters_of(algorithm, slot, preset)
     assert parameters is not None
-    defaults = {k: v for k, v in vars(parameters(**preset)).items() if _is_plain(v)}
+    own = {field.name: preset[field.name] for field in fields(parameters) if preset}
+    defaults = {k: v for k, v in vars(parameters(**own)).items() if _is_plain(v)}
     assert defaults
     checked = vars(check(Document(defaults), parameters))
     assert {k: checked[k] for k in defaults} == defaults
