@@ -119,7 +119,7 @@ def _path_of(key: str, data: Any) -> FieldPath:
 
 
 def field_paths(value: Any, path: FieldPath = ()) -> Iterator[FieldPath]:
-    """Yield the path of a value, then those of all that it holds."""
+    """Yield the paths of a value and of all values in it."""
     yield path
     if isinstance(value, (dict, list)):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):

@@ -274,7 +274,7 @@ def parameters_of(algorithm: type[Any], slot: str, preset: Mapping[str, Any]) ->
 
 
 def _fixed(algorithm: Any, preset: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields that the class requires and the preset sets."""
+    """Return the fields that the class requires and the preset sets."""
     required = [field.name for field in dataclasses.fields(algorithm) if _default_of(field) is dataclasses.MISSING]
     return {name: preset[name] for name in required if name in preset}
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.control.wheeled.base_controller import VelocityGate
 from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor
+from bestman_bt.control.wheeled.velocity_gate import VelocityGate
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.footprint import Footprint

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control.wheeled.base_controller import VelocityGate
 from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor
+from bestman_bt.control.wheeled.velocity_gate import VelocityGate
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
 from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle
 from bestman_bt.robot_model.model import BaseModel

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from bestman_bt.bringup.procedure import BOARD, board_finding
+from bestman_bt.bringup.sensors import BOARD, board_finding
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
 
 LENS = CameraIntrinsics(640, 480, 600.0, 600.0, 320.0, 240.0)
