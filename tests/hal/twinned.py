@@ -69,6 +69,12 @@ def ended(robot: HardwareRobot, motion: Motion) -> Motion:
     return motion
 
 
+def arrived(robot: HardwareRobot, motion: Motion) -> None:
+    """Wait until a motion has ended, at its goal."""
+    failure = ended(robot, motion).failure
+    assert failure is None, failure
+
+
 def strike(robot: HardwareRobot, twin: TwinProcess, connection: str, fault: str, value: float | None = None) -> float:
     """Make a fault happen; when it has, seconds of the robot's clock."""
     twin.fault(connection, fault, value)

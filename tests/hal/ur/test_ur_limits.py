@@ -17,7 +17,7 @@ from hal.hardware.robot import HardwareRobot
 from hal.parts.gate import ToolLimits
 from hal.twins.process import TwinProcess
 from hal.ur.arm import URArm
-from tests.hal.twinned import ended, twin_settings
+from tests.hal.twinned import arrived, ended, twin_settings
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone]
 
@@ -34,7 +34,7 @@ def connected(twin: TwinProcess, **settings: Any) -> Iterator[tuple[HardwareRobo
 @pytest.mark.slow
 def test_motions_of_the_controller_are_held_to_the_limits_above_it(twin: TwinProcess) -> None:
     with connected(twin) as (robot, arm):
-        ended(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
+        arrived(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
         place = ToolLimits(robot.model, "arm", robot.model.safety).tool(arm.positions())
     box = {side: [f"{at} m" for at in end] for side, end in (("lower", place - 0.1), ("upper", place + 0.1))}
     with connected(twin, safety__workspace=box, safety__tool_speed="0.1 m/s") as (robot, arm):

@@ -14,7 +14,7 @@ from hal.parts.part_connection import ConnectionFailedError
 from hal.twins.process import TwinProcess
 from hal.ur.arm import URArm
 from hal.ur.connection import URConnection
-from tests.hal.twinned import ended, stopped_within, strike, wait_for, wait_in_twin, works_again
+from tests.hal.twinned import arrived, ended, stopped_within, strike, wait_for, wait_in_twin, works_again
 from tests.rigs.twinned_robots import ARM, UR_ARM
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone]
@@ -34,7 +34,7 @@ def test_a_path_leads_through_its_waypoints(robot: HardwareRobot) -> None:
     assert furthest == pytest.approx(start[0] + 0.3, abs=0.05)  # looked at now and then
     assert arm.positions() == pytest.approx(start, abs=0.005)
     assert ended(robot, arm.move_to(start + STEP)).status is MotionStatus.SUCCEEDED  # set-points go on from there
-    ended(robot, arm.move_to(start))
+    arrived(robot, arm.move_to(start))
 
 
 def test_a_path_that_is_stopped_comes_to_rest_at_once(robot: HardwareRobot, twin: TwinProcess) -> None:
@@ -124,7 +124,7 @@ def test_the_sign_of_the_wrist_is_told_from_the_hands_weight_in_two_postures(
     robot: HardwareRobot, twin: TwinProcess
 ) -> None:
     arm = robot.part("arm", URArm)
-    ended(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
+    arrived(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
     here = arm.positions()
     found = check_wrist(robot, "arm", "wrist_force_torque")
     assert found.fault is None, found
@@ -211,7 +211,7 @@ def test_a_motion_keeps_to_a_speed_slider_that_the_arm_could_not_follow(
         assert motion.status is MotionStatus.SUCCEEDED, motion.failure
     finally:
         twin.fault(ARM, "speed_slider", 1.0)
-    ended(robot, arm.move_to(start))
+    arrived(robot, arm.move_to(start))
 
 
 @pytest.mark.slow
@@ -235,7 +235,7 @@ def test_a_motion_waits_while_the_program_is_paused_and_goes_on(
     twin.fault(ARM, "play")
     assert ended(robot, motion).status is MotionStatus.SUCCEEDED, motion.failure
     assert arm.positions() == pytest.approx(start + 2 * STEP, abs=0.005)
-    ended(robot, arm.move_to(start))
+    arrived(robot, arm.move_to(start))
 
 
 @pytest.mark.slow
@@ -255,7 +255,7 @@ def test_an_arm_that_was_stopped_while_its_program_is_paused_stands_when_it_is_p
     wait_in_twin(twin, 0.5)
     assert twin.judge("joints", "arm")["positions"] == pytest.approx(there, abs=1e-3)
     robot.clear_stop()
-    ended(robot, arm.move_to(start))
+    arrived(robot, arm.move_to(start))
 
 
 @pytest.mark.slow
