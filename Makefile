@@ -11,7 +11,7 @@ PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 # Where it is set, each of the many processes that tests start compiles every module that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help install demo test test-quick test-all test-cluster properties mutants eval eval-full gallery lint style types contracts format docs lock page page-packages dist release clean
+.PHONY: help install demo test test-quick test-all test-cluster properties mutants comparisons eval eval-full gallery lint style types contracts format docs lock page page-packages dist release clean
 
 help:
 	@echo "make demo      install, then watch the robot fetch a cup"
@@ -22,6 +22,7 @@ help:
 	@echo "make mutants   seed known faults one by one and see that the tests find them (hours; resumes)"
 	@echo "make eval      20 seeds of every judged task, and the controls (about an hour; goes on where it stopped)"
 	@echo "make eval-full the same with 50 seeds"
+	@echo "make comparisons  measure the tables of docs/comparisons.md beside other software (hours)"
 	@echo "make gallery   pictures and a short film of every task into docs/gallery"
 	@echo "make install   .venv/ with .venv/bin/bestman-bt (locked; quick when up to date)"
 	@echo "make lint      ruff, mypy and the import contracts alone"
@@ -70,6 +71,13 @@ eval: install
 
 eval-full: install
 	$(BIN)/bestman-bt eval manipulation --jobs $(JOBS) --episodes 50
+
+# DATA: a folder with motion_bench_maker/ and roscon24/ (docs/comparisons.md); the wheel eai-eval is put there.
+DATA ?= build/comparisons
+comparisons: install
+	$(BIN)/uv pip install --quiet --python $(BIN)/python ".[planning,pyrobosim]" pyperplan
+	$(BIN)/python -m pip download --quiet --no-deps --dest $(DATA) "eai-eval==1.0.5"
+	$(BIN)/python scripts/comparisons.py --data $(DATA)
 
 gallery: install
 	$(BIN)/uv pip install --quiet --python $(BIN)/python "av>=14,<18"

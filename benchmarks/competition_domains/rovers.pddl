@@ -1,0 +1,58 @@
+; Rovers take samples and pictures between waypoints and send the data to a lander.
+(define (domain rovers)
+  (:requirements :strips :typing)
+  (:types rover waypoint store camera mode lander objective)
+  (:predicates (at ?rover - rover ?waypoint - waypoint) (lander-at ?lander - lander ?waypoint - waypoint)
+               (can-traverse ?rover - rover ?from ?to - waypoint) (visible ?from ?to - waypoint)
+               (equipped-for-soil ?rover - rover) (equipped-for-rock ?rover - rover)
+               (equipped-for-imaging ?rover - rover) (store-of ?store - store ?rover - rover)
+               (empty ?store - store) (full ?store - store)
+               (soil-at ?waypoint - waypoint) (rock-at ?waypoint - waypoint)
+               (has-soil-analysis ?rover - rover ?waypoint - waypoint)
+               (has-rock-analysis ?rover - rover ?waypoint - waypoint)
+               (camera-of ?camera - camera ?rover - rover) (supports ?camera - camera ?mode - mode)
+               (calibration-target ?camera - camera ?objective - objective) (calibrated ?camera - camera)
+               (visible-from ?objective - objective ?waypoint - waypoint)
+               (has-image ?rover - rover ?objective - objective ?mode - mode)
+               (sent-soil ?waypoint - waypoint) (sent-rock ?waypoint - waypoint)
+               (sent-image ?objective - objective ?mode - mode))
+  (:action navigate
+    :parameters (?rover - rover ?from ?to - waypoint)
+    :precondition (and (can-traverse ?rover ?from ?to) (at ?rover ?from) (visible ?from ?to))
+    :effect (and (at ?rover ?to) (not (at ?rover ?from))))
+  (:action sample-soil
+    :parameters (?rover - rover ?store - store ?waypoint - waypoint)
+    :precondition (and (at ?rover ?waypoint) (soil-at ?waypoint) (equipped-for-soil ?rover)
+                       (store-of ?store ?rover) (empty ?store))
+    :effect (and (full ?store) (has-soil-analysis ?rover ?waypoint) (not (empty ?store)) (not (soil-at ?waypoint))))
+  (:action sample-rock
+    :parameters (?rover - rover ?store - store ?waypoint - waypoint)
+    :precondition (and (at ?rover ?waypoint) (rock-at ?waypoint) (equipped-for-rock ?rover)
+                       (store-of ?store ?rover) (empty ?store))
+    :effect (and (full ?store) (has-rock-analysis ?rover ?waypoint) (not (empty ?store)) (not (rock-at ?waypoint))))
+  (:action drop
+    :parameters (?rover - rover ?store - store)
+    :precondition (and (store-of ?store ?rover) (full ?store))
+    :effect (and (empty ?store) (not (full ?store))))
+  (:action calibrate
+    :parameters (?rover - rover ?camera - camera ?objective - objective ?waypoint - waypoint)
+    :precondition (and (equipped-for-imaging ?rover) (calibration-target ?camera ?objective) (at ?rover ?waypoint)
+                       (visible-from ?objective ?waypoint) (camera-of ?camera ?rover))
+    :effect (calibrated ?camera))
+  (:action take-image
+    :parameters (?rover - rover ?waypoint - waypoint ?objective - objective ?camera - camera ?mode - mode)
+    :precondition (and (calibrated ?camera) (camera-of ?camera ?rover) (equipped-for-imaging ?rover)
+                       (supports ?camera ?mode) (visible-from ?objective ?waypoint) (at ?rover ?waypoint))
+    :effect (and (has-image ?rover ?objective ?mode) (not (calibrated ?camera))))
+  (:action send-soil
+    :parameters (?rover - rover ?lander - lander ?data ?from ?to - waypoint)
+    :precondition (and (at ?rover ?from) (lander-at ?lander ?to) (has-soil-analysis ?rover ?data) (visible ?from ?to))
+    :effect (sent-soil ?data))
+  (:action send-rock
+    :parameters (?rover - rover ?lander - lander ?data ?from ?to - waypoint)
+    :precondition (and (at ?rover ?from) (lander-at ?lander ?to) (has-rock-analysis ?rover ?data) (visible ?from ?to))
+    :effect (sent-rock ?data))
+  (:action send-image
+    :parameters (?rover - rover ?lander - lander ?objective - objective ?mode - mode ?from ?to - waypoint)
+    :precondition (and (at ?rover ?from) (lander-at ?lander ?to) (has-image ?rover ?objective ?mode) (visible ?from ?to))
+    :effect (sent-image ?objective ?mode)))
