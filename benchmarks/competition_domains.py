@@ -216,17 +216,20 @@ def fast_downward(domain: str, problem: str) -> list[str] | None:
 
 def pyperplan(domain: str, problem: str) -> list[str] | None:
     """pyperplan's greedy best-first search with h_FF."""
-    from pyperplan import planner
+    from pyperplan.grounding import ground
+    from pyperplan.heuristics.relaxation import hFFHeuristic
+    from pyperplan.pddl.parser import Parser
+    from pyperplan.search import greedy_best_first_search
 
     logging.disable(logging.CRITICAL)
-    search, heuristic = planner.SEARCHES["gbf"], planner.HEURISTICS["hff"]
+    parser = Parser(domain, problem)
     try:
-        plan = planner.search_plan(domain, problem, search, heuristic, use_preferred_ops=True)
-    except MemoryError:
-        raise
+        stated = parser.parse_problem(parser.parse_domain())
     except (Exception, SystemExit) as error:  # noqa: BLE001 - it raises whatever its parser stumbles over
         print(f"{type(error).__name__}: {error}", file=sys.stderr)
         sys.exit(NOT_READ)
+    task = ground(stated)
+    plan = greedy_best_first_search(task, hFFHeuristic(task), use_relaxed_plan=True)
     return None if plan is None else [operator.name for operator in plan]
 
 
