@@ -99,7 +99,7 @@ def section(info: NodeInfo, used: dict[str, ElementTree.Element]) -> str:
     """One skill."""
     text = f"\n### {info.name}\n\n{info.description.strip()}\n"
     if parts := describe_required_parts(info.cls):
-        text += f"\nOf the robot: {parts}.\n"
+        text += f"\nParts of the robot: {parts}.\n"
     rows = [_row(port) for name, port in info.ports.items() if name not in ALWAYS_THERE]
     if rows:
         text += "\n| port | | default | what it is |\n| --- | --- | --- | --- |\n" + "".join(rows)
@@ -128,7 +128,7 @@ def shipped_elements() -> Iterator[ElementTree.Element]:
 def _codes(failures: dict[str, str]) -> str:
     """A table, with the names of leaves as code."""
     rows = "".join(f"| `{code}` | {_with_code(advice)} |\n" for code, advice in failures.items())
-    return "| fails as | what a tree may try then |\n| --- | --- |\n" + rows
+    return "| error code | what a tree may try next |\n| --- | --- |\n" + rows
 
 
 def _with_code(advice: str) -> str:

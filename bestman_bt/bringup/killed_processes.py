@@ -107,7 +107,7 @@ def kill(subject: BroughtUpRobot, part: str, process: str) -> tuple[NDArray[np.f
             pids = {name: pid for name in PROCESSES if (pid := mover.pid_of(name)) is not None}
             at = mover.at
             if at is None or process not in pids:
-                raise RobotError(f"the {process} of a program that moves the robot has ended by itself")
+                raise RobotError(f"the {process} of a program that moves the robot has exited unexpectedly")
             os.kill(pids[process], signal.SIGKILL)
             time.sleep(ALONE)
         finally:
@@ -139,7 +139,7 @@ def _stands(subject: BroughtUpRobot, what: str, part: JointGroup, at: NDArray[np
     way = float(np.max(np.abs(here - at)))
     longest = REST_TIME * SWING_SPEED + SPARE
     text = (
-        f"killed at {SWING_SPEED:g} rad/s, it stood after {way:.3f} rad (at most {longest:.3f}), then moved {drift:.4f}"
+        f"killed at {SWING_SPEED:g} rad/s: at rest after {way:.3f} rad (at most {longest:.3f}), then moved {drift:.4f}"
     )
     return judged(what, way <= longest and drift <= STILL, text, way_rad=way, drift_rad=drift)
 
@@ -150,7 +150,7 @@ def _dead_man(subject: BroughtUpRobot, name: str, base: MobileBase) -> CheckFind
     here = base.odometry()
     way = float(np.hypot(here.x - at[0], here.y - at[1]))
     longest = DEAD_MAN * CREEP + BASE_SPARE
-    text = f"commands ceased at {CREEP:g} m/s: it stood after {1e3 * way:.0f} mm (at most {1e3 * longest:.0f})"
+    text = f"commands ended at {CREEP:g} m/s: at rest after {1e3 * way:.0f} mm (at most {1e3 * longest:.0f})"
     if way > longest:
         text += ": its controller has no dead-man, set one up (cmd_vel_timeout)"
     return judged(name, way <= longest, text, way_m=way)

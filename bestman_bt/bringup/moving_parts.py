@@ -77,7 +77,9 @@ def _widths(subject: BroughtUpRobot, name: str, part: Gripper) -> CheckFinding:
         why = subject.finish(part.move(width))
         figures[what.replace(" ", "_")] = told = part.width()
         if why or abs(told - width) > WIDTH_TOLERANCE:
-            text = f"{what}: commanded {1e3 * width:.1f} mm wide, it is {1e3 * told:.1f} mm{f' ({why})' if why else ''}"
+            text = (
+                f"{what}: commanded {1e3 * width:.1f} mm wide, measured {1e3 * told:.1f} mm{f' ({why})' if why else ''}"
+            )
             return judged(name, False, text, **figures)
         if what == "closed" and part.state().object_held:
             return judged(name, False, "closed without an object, it reports a held object", **figures)
@@ -91,7 +93,7 @@ def _force(subject: BroughtUpRobot, name: str, part: Gripper) -> CheckFinding:
         return not_applicable(name, missing["gripper force"])
     force = FORCE_SHARE * part.model.part.max_force
     why = subject.finish(part.close(force)) or subject.finish(part.open())
-    text = f"it closes with {force:.0f} N at most, measured by nothing here{f': {why}' if why else ''}"
+    text = f"it closes with at most {force:.0f} N; no sensor measures it{f': {why}' if why else ''}"
     return judged(name, not why, text, force_n=force)
 
 
@@ -125,7 +127,7 @@ def _there_and_back(
     why = why or subject.finish(ways[1]())
     turned = math.degrees(moved.theta)
     text = (
-        f"commanded {told}, it went {1e3 * moved.x:+.0f} mm ahead, {1e3 * moved.y:+.0f} mm aside, "
+        f"commanded {told}, moved {1e3 * moved.x:+.0f} mm ahead, {1e3 * moved.y:+.0f} mm aside, "
         f"{turned:+.1f}° to the left{f' ({why})' if why else ''}"
     )
     passed = fits(moved) and not why

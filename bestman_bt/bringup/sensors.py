@@ -37,7 +37,7 @@ def camera(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
         text = f"an image of {size} that is {1e3 * age:.0f} ms old (at most {1e3 * LONGEST_AGE:.0f})"
         yield judged(name, age <= LONGEST_AGE, text, age_s=age)
         if subject.base_from_board is None:
-            reason = "no board was looked at: say where one is (--board), and bestman-bt calibrate"
+            reason = "no board was checked: give its pose with --board; see bestman-bt calibrate"
             yield not_applicable(f"{name}, frame", reason)
         else:
             base_from_eye = subject.pose(part.optical_frame, subject.model.base_frame)

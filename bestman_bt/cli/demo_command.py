@@ -25,7 +25,7 @@ DEMO_SEED = 7
 
 def command(
     seed: Seed = DEMO_SEED,
-    runs: Annotated[Path, typer.Option(help="Where the run folder is made.")] = Path("runs"),
+    runs: Annotated[Path, typer.Option(help="Folder in which the run folder is created.")] = Path("runs"),
     monitor: Monitor = False,
     monitor_port: MonitorPort = MONITOR_PORT,
     groot2_port: Groot2Port = None,

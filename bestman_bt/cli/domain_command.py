@@ -86,7 +86,7 @@ def _show_domain(domain: Domain) -> None:
     print("\nPredicates")
     for name, types in sorted(domain.signatures.items()):
         known = domain.predicates.get(name)
-        print(f"  {name}({', '.join(types)}): {known.words if known else 'holds once an ability has brought it about'}")
+        print(f"  {name}({', '.join(types)}): {known.words if known else 'set by the effects of abilities'}")
 
 
 def _show_problem(problem: PlanningProblem) -> None:

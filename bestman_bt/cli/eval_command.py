@@ -265,7 +265,7 @@ def evaluate(
         if shard is not None:
             folder = folder / "shards" / f"{shard.number}_of_{shard.of}"
         if suite.precision is not None and (shard is not None or merged):
-            why = "decides from all episodes how many there are; leave --shard and --merge out, name a --launcher"
+            why = "needs all episodes to decide their number: leave out --shard and --merge, give a --launcher"
             raise ConfigurationError([Problem("--until", None, "", why)])
         _refuse_other_suite(folder / "summary.json", suite)
         evaluation = Evaluation(suite, folder, keep_old, shard, balance)

@@ -99,7 +99,7 @@ def _make_folder(path: Path) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        message = f"{path} cannot be made a folder: {error.strerror or error}"
+        message = f"{path} cannot be created as a folder: {error.strerror or error}"
         raise ConfigurationError([Problem("--save", None, "", message)]) from error
 
 

@@ -35,7 +35,7 @@ class Connections:
             help="Watch and record a process of BehaviorTree.CPP 4 with a Groot2Publisher; may be given several times.",
         ),
     ] = None
-    runs: Annotated[Path, typer.Option(help="Where --connect makes run folders.")] = Path("runs")
+    runs: Annotated[Path, typer.Option(help="Folder in which --connect creates run folders.")] = Path("runs")
 
     def watchers(self) -> list[Groot2Watcher]:
         """Return one watcher for each process, not started."""

@@ -95,7 +95,10 @@ Search = Annotated[
     list[Path] | None,
     typer.Option("--search", metavar="DIR", help="Folders, or .btproj, that have the SubTrees of others, by ID."),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output, all else elsewhere.")]
+Json = Annotated[
+    bool,
+    typer.Option("--json", help="Print one JSON document on standard output; other output goes to standard error."),
+]
 Driver = Annotated[
     str,
     typer.Option(
@@ -118,7 +121,10 @@ Groot2Port = Annotated[
 ]
 Live = Annotated[bool, typer.Option("--live", help="Show it live in the Rerun viewer.")]
 Monitor = Annotated[
-    bool, typer.Option("--monitor", help="Show it live in the browser; the address is printed, the page stays on.")
+    bool,
+    typer.Option(
+        "--monitor", help="Show the run live in the browser; prints the address. The page stays after the run."
+    ),
 ]
 MonitorPort = Annotated[int, typer.Option(min=1, max=65535, help="With --monitor: the port of the page.")]
 MONITOR_PORT = 8750
@@ -129,7 +135,7 @@ class PlanningOptions:
     """The planning problem and the known world; ``world`` is read along with the request."""
 
     task: Annotated[
-        str | None, typer.Option(help="The task in whose scene, with whose robot; for its goal, if none is given.")
+        str | None, typer.Option(help="The task that gives the scene, the robot and, by default, the goal.")
     ] = None
     scene: Scene = None
     robot: Robot = None

@@ -57,7 +57,7 @@ class GoalOptions:
     )
     given: Annotated[
         list[str] | None,
-        typer.Option("--given", metavar="FACTS", help="Where things are that were not seen: 'on(cup, table)'."),
+        typer.Option("--given", metavar="FACTS", help="Places of objects that were not seen: 'on(cup, table)'."),
     ] = None
     planner: Annotated[str, typer.Option(help="symbolic, fast_downward, language, or one of your own.")] = "symbolic"
     builder: Annotated[str, typer.Option(help="reactive, sequence or backchain.")] = "reactive"
@@ -82,10 +82,12 @@ class TranscriptOptions:
 
     record: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write what was said to and by the language model.", callback=writable_file),
+        typer.Option(
+            metavar="FILE", help="Write the conversation with the language model to this file.", callback=writable_file
+        ),
     ] = None
     replay: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Take the language model's answers from such a file.")
+        Path | None, typer.Option(metavar="FILE", help="Read the language model's answers from such a file.")
     ] = None
 
 
@@ -108,7 +110,7 @@ class ExecutionOptions:
 
     run: Annotated[bool, typer.Option("--run", help="Run it at once, and plan again on failure.")] = False
     yes: Annotated[bool, typer.Option("--yes", help="Run a plan of a language model without confirmation.")] = False
-    runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs")
+    runs: Annotated[Path, typer.Option(help="Folder in which run folders are created.")] = Path("runs")
 
     def check(self, text: str | None, world: Path | None) -> None:
         """Raise ConfigurationError if the plan cannot be run; does nothing without ``--run``."""

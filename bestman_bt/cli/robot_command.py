@@ -172,7 +172,7 @@ def move_into_limits(
                 if not yes:
                     typer.confirm("Is the path free, and is a person at the emergency stop?", abort=True)
                 if fault := execute_return(robot, way):
-                    print(f"bestman-bt: {way.part} is not back: {fault}", file=sys.stderr)
+                    print(f"bestman-bt: {way.part} has not returned: {fault}", file=sys.stderr)
                     raise typer.Exit(1)
     except ConnectionFailedError as error:
         print(f"bestman-bt: {error}", file=sys.stderr)
@@ -187,7 +187,7 @@ verbs.command(name="bringup")(bringup)
 def import_urdf(
     urdf: Annotated[Path, typer.Argument(help="A URDF file (xacro expanded).")],
     wanted: PartOptions = PartOptions(),
-    into: Annotated[Path | None, typer.Option(metavar="DIR", help="Where the part's file goes.")] = None,
+    into: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the part's file.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a part of this name.")] = False,
     png: Png = None,
     as_json: Json = False,
@@ -207,7 +207,7 @@ def import_urdf(
             raise wrong_input("--name", strange)
         file = (into or own_parts()) / f"{name}.yaml"
         if file.exists() and not force:
-            raise wrong_input("--name", f"there is a part {name!r} already ({file}); --force replaces it")
+            raise wrong_input("--name", f"part {name!r} already exists ({file}); --force replaces it")
         request = PartRequest(name, wanted.kind, wanted.group, tuple(wanted.packages or ()), tuple(wanted.cut or ()))
         try:
             part = import_part(urdf, request, None if wanted.srdf is None else read_srdf(wanted.srdf))

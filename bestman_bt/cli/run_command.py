@@ -170,7 +170,9 @@ class TreeOptions:
     ] = False
     scenario: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.yaml", help="With --pretend: what they do, as of simulate; else at random."),
+        typer.Option(
+            metavar="FILE.yaml", help="With --pretend: results of simulated leaves, as of simulate; default: random."
+        ),
     ] = None
     watch: Annotated[
         bool, typer.Option("--watch", help="Take changes of the tree's files while it runs; running nodes continue.")
@@ -179,7 +181,7 @@ class TreeOptions:
     def of(self, config: RunConfig) -> RunConfig:
         """Return ``config`` with these options applied. Raises ConfigurationError if they contradict it."""
         if self.scenario is not None and not self.pretend:
-            raise ConfigurationError([Problem("--scenario", None, "", "is of --pretend: give that, too")])
+            raise ConfigurationError([Problem("--scenario", None, "", "needs --pretend")])
         if self.pretend and config.driver not in EXTRA_OF_SIMULATOR:
             message = f"is for simulated runs, not for {config.driver}"
             raise ConfigurationError([Problem("--pretend", None, "", message)])
@@ -226,7 +228,7 @@ def command(
     ] = None,
     asked: RunOptions = RunOptions(),
     driven: DriverOptions = DriverOptions(),
-    runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
+    runs: Annotated[Path, typer.Option(help="Folder in which run folders are created.")] = Path("runs"),
     trees: TreeOptions = TreeOptions(),
     view: ViewOptions = ViewOptions(),
     page: MonitorOptions = MonitorOptions(),
@@ -365,7 +367,7 @@ def _all_of(watchers: Sequence[Watcher]) -> Watcher:
 def _ask_judge(judge: Path, driver: str) -> None:
     """Check that a judge answers there, before anything connects; raises ConfigurationError."""
     if driver != "hardware":
-        raise ConfigurationError([Problem(f"--judge {judge}", None, "", "is of twins: give --driver hardware, too")])
+        raise ConfigurationError([Problem(f"--judge {judge}", None, "", "needs --driver hardware")])
     try:
         _ = RemoteTruth(judge).object_names
     except (OSError, LookupError, ValueError) as error:

@@ -39,7 +39,8 @@ MOST_NAMES = 12
 def command(  # noqa: PLR0913 - its options, each by its name
     tree: Annotated[str, typer.Argument(help="A shipped tree, or an XML or Python file.")],
     scenario: Annotated[
-        Path | None, typer.Option(metavar="FILE.yaml", help="What leaves do, by path, name or type; else at random.")
+        Path | None,
+        typer.Option(metavar="FILE.yaml", help="Results of leaves, by path, name or type; default: random."),
     ] = None,
     seed: Seed = 0,
     runs: Annotated[int, typer.Option(min=1, help="Runs, with the seeds that follow.")] = 1,
@@ -205,7 +206,7 @@ def _print(document: dict[str, Any]) -> None:
         ("never_ticked", "never ticked (with all below)"),
         ("never_failed", "never failed"),
         ("never_succeeded", "never succeeded"),
-        ("never_left", "never ended by itself"),
+        ("never_left", "never finished"),
         ("unused_recoveries", "recovery never used"),
     ):
         if coverage[key]:

@@ -117,7 +117,7 @@ SmallerFirst = AfterValidator(_smaller_first)
 
 def _four_or_five(values: tuple[float, ...]) -> tuple[float, ...]:
     if len(values) not in (0, 4, 5):
-        raise _error(f"should hold k1, k2, p1, p2 and maybe k3, or nothing, got {len(values)} numbers")
+        raise _error(f"should be k1, k2, p1, p2 and optionally k3, or empty, got {len(values)} numbers")
     return values
 
 

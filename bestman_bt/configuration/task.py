@@ -172,7 +172,7 @@ class TaskConfig:
     def algorithm(self, slot: str) -> tuple[str, dict[str, Any]]:
         """Return name and parameters of the algorithm in a slot. Raises KeyError naming the existing slots."""
         if slot not in self.algorithms:
-            raise KeyError(f"no algorithm is chosen for {slot!r}; there are {', '.join(self.algorithms) or 'none'}")
+            raise KeyError(f"no algorithm is set for {slot!r}; set: {', '.join(self.algorithms) or 'none'}")
         parameters = dict(self.algorithms[slot])
         return str(parameters.pop("algorithm")), parameters
 

@@ -49,7 +49,7 @@ class HeadController:
             place = ", ".join(f"{value:.2f}" for value in target)
             motion.fail(
                 MotionErrorCode.UNREACHABLE,
-                f"{self.name} cannot look at ({place}) m in the base frame: {math.degrees(miss):.0f}° are missing",
+                f"{self.name} cannot look at ({place}) m (base frame): {math.degrees(miss):.0f}° beyond its limits",
             )
             return motion
         return self.move_to(positions, speed_scale)

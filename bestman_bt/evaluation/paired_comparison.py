@@ -163,7 +163,7 @@ def compare_values(
     Raises ValueError without pairs.
     """
     if not seeds or not len(seeds) == len(first) == len(second):
-        raise ValueError(f"seeds and values of {name} should be as many, and at least one")
+        raise ValueError(f"{name} should have one value for each seed, and at least one")
     differences = np.asarray(second, dtype=np.float64) - np.asarray(first, dtype=np.float64)
     p_value = float(wilcoxon(differences).pvalue) if np.any(differences) else 1.0
     shift, interval = hodges_lehmann(differences)

@@ -306,7 +306,7 @@ def _unmeasured(entered: LocatedEntry, config: RunConfig, setup: ResolvedConfig 
         known = [name for kind in kinds for one in config.task.predicates for name in kind.measures.get(one, ())]
     for name in entered.entry.accuracy if known or setup is not None else ():
         if name not in known and (setup is not None or not name.startswith(tuple(known))):
-            message = f"the task's judge measures no such thing; {suggestion(name, known)}"
+            message = f"the task's judge has no such metric; {suggestion(name, known)}"
             yield entered.problem(("accuracy", name), message)
 
 
@@ -321,7 +321,7 @@ def _unknown_causes(entered: LocatedEntry, config: RunConfig) -> Iterator[Proble
     known = {code for info in registry for code in declared_failures(info.cls)}
     for index, code in numbered(entered.entry.causes):
         if code not in known and code not in RENAMED_CODES:
-            message = f"nothing fails as {code!r}; {suggestion(code, list(known))}"
+            message = f"no node fails with {code!r}; {suggestion(code, list(known))}"
             yield entered.problem(("causes", index), message)
 
 
@@ -335,7 +335,7 @@ def _contradictions(document: Document, asked: SuiteConfig) -> Iterable[Problem]
             if entry.causes and kind == "tasks":
                 yield document.problem((kind, key, "causes"), "is for controls: a task shall not fail")
             for code in set(entry.causes) & set(RENAMED_CODES):
-                message = f"nothing fails as {code!r}; it is called {RENAMED_CODES[code]!r} now"
+                message = f"no node fails with {code!r}; it is called {RENAMED_CODES[code]!r} now"
                 yield document.problem((kind, key, "causes"), message)
     for key in _read_entries(asked, "controls").keys() & _read_entries(asked, "tasks").keys():
         yield document.problem(("controls", key), "is the name of a task of this suite, too")
@@ -345,7 +345,9 @@ def _contradictions(document: Document, asked: SuiteConfig) -> Iterable[Problem]
 def _successes_faults(document: Document, kind: str, key: str, entry: EntryConfig) -> Iterator[Problem]:
     path, asked = (kind, key, "successes"), entry.successes
     if asked is None and kind == "controls":
-        yield document.problem(path, "is missing: a control says how often it may succeed, {at_most: 0, of: 10}")
+        yield document.problem(
+            path, "is missing: a control needs the number of successes that it may have, {at_most: 0, of: 10}"
+        )
     elif asked is not None and (asked.at_least is None) == (asked.at_most is None):
         yield document.problem(path, "one of 'at_least' and 'at_most' should be given")
     elif asked is not None and max(asked.at_least or 0, asked.at_most or 0) > asked.of:

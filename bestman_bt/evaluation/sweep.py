@@ -37,7 +37,9 @@ def combinations(settings: Sequence[str], together: bool = False) -> list[tuple[
         raise _problem("no setting has several values: give one as KEY=A,B,C")
     lengths = {len(values) for values in several}
     if together and len(lengths) > 1:
-        raise _problem(f"--together needs as many values of each setting, got {', '.join(map(str, sorted(lengths)))}")
+        raise _problem(
+            f"--together needs the same number of values for each setting, got {', '.join(map(str, sorted(lengths)))}"
+        )
     if together:
         return list(
             zip(*(values if len(values) > 1 else values * lengths.copy().pop() for values in swept), strict=True)

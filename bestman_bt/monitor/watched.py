@@ -145,5 +145,5 @@ def _held_at(paused: PausedEvent) -> dict[str, Any]:
 def refuse(message: Request) -> None:
     """Refuse a request to an execution that can only be watched."""
     raise RequestRefusedError(
-        f"this execution is only watched: {message.get('do')!r} has to be asked of its own process"
+        f"this execution is only watched: {message.get('do')!r} has to be requested from its own process"
     )

@@ -180,7 +180,7 @@ class RunHistory:
         time = getattr(event, "time", None)
         if time is not None:
             if not abs(time) < LONGEST_RUN:
-                raise EventError(f"{event.event}: the time {time} is none")
+                raise EventError(f"{event.event}: {time} is not a time")
             self._time = max(self._time, time)
 
     def _take_run(self, event: RunEvent | EndEvent | DroppedEvent) -> None:

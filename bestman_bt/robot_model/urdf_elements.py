@@ -180,18 +180,18 @@ def structure_faults(robot: ET.Element) -> list[str]:
                 faults.append(f"the {what} of joint {joint.get('name')!r} is {link!r}, which is not a link; {hint}")
     held_twice = _twice(child_of(joint) for joint in joints)
     if held_twice:
-        faults.append(f"is not a tree: {', '.join(held_twice)} hangs on two joints")
+        faults.append(f"is not a tree: {', '.join(held_twice)} is the child of two joints")
     carried = {child_of(joint) for joint in joints}
     roots = [name for name in dict.fromkeys(links) if name not in carried]
     if not roots:
-        faults.append("has no root link: its joints go round in a circle" if links else "has no links")
+        faults.append("has no root link: its joints form a cycle" if links else "has no links")
     elif len(roots) > 1:
         faults.append(f"should have one root link, it has {', '.join(roots)}")
     elif not faults:
         reached = _reached(roots[0], joints)
         lost = [name for name in links if name not in reached]
         if lost:
-            faults.append(f"does not hang together: {', '.join(lost)} go round in a circle")
+            faults.append(f"is not connected: {', '.join(lost)} form a cycle")
     return faults
 
 

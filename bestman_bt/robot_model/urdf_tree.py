@@ -92,7 +92,7 @@ class UrdfTree:
             chain.append(self.above[link])
             link = parent_of(self.above[link])
         if base is not None and link != base:
-            raise UrdfError(f"{self.path.name}: {tip!r} does not hang on {base!r}")
+            raise UrdfError(f"{self.path.name}: {tip!r} is not below {base!r}")
         return chain[::-1]
 
     def subtree(self, root: str | None = None) -> Subtree:

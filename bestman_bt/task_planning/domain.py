@@ -188,7 +188,7 @@ class Domain:
         if isinstance(condition, Forall) or not self._is_short(condition.fact.predicate):
             return condition
         if condition.negated:
-            raise GoalError(f"{condition}: {condition.fact.predicate} cannot be negated; say what shall be shut")
+            raise GoalError(f"{condition}: {condition.fact.predicate} cannot be negated; name what should be shut")
         predicate = self.predicates[condition.fact.predicate]
         (meaning,) = parse_conditions(predicate.means)
         return meaning.bound(_values(predicate, condition.fact.arguments))

@@ -60,7 +60,7 @@ class Holds(SkillCondition):
     container = In[str | None](ArticulationName, "for {container} in the fact", required=False)
     FAILS: ClassVar = {
         "not_believed": "achieve it: Plan, ExecutePlan",
-        "unknown_name": "name what there is on the map",
+        "unknown_name": "use the names of the map",
     }
 
     _brought_about: frozenset[str] | None = None
@@ -164,7 +164,7 @@ class Plan(_Planning, Skill):
     plan = Out(TaskPlan, "the actions", required=True)
     FAILS: ClassVar = {
         "bad_goal": "correct the goal",
-        "unknown_name": "name a planner or builder that there is",
+        "unknown_name": "name a registered planner or builder",
         "no_plan": "ask for less, or with other limits",
         "unsolvable": "ask for something that can be reached: the message names what no action achieves",
     }
@@ -198,7 +198,7 @@ class ExecutePlan(_Planning, ErrorReporting, StatefulAction):
     _told: int
     FAILS: ClassVar = {
         "bad_goal": "correct the goal",
-        "unknown_name": "name a planner or builder that there is",
+        "unknown_name": "name a registered planner or builder",
         "bad_plan": "Plan again",
         "refused": "the plan fails in a dry run: Plan again",
         "plan_failed": "look at what has changed, then Plan again",

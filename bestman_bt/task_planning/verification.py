@@ -124,7 +124,7 @@ class _Check:
             if operator is not None:
                 yield from self._ability(node, operator)
             elif not isinstance(node, SubTree) and not node.children and node.type_id not in _HARMLESS:
-                yield _fault(node, "", "it is no ability", suggestion(node.type_id, list(self.operators)))
+                yield _fault(node, "", "it is not an ability", suggestion(node.type_id, list(self.operators)))
 
     def branches(self) -> Iterator[TreeProblem]:
         """Check that parallel branches do not need the same part, nor change what another one needs."""
@@ -145,7 +145,7 @@ class _Check:
             elif "{" in str(value):
                 faults.append(_fault(node, port, f"{value} is known only at run time: it cannot be checked"))
             elif str(value) not in self.problem.objects:
-                faults.append(_fault(node, port, f"nothing is called {value!r}", self._closest(str(value), kind)))
+                faults.append(_fault(node, port, f"unknown name {value!r}", self._closest(str(value), kind)))
         yield from faults
         yield from self._missing_parts(node, operator)
         if faults:
@@ -224,7 +224,10 @@ def _hints(tree: Tree, actions: dict[Node, Action], robot: RobotModel, world: Wo
             name = action.ports[port]
             if kind == "place" and (height := _height(world, name)) is not None and height > reach:
                 yield _fault(
-                    node, port, f"{name} is {height:.2f} m high, the arm gets to {reach:.2f} m", severity="warning"
+                    node,
+                    port,
+                    f"{name} is {height:.2f} m high, the arm reaches up to {reach:.2f} m",
+                    severity="warning",
                 )
             belief = world.objects.get(name)
             model = belief.model if belief is not None else world.models.get(name)

@@ -48,7 +48,7 @@ def a_base_moves_in_its_own_frame(robot: Robot, base: MobileBase) -> None:
             _require_way(moved, velocity, took)
             told = (said.vx, said.vy, said.wz)
             off = max(abs(a - b) for a, b in zip(told, velocity, strict=True))
-            require(off < 0.05 + 0.2 * max(map(abs, velocity)), f"asked for {velocity}, velocity() says {told}")
+            require(off < 0.05 + 0.2 * max(map(abs, velocity)), f"asked for {velocity}, velocity() returns {told}")
 
 
 @each(MobileBase)
@@ -68,7 +68,7 @@ def a_base_drives_and_turns_by_odometry(robot: Robot, base: MobileBase) -> None:
         at = start.inverse() @ base.odometry()
         require(
             abs(at.x - x) < 0.01 and abs(at.y) < 0.01 and abs(at.theta - theta) < 0.0175,
-            f"after {command.__name__}({argument}) odometry says {at}",
+            f"after {command.__name__}({argument}) odometry reports {at}",
         )
 
 

@@ -17,9 +17,12 @@ def the_description_can_be_read_before_connecting(robot: Robot) -> None:
     require(robot.model is not None, "the robot model should be there before connect()")
     require(len(robot.parts) > 0, "a robot should have parts before connect()")
     for name, part in robot.parts.items():
-        require(part.name == name, f"the part {name!r} calls itself {part.name!r}")
+        require(part.name == name, f"the part {name!r} has the name {part.name!r}")
     for camera in parts_of(robot, Camera):
-        require(camera.intrinsics.width > 0 and camera.intrinsics.fx > 0.0, f"{camera.name} should describe itself")
+        require(
+            camera.intrinsics.width > 0 and camera.intrinsics.fx > 0.0,
+            f"{camera.name} should report image size and focal lengths",
+        )
 
 
 def every_part_of_the_model_is_there_or_unsupported(robot: Robot) -> None:

@@ -184,7 +184,7 @@ def a_part_at_rest_takes_the_next_command_at_once(robot: Robot) -> None:
             except StopIteration:
                 del motions[number]
             except CommandRefusedError as error:
-                raise ConformanceError(f"the motion before has succeeded, and yet: {error}") from error
+                raise ConformanceError(f"a command right after a motion has succeeded was refused: {error}") from error
         require(robot.clock.now() < deadline, f"{COMMANDS_EACH} small commands took over {LONGEST_TURN} s each")
         robot.clock.sleep(AT_ONCE)
 

@@ -85,7 +85,8 @@ def a_base_at_rest_stays_where_it_is(robot: Robot) -> None:
         still = abs(moved.x) + abs(moved.y) < 0.005 and abs(moved.theta) < 0.005
         require(still, f"{base.name} stands, and its odometry went from {before} by {moved}")
         require(
-            abs(velocity.vx) + abs(velocity.vy) + abs(velocity.wz) < 0.03, f"{base.name} stands and says {velocity}"
+            abs(velocity.vx) + abs(velocity.vy) + abs(velocity.wz) < 0.03,
+            f"{base.name} is at rest and reports {velocity}",
         )
 
 
@@ -112,7 +113,7 @@ def lidars_give_ranges_within_theirs(robot: Robot) -> None:
         require(scan.angle_increment != 0.0, f"{lidar.name} reports no angle between its beams")
         model = robot.model.of(LidarPart)[lidar.name]
         same = abs(scan.range_max - model.range_max) <= SAME * model.range_max
-        require(same, f"{lidar.name} says it reaches {scan.range_max} m, its model {model.range_max} m")
+        require(same, f"{lidar.name} reports range_max = {scan.range_max} m, its model {model.range_max} m")
         span, described = abs(scan.angle_increment) * len(scan.ranges), model.angle_max - model.angle_min
         words = f"{lidar.name} looks over {span:.4g} rad from {scan.angle_min:.4g}, its model over {described:.4g} rad"
         require(abs(span - described) <= SAME * described and abs(scan.angle_min) <= math.tau + SAME, words)
@@ -132,7 +133,7 @@ def forces_are_those_of_the_hand(robot: Robot) -> None:
             ("torque", wrench.torque, TOUCH[1], mounted.part.offset_torque, HAND_LENGTH),
         ):
             felt, most = float(np.linalg.norm(values)), HAND_MARGIN * weight * reach + more + 5 * offset
-            words = f"{sensor.name} is at rest and says a {what} of {felt:.4g}; the weight on it is {weight:.3g} N"
+            words = f"{sensor.name} is at rest and reports a {what} of {felt:.4g}; the weight on it is {weight:.3g} N"
             require(felt <= most, words)
 
 
@@ -141,7 +142,7 @@ def inertial_units_feel_gravity(robot: Robot) -> None:
     for imu in parts_of(robot, Imu):
         reading = imu.read()
         felt, turning = np.linalg.norm(reading.linear_acceleration), np.linalg.norm(reading.angular_velocity)
-        require(bool(abs(felt - GRAVITY) < 0.1 * GRAVITY), f"{imu.name} is at rest and feels {felt:.3f} m/s²")
+        require(bool(abs(felt - GRAVITY) < 0.1 * GRAVITY), f"{imu.name} is at rest and measures {felt:.3f} m/s²")
         require(bool(turning < 0.1), f"{imu.name} is at rest and turns at {turning:.3f} rad/s")
 
 
@@ -192,7 +193,7 @@ def readings_are_stamped(robot: Robot) -> None:
         require(asked - OLDEST <= first <= now + AHEAD, words)
         deadline, last = now + 2 * OLDEST, first
         while last <= first:
-            require(robot.clock.now() < deadline, f"{name} has given nothing new since {first:.3f}")
+            require(robot.clock.now() < deadline, f"{name} has delivered no new reading since {first:.3f}")
             robot.clock.sleep(0.1)
             newer = stamp()
             require(newer >= last, f"{name} went back from {last:.3f} to {newer:.3f}")

@@ -256,7 +256,7 @@ class Connection(ABC):
             return reported
         silence = self.clock.now() - self.heard()
         if silence > self.longest_silence:
-            text = f"nothing was heard of {self.name} for {silence:.2f} s"
+            text = f"no message from {self.name} for {silence:.2f} s"
             return Failure(MotionErrorCode.DISCONNECTED, text)
         return None
 

@@ -223,14 +223,14 @@ class HardwareRobot(Robot):
             connection.stop()
         if first:
             self.stopped_at = self.clock.now()
-            self._recorder.stopped("it was told to stop" if fault is None else str(fault))
+            self._recorder.stopped("stop() was called" if fault is None else str(fault))
 
     def _await_planner(self) -> None:
         """Wait for the caller's signs of life, which arrive shortly after its request."""
         deadline = time.monotonic() + FOUND_AGAIN_TIME
         while self._planner is not None and self._planner.silence > 0.0:
             if time.monotonic() > deadline:
-                raise ConnectionFailedError(f"{PLANNER} gives no signs of life, without which nothing may move")
+                raise ConnectionFailedError(f"{PLANNER} sends no heartbeat, which motion requires")
             time.sleep(0.005)
 
     def _watch(self, elapsed: float) -> None:
@@ -244,7 +244,7 @@ class HardwareRobot(Robot):
             self._faults[STOP_INPUT] = asked = Failure(MotionErrorCode.STOPPED, self._objection)
             self._stop(asked)
         if self._planner is not None and self._planner.silence > 0.0 and PLANNER not in self._faults:
-            text = f"{PLANNER} gave no sign of life for {self._planner.longest_silence:g} s"
+            text = f"{PLANNER} sent no heartbeat for {self._planner.longest_silence:g} s"
             silent = Failure(MotionErrorCode.STOPPED, text)
             self._faults[PLANNER] = silent
             self._stop(silent)

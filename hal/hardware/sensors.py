@@ -45,7 +45,7 @@ def is_another_camera(told: CameraIntrinsics, file: CameraIntrinsics) -> str:
         return f"reports images of {told.width} x {told.height}, the robot model says {file.width} x {file.height}"
     for name, its, written in (("", told.fx, file.fx), ("vertical ", told.fy, file.fy)):
         if abs(its - written) > OTHER_LENS * written:
-            return f"tells a {name}focal length of {its:.1f} pixels, the robot model says {written:.1f}"
+            return f"reports a {name}focal length of {its:.1f} pixels, the robot model says {written:.1f}"
     return ""
 
 

@@ -44,7 +44,7 @@ class StopInput:
         while (objection := self.look()) is not None:
             if time.monotonic() > deadline:
                 self.close()
-                raise ConnectionFailedError(f"{objection}, without whose 'run' nothing may move")
+                raise ConnectionFailedError(f"{objection}, and motion requires its 'run'")
             time.sleep(0.01)
 
     def close(self) -> None:
@@ -66,7 +66,7 @@ class StopInput:
                 self._last, self._heard_at = word, time.monotonic()
                 stopped = stopped or word == STOP
         if stopped or self._last == STOP:
-            return "the stop input says stop"
+            return "the stop input reports stop"
         if time.monotonic() - self._heard_at > self._config.silence:
-            return f"the stop input has said nothing for {self._config.silence:g} s"
+            return f"the stop input has sent nothing for {self._config.silence:g} s"
         return None

@@ -280,7 +280,7 @@ class MotionProfile:
 
     def remainder(self) -> str:
         """Return the remaining distance or angle, as text."""
-        return f"{self._remaining:.3f} {'rad' if self._turn else 'm'} are left when they should be done"
+        return f"{self._remaining:.3f} {'rad' if self._turn else 'm'} remain at the end of the planned time"
 
     def velocity(self, odometry: Pose2D, elapsed: float) -> Twist2D:
         """Return the velocity to drive at, ``elapsed`` seconds after the last call."""

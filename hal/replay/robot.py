@@ -84,7 +84,7 @@ class ReplayRobot(Robot):
     @property
     def unsupported(self) -> Mapping[str, str]:
         """Return the unsupported features: commands other than those of the recording."""
-        return {"commands": "a recording takes the commands that it holds, and no others"}
+        return {"commands": "a replay accepts only the recorded commands"}
 
     @property
     def stopped(self) -> bool:
@@ -188,7 +188,7 @@ class ReplayRobot(Robot):
         self._latch.check(part, what)
         recorded = self.tape.commands.get((part, what), [])
         if not recorded:
-            raise refusal(part, what, "the recording holds no such command")
+            raise refusal(part, what, "the recording has no such command")
         if all(command.motion is None and command.refusal is None for command in recorded):
             self._supersede(part)
             self._go_on_with_streams((part, what))

@@ -327,7 +327,7 @@ class RosbridgeConnection(Connection):
             if self._link.complaint:
                 raise ConnectionFailedError(f"{self.name}: {self._link.complaint}")
             if time.monotonic() > deadline:
-                raise ConnectionFailedError(f"{self.name}: nothing comes on {', '.join(silent)}")
+                raise ConnectionFailedError(f"{self.name}: no messages on {', '.join(silent)}")
             time.sleep(0.01)
 
     def _cycle(self, elapsed: float) -> None:

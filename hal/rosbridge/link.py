@@ -84,7 +84,7 @@ class TopicStream(Generic[Value]):
         """Return the newest value. Raises NoDataError if there is none or it is too old."""
         newest = self._newest
         if newest is None:
-            raise NoDataError(f"{self.part}: nothing has come on {self.topic} yet", self.part)
+            raise NoDataError(f"{self.part}: no message on {self.topic} yet", self.part)
         age = self._clock.now() - newest[1]
         if age > self.longest_age:
             raise NoDataError(f"{self.part}: the newest message on {self.topic} is {age:.2f} s old", self.part)
@@ -94,7 +94,7 @@ class TopicStream(Generic[Value]):
         """Return the newest value, however old, for callers that check its age. Raises NoDataError if there is none."""
         newest = self._newest
         if newest is None:
-            raise NoDataError(f"{self.part}: nothing has come on {self.topic} yet", self.part)
+            raise NoDataError(f"{self.part}: no message on {self.topic} yet", self.part)
         return newest[0]
 
     @property
@@ -109,9 +109,9 @@ class TopicStream(Generic[Value]):
         if not isinstance(self._ros_time, SynchronisedTime):
             return ""
         if (ahead := self._ros_time.ahead) > FARTHEST_AHEAD:
-            return f"is stamped {ahead:.2f} s later than it comes"
+            return f"is stamped {ahead:.2f} s later than its arrival"
         late = self._lateness.lag
-        return f"is stamped {late:.2f} s before it comes" if late > FARTHEST_BEHIND else ""
+        return f"is stamped {late:.2f} s before its arrival" if late > FARTHEST_BEHIND else ""
 
     def late(self, longest_delay: float) -> float | None:
         """Return the delay of recent messages if it exceeds ``longest_delay``, else None."""

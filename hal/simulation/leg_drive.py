@@ -15,7 +15,7 @@ from hal.simulation.parameters import SimulationParameters
 from hal.simulation.simulation import SimulatedChannel, Simulation
 
 LEGS_CANNOT = {
-    "velocities of a base lapse": "legs tell the mean over a step of 0.3 s, longer than the dead-man waits",
+    "velocities of a base lapse": "legs report the mean over a step of 0.3 s, longer than the dead-man timeout",
     "a base moves in its own frame": "legs sway: by up to 3 cm aside in the second after their first two steps",
     "a base drives and turns by odometry": "legs stop where feet land, within 2 cm, and wander by up to 4 cm in a turn",
     "a motion of a base can be cancelled": "legs sway for up to 0.7 s after cancel(), by up to 0.03 m/s or rad/s",

@@ -197,7 +197,7 @@ class SimulatedRobot(Robot):
         """Bring all parts to rest and latch the stop; thread-safe, effective at once."""
         with self._lock:
             if self._latch.set():
-                self._recorder.stopped("it was told to stop")
+                self._recorder.stopped("stop() was called")
             for part in self.parts.values():
                 part.stop()
 

@@ -101,7 +101,7 @@ class TwinProcess:
             process.kill()
             process.wait()
             relay.join()
-            raise TwinError(f"the twins did not start: {(said or ['they said nothing'])[-1]}")
+            raise TwinError(f"the twins did not start: {(said or ['no output'])[-1]}")
         self._told = json.loads(line)
 
     def close(self) -> None:

@@ -58,7 +58,7 @@ class JudgeServer(JsonLineServer):
     def _judge(self, question: dict[str, Any]) -> Mapping[str, Any]:
         asked = str(question.get("ask", ""))
         if asked not in self._questions:
-            raise LookupError(f"cannot tell {asked!r}; ask for {', '.join(self._questions)}")
+            raise LookupError(f"unknown request {asked!r}; known: {', '.join(self._questions)}")
         answer = self._world.call(lambda: self._questions[asked](str(question.get("name", ""))))
         return {"answer": _plain(answer)}
 

@@ -186,7 +186,7 @@ class URConnection(Connection):
     serves: ClassVar[Mapping[str, tuple[int, int]]] = {"arm": (1, 1), "force_torque": (0, 1)}
     unsupported: Mapping[str, str] = {
         "command(efforts=…)": "the controller takes no joint torques in this mode",
-        "measured joint torques": "ur-rtde reads the torques that the controller's model wants, not measured ones",
+        "measured joint torques": "ur-rtde reads the torques that the controller's model predicts, not measured ones",
     }
 
     def factories(self) -> Mapping[str, PartFactory]:
@@ -312,7 +312,7 @@ Array = NDArray[np.float64]
 
 
 class URJoints(JointChannel):
-    """Set-points by ``servoJ``; the torques are those that the controller's model wants.
+    """Set-points by ``servoJ``; the torques are those that the controller's model predicts.
 
     The controller executes ``servoj`` as much more slowly as its speed slider says ("On-Robot speed scaling" of
     ros2_controllers' joint_trajectory_controller), and not at all while its program is paused.
@@ -397,7 +397,7 @@ class URIdentity:
         apart = self._flange_apart(robot, arm)
         if apart > FLANGE_TOLERANCE:
             return (
-                f"the controller has its flange {1000 * apart:.0f} mm from where the robot file's arm has it: it moves "
+                f"the controller's flange is {1000 * apart:.0f} mm from that of the robot file's arm: it moves "
                 f"another arm, or one that is calibrated otherwise ({told}). ur3e_arm, ur5e_arm and ur10e_arm are the "
                 "e-series; ur5_arm and ur10_arm are the arms before it"
             )

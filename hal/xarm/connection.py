@@ -104,7 +104,7 @@ COUNTS = "the controller counts on"
 """Beginning of a remark on a payload that differs."""
 PAYLOAD_STEP = 0.01
 """Tolerance of a payload that is read back, kg: it is transferred in single precision."""
-BLIND = "a Lite 6's gripper has no encoder: it knows no widths between, nor whether it holds something or is empty"
+BLIND = "a Lite 6's gripper has no encoder: it reports no intermediate widths, nor whether it holds an object"
 
 
 class XArmConnection(Connection):
@@ -242,7 +242,7 @@ class XArmConnection(Connection):
             if counted is None or abs(counted - mass) <= PAYLOAD_STEP:
                 return ""
             time.sleep(REPORT_PERIOD)
-        return f"{COUNTS} {counted:.2f} kg at the flange, though it was told {mass:.2f} kg"
+        return f"{COUNTS} {counted:.2f} kg at the flange, although it was set to {mass:.2f} kg"
 
     def _set_limits(self, options: XArmOptions) -> None:
         """Set the limits that the controller enforces, besides those that are enforced above it."""

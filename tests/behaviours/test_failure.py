@@ -82,7 +82,7 @@ def test_so_do_those_of_a_command_that_is_refused(skills: Any) -> None:
 
 def test_and_those_of_a_reading_that_does_not_come(skills: Any) -> None:
     def silent() -> None:
-        raise NotConnectedError("hand delivers nothing: nothing was heard of it", "hand", "G9")
+        raise NotConnectedError("hand delivers nothing: no message from it", "hand", "G9")
 
     skills.gripper.release = silent
     failure = failure_in_result_json(skills, LetGo)

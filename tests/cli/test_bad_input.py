@@ -246,7 +246,7 @@ def test_all_errors_of_a_tree_are_told_at_once(refused, folder: Path) -> None:
         (["break", "fetch/pick", "--when", "during"], "waits before the node's tick, or with --after behind it"),
         (["eval", "fetch_cup", "--episodes", "0"], "'--episodes'"),
         (["eval", "fetch_cup", "--until", "3"], "--until: should be 95%±N with N from 0.5 to 50 percentage points"),
-        (["eval", "fetch_cup", "--until", "95%±3", "--shard", "1/2"], "--until: decides from all episodes"),
+        (["eval", "fetch_cup", "--until", "95%±3", "--shard", "1/2"], "--until: needs all episodes"),
         (["eval", "fetch_cup", "--launcher", "lokal"], "unknown launcher 'lokal'; did you mean 'local'?"),
         (["eval", "fetch_cup", "--address", "a:1"], "--address: is of a cluster; name its --launcher"),
         (["run", "fetch_cup", "--plugin", "nowhere.py"], "--plugin nowhere.py: no such file"),

@@ -183,7 +183,7 @@ def test_pretending_is_for_simulated_runs(bestman_bt: Command, folder: Path) -> 
     written(folder / "t.xml", "<Wave/>")
     answer = bestman_bt("run", "t.xml", "--pretend", "--driver", "hardware")
     assert (answer.code, "--pretend: is for simulated runs, not for hardware" in answer.err) == (2, True)
-    assert "--scenario: is of --pretend" in bestman_bt("run", "t.xml", "--scenario", "s.yaml").err
+    assert "--scenario: needs --pretend" in bestman_bt("run", "t.xml", "--scenario", "s.yaml").err
 
 
 @pytest.mark.slow

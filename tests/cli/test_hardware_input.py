@@ -74,7 +74,7 @@ def test_a_judge_that_is_not_there_is_told_first(bestman_bt: Command, folder: Pa
 def test_a_judge_of_a_simulated_robot_is_refused(bestman_bt: Command, folder: Path) -> None:
     answer = bestman_bt("run", "pick_place_table", "--judge", "/nowhere")
     assert answer.code == 2
-    assert "give --driver hardware" in answer.err
+    assert "needs --driver hardware" in answer.err
 
 
 def test_a_release_tells_what_is_wrong_with_the_robot_before_it_asks_anybody(bestman_bt: Command, folder: Path) -> None:

@@ -180,7 +180,7 @@ def test_wrong_names_and_options_are_refused(refused, arguments: list[str], mess
 @pytest.mark.parametrize("path", ["taken", "taken/inside"])
 def test_a_file_where_the_folder_should_be_is_refused(refused, folder: Path, path: str) -> None:
     (folder / "taken").write_text("a file")
-    assert f"--save: {path} cannot be made a folder: " in refused("--at", "table", "--save", path)
+    assert f"--save: {path} cannot be created as a folder: " in refused("--at", "table", "--save", path)
     assert (folder / "taken").read_text() == "a file"
 
 

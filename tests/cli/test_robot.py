@@ -134,7 +134,7 @@ def test_an_import_replaces_nothing_unasked(bestman_bt, folder) -> None:
     assert bestman_bt("robot", "import", "small.urdf", "--into", folder).code == 0
     again = bestman_bt("robot", "import", "small.urdf", "--into", folder)
     assert again.code == 2
-    assert "there is a part 'small' already" in again.err
+    assert "part 'small' already exists" in again.err
     assert bestman_bt("robot", "import", "small.urdf", "--into", folder, "--force").code == 0
 
 

@@ -45,7 +45,7 @@ def test_the_shipped_task_names_tree_scene_robot_and_goal() -> None:
 def test_a_task_has_an_algorithm_for_every_slot_by_default() -> None:
     task = load_task("fetch_cup")
     assert task.algorithm("motion_planning") == ("rrt_connect", {})
-    with pytest.raises(KeyError, match="no algorithm is chosen for 'cooking'; there are .*motion_planning"):
+    with pytest.raises(KeyError, match="no algorithm is set for 'cooking'; set: .*motion_planning"):
         task.algorithm("cooking")
 
 

@@ -61,7 +61,7 @@ def test_every_literal_out_of_bounds_is_told_at_once() -> None:
 
 
 def test_a_literal_with_a_unit_is_refused_and_the_unit_of_the_port_told() -> None:
-    with pytest.raises(TreeLoadError, match=r"'50cm' is not accepted, but a number alone, without a unit \(metres\)"):
+    with pytest.raises(TreeLoadError, match=r"'50cm' is not accepted: give a number alone, without a unit \(metres\)"):
         loaded('width="50cm"')
 
 

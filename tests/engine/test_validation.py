@@ -322,9 +322,12 @@ def test_what_fails_only_once_it_is_ticked_loads_and_is_told(tmp_path: Path, reg
 @pytest.mark.parametrize(
     ("node", "told"),
     [
-        ('<Sleep msec="2 s"/>', "<Sleep> port 'msec': '2 s' is not accepted, but a whole number alone, without a unit"),
-        ('<Delay delay_msec="0.5"><AlwaysSuccess/></Delay>', "'0.5' is not accepted, but a whole number alone"),
-        ('<Timeout msec="1e3"><AlwaysSuccess/></Timeout>', "'1e3' is not accepted, but a whole number alone"),
+        (
+            '<Sleep msec="2 s"/>',
+            "<Sleep> port 'msec': '2 s' is not accepted: give a whole number alone, without a unit",
+        ),
+        ('<Delay delay_msec="0.5"><AlwaysSuccess/></Delay>', "'0.5' is not accepted: give a whole number alone"),
+        ('<Timeout msec="1e3"><AlwaysSuccess/></Timeout>', "'1e3' is not accepted: give a whole number alone"),
         ('<Sleep msec="-100"/>', "<Sleep> port 'msec': -100 is not accepted, but a whole number of 0 or more"),
         ('<Delay delay_msec="-5"><AlwaysSuccess/></Delay>', "-5 is not accepted, but a whole number of 0 or more"),
         ('<Timeout msec="-1"><AlwaysSuccess/></Timeout>', "-1 is not accepted, but a whole number of 0 or more"),
@@ -403,7 +406,7 @@ def test_what_behaviortree_cpp_accepts_without_a_word_is_warned_of(tmp_path: Pat
         "tree.xml:4: warning: <Repeat> port 'num_cycles': only the beginning of '3abc' is read as a number",
         "tree.xml:5: warning: <Grasp> port 'width': nothing is written: an output port is mapped to an entry, as "
         "'{width}', not to '7'",
-        "tree.xml:6: warning: <Sequence>: 'Sequence' is no Action (write <Control ID=\"Sequence\">)",
+        "tree.xml:6: warning: <Sequence>: 'Sequence' is of kind Control, not Action (write <Control ID=\"Sequence\">)",
         "<Metadata>: it is ignored",
         "its writes to '{size}' do not reach '@size', to which the SubTree maps it (write to '{@size}' itself)",
     ):

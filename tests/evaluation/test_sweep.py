@@ -34,7 +34,7 @@ def test_settings_with_several_values_are_combined(settings: list[str], together
     [
         ([], False, "no setting has several values"),
         (["a=1"], False, "no setting has several values"),
-        (["a=1,2", "b=1,2,3"], True, "as many values of each setting, got 2, 3"),
+        (["a=1,2", "b=1,2,3"], True, "the same number of values for each setting, got 2, 3"),
     ],
 )
 def test_a_sweep_of_nothing_is_refused(settings: list[str], together: bool, why: str) -> None:

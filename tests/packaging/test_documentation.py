@@ -107,7 +107,7 @@ def test_the_program_of_the_black_box_runs(
     monkeypatch.chdir(tmp_path)
     text = next(one for one in fences("docs/hardware.md", "python") if "black_box" in one)
     exec(compile(text, "hardware.md", "exec"), {})
-    assert capsys.readouterr().out.startswith("it was told to stop -0.6")
+    assert capsys.readouterr().out.startswith("stop() was called -0.6")
 
 
 @pytest.mark.parametrize("page", ["docs/writing_a_skill.md", "README.md"])

@@ -38,7 +38,7 @@ def test_a_calibrated_camera_has_the_lens_and_the_depth_that_its_file_says():
 @pytest.mark.parametrize(
     ("field", "value", "words"),
     [
-        ("distortion", [0.1, 0.2], r"distortion: should hold k1, k2, p1, p2 and maybe k3, or nothing, got 2 numbers"),
+        ("distortion", [0.1, 0.2], r"distortion: should be k1, k2, p1, p2 and optionally k3, or empty, got 2 numbers"),
         ("distortion", [0.1, 0.2, 0, "2 cm"], r"distortion\[3\]: expected a number without a unit"),
         ("focal_length", [0, 400], r"focal_length\[0\]: should be greater than 0"),
         ("depth_scale", -1, "depth_scale: should be greater than 0"),

@@ -19,19 +19,19 @@ def faults_of(folder: Path, text: str) -> tuple[str, ...]:
     return error.value.faults
 
 
-def test_joints_that_go_round_in_a_circle_are_told_by_both_readers(tmp_path: Path) -> None:
+def test_both_readers_report_joints_that_form_a_cycle(tmp_path: Path) -> None:
     text = arm_urdf(extra=BACK)
-    assert faults_of(tmp_path, text) == ("small.urdf: has no root link: its joints go round in a circle",)
-    with pytest.raises(UrdfError, match="circle"):
+    assert faults_of(tmp_path, text) == ("small.urdf: has no root link: its joints form a cycle",)
+    with pytest.raises(UrdfError, match="form a cycle"):
         read_subtree(written(tmp_path, text), "foot", ())
 
 
-def test_a_circle_beside_a_tree_is_told(tmp_path: Path) -> None:
+def test_a_cycle_beside_a_tree_is_reported(tmp_path: Path) -> None:
     extra = '<link name="a"/><link name="b"/>' + "".join(
         f'<joint name="{n}" type="fixed"><parent link="{p}"/><child link="{c}"/></joint>'
         for n, p, c in (("ab", "a", "b"), ("ba", "b", "a"))
     )
-    assert "does not hang together: a, b go round in a circle" in faults_of(tmp_path, arm_urdf(extra=extra))[0]
+    assert "is not connected: a, b form a cycle" in faults_of(tmp_path, arm_urdf(extra=extra))[0]
 
 
 @pytest.mark.parametrize(

@@ -86,7 +86,7 @@ def test_an_origin_that_is_no_numbers_is_told(tmp_path: Path) -> None:
         ),
         (
             arm_urdf().replace('<child link="right_finger"/>', '<child link="left_finger"/>'),
-            "left_finger hangs on two joints",
+            "left_finger is the child of two joints",
         ),
     ],
 )

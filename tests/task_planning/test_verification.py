@@ -71,7 +71,7 @@ def test_the_tree_of_a_plan_passes() -> None:
 def test_an_unknown_thing_is_refused_with_the_closest_name() -> None:
     (fault,) = faults_of('<SubTree ID="PickUp" name="take" object="mugg" place="table"/>')
     assert (fault.node, fault.field) == ("take", "object")
-    assert str(fault).endswith("nothing is called 'mugg' (did you mean 'mug'?)")
+    assert str(fault).endswith("unknown name 'mugg' (did you mean 'mug'?)")
 
 
 def test_a_thing_of_another_type_is_refused() -> None:
@@ -91,7 +91,7 @@ def test_a_value_that_is_known_only_at_run_time_is_refused() -> None:
 
 def test_a_leaf_that_is_no_ability_is_refused_wherever_it_stands() -> None:
     (fault,) = faults_of('<Sequence><Script code="x := 1"/><AlwaysSuccess/></Sequence>')
-    assert (fault.node, fault.message) == ("Script::2", "it is no ability")
+    assert (fault.node, fault.message) == ("Script::2", "it is not an ability")
 
 
 def test_an_unknown_ability_is_refused() -> None:
@@ -199,7 +199,7 @@ def hints(height: float, size: tuple[float, float, float], kind: str = "parallel
 def test_what_is_too_high_or_too_thick_is_hinted_at_and_no_reason_to_refuse(seen: bool) -> None:
     assert hints(1.19, (0.079, 0.3, 0.3), seen=seen) == []
     assert hints(1.19, (0.3, 0.079, 0.3), seen=seen) == []
-    assert hints(1.21, (0.05, 0.05, 0.3), seen=seen) == ["place: table is 1.21 m high, the arm gets to 1.20 m"]
+    assert hints(1.21, (0.05, 0.05, 0.3), seen=seen) == ["place: table is 1.21 m high, the arm reaches up to 1.20 m"]
     assert hints(0.7, (0.081, 0.3, 0.01), seen=seen) == ["object: mug is 0.081 m thick, the hand opens 0.080 m"]
     assert hints(0.7, (0.3, 0.081, 0.01), kind="suction", seen=seen) == []
 

@@ -102,7 +102,7 @@ class LocalisationCycle:
         estimate = self.estimate
         why = estimate.match.reason if estimate.match is not None and estimate.match.reason else "odometry alone"
         if self._confirmed or estimate.position_std > self._localising.lost_position_std:
-            return f"the base no longer knows where it is (±{estimate.position_std:.2f} m: {why})"
+            return f"the pose of the base is too uncertain (±{estimate.position_std:.2f} m: {why})"
         return (
             f"no scan fits at the given pose of the base ({why}). Has something moved it, such as a run before this "
             "one? Bring it back (ReturnToStart ends a tree at its start), restart its twin, or look where it is "

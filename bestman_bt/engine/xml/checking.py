@@ -119,7 +119,7 @@ class Checker:
         tag, attributes, children = element.tag, element.attributes, element.children
         element.info = info
         if tag in EXPLICIT and info.kind != tag:
-            message, suggestion = f"'{name}' is no {tag}", f'write <{info.kind} ID="{name}">'
+            message, suggestion = f"'{name}' is of kind {info.kind}, not {tag}", f'write <{info.kind} ID="{name}">'
             self._report(element, "", message, suggestion, "error" if info.kind == "SubTree" else "warning")
         count = len(children)
         if count < info.min_children or (info.max_children is not None and count > info.max_children):
@@ -288,7 +288,7 @@ def literal_message(info: NodeInfo, key: str, value: Any, registry: NodeRegistry
     means = f" ({port.description})" if port.description else ""
     if isinstance(value, str) and partly_read(value, port.data_type):
         number = "a whole number" if port.data_type is int else "a number"
-        return f"{value!r} is not accepted, but {number} alone, without a unit{means}"
+        return f"{value!r} is not accepted: give {number} alone, without a unit{means}"
     wrong = refusal(typed, port.bounds)
     return wrong + means if typed in (math.inf, -math.inf) else wrong
 

@@ -77,7 +77,7 @@ class EpisodeRequest:
             )
         if self.files and not _has_files(self.files, self.config):
             return (
-                f"{where} has not the files that the run names, or others of these names: keep your trees, plug-ins "
+                f"{where} lacks files that the run names, or has different ones: keep your trees, plug-ins "
                 "and YAML files where all machines see them under one path"
             )
         return ""

@@ -98,7 +98,9 @@ class Groot2Client:
         try:
             return min(max(0.0, int(told) * 1e-6), 1e11)
         except ValueError as error:
-            raise Groot2Error(f"{self._address} begins to record at {told[:40]!r}, which is no time") from error
+            raise Groot2Error(
+                f"{self._address} reports a recording since {told[:40]!r}, which is not a time"
+            ) from error
 
     def stop_recording(self) -> None:
         """Record no longer."""

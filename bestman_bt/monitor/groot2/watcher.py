@@ -147,7 +147,7 @@ class _Session:
         try:
             self._client.listen()
         except Groot2Error as error:
-            self._shown.say("warning", f"nothing is heard of breakpoints: {error}")
+            self._shown.say("warning", f"breakpoints cannot be followed: {error}")
         self._points.restore(self._client.hooks())
         if not self._recorded:
             self._shown.say("warning", "this process records no transitions: what is short is not seen")
@@ -239,9 +239,7 @@ class _Session:
                 self._points.force(self._found(node), str(asked.get("result")))
                 self._shown.say("warning", f"by hand: {node} was forced to return {asked.get('result')}")
             case what:
-                raise RequestRefusedError(
-                    f"Groot2's protocol has no {what!r}: it has to be asked of the process itself"
-                )
+                raise RequestRefusedError(f"Groot2's protocol has no {what!r}; use the process itself")
 
     def _found(self, node: Any) -> int:
         named = [uid for uid, known in self._nodes.items() if node in (uid, known.path)]

@@ -24,10 +24,10 @@ class CriticWeights:
     ``goal``: remaining metres at the end of the drive or at a contact, ``goal_early``: mean over the drive. ``path``:
     mean distance from the path. ``obstacle``: per proximity to an obstacle, which falls to 1/e within
     ``obstacle_decay`` metres from the outline. ``heading``: radians off the path's direction after a third of the
-    drive. ``backwards``, ``sideways``: per metre driven so. ``turning``: per radian. ``contact``: for an immediate
-    contact; less for a later one. ``prediction``: seconds of constant-velocity prediction of moving obstacles,
-    ``moving_margin``: metres from their predicted positions, ``moving``: weight of approaching them closer than
-    ``moving_distance``.
+    drive. ``backwards``, ``sideways``: per metre driven in these directions. ``turning``: per radian. ``contact``: for
+    an immediate contact; less for a later one. ``prediction``: seconds of constant-velocity prediction of moving
+    obstacles, ``moving_margin``: metres from their predicted positions, ``moving``: weight of approaching them closer
+    than ``moving_distance``.
     """
 
     goal: Annotated[NonNegative, "1/m"] = 1.0

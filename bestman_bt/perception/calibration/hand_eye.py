@@ -95,7 +95,7 @@ class HandEye(ABC):
         """
         if len(world_from_carrier) != len(eye_from_target):
             raise CalibrationError(
-                f"as many poses as views are needed, got {len(world_from_carrier)} and {len(eye_from_target)}"
+                f"poses and views should be equal in number, got {len(world_from_carrier)} and {len(eye_from_target)}"
             )
         if len(world_from_carrier) < self.min_views:
             raise CalibrationError(

@@ -40,8 +40,8 @@ class HandleGrasp(GraspPlanner):
     as fractions of its free part; ``end``: length of a bar's ends occupied by its feet. ``front_clearance``: between
     open hand and front. ``back``: distance by which the tool frame may stop in front of the handle. ``lip``: from the
     handle's origin to the lip's free edge. Assumed dimensions of a recess: ``recess_width`` beyond that edge,
-    ``recess_depth`` behind the lip, and ``pocket`` behind it from the origin on. ``opened_by``: distance by which the
-    handle has moved at ``lift``. ``surroundings_clearance``: of the open hand.
+    ``recess_depth`` behind the lip, and ``pocket`` behind the front, measured from the origin. ``opened_by``: distance
+    by which the handle has moved at ``lift``. ``surroundings_clearance``: of the open hand.
     """
 
     bar_tilts: Annotated[tuple[float, ...], "rad"] = tuple(math.radians(angle) for angle in (0, 20, -20, 40, -40))

@@ -298,7 +298,7 @@ class _File:
             self._fail(part, "a fact is expected, not ()")
         for word in words[1:]:
             if word.text.startswith("?") and word.text not in variables:
-                self._fail(word, f"{word.text} is no parameter")
+                self._fail(word, f"{word.text} is not a parameter")
         self._check_predicate(words)
         return Fact(words[0].text, tuple(variables.get(word.text, word.text) for word in words[1:]))
 

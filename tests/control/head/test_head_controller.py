@@ -78,4 +78,4 @@ def test_a_head_that_comes_within_three_degrees_of_a_point_looks_at_it(beyond: f
     assert (handle.status is MotionStatus.RUNNING) == reaches
     assert len(group.motions) == reaches
     if not reaches:
-        assert "3° are missing" in handle.failure.text
+        assert "3° beyond its limits" in handle.failure.text

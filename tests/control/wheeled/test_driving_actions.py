@@ -414,7 +414,7 @@ def test_a_base_that_is_not_where_it_was_told_to_be_says_what_may_have_moved_it_
     it.localizer.fits = True
     it.wait(it.controller.drive(0.1))
     it.localizer.fits = False
-    assert "no longer knows" in it.wait(it.controller.drive(2.0, speed=0.2), 5.0).failure.text
+    assert "pose of the base is too uncertain" in it.wait(it.controller.drive(2.0, speed=0.2), 5.0).failure.text
 
 
 def test_believing_in_another_place_stops_the_base_forgets_what_was_seen_and_asks_for_a_scan_that_fits():

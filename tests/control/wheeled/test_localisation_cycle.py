@@ -134,7 +134,7 @@ def test_so_many_scans_in_a_row_that_do_not_fit_and_it_no_longer_knows_where_it_
     assert base.cycle.is_localized, "the one that fitted has made good the one before"
     base.steps(12)
     assert not base.cycle.is_localized
-    assert "no longer knows where it is (±0.05 m: few hits)" in base.cycle.lost_reason
+    assert "pose of the base is too uncertain (±0.05 m: few hits)" in base.cycle.lost_reason
     assert [scan.fits for scan in base.seen] == [False, True, False, False]
     base.cycle.look_again()
     assert not base.cycle.is_localized
@@ -148,7 +148,7 @@ def test_an_uncertain_estimate_is_none_to_drive_by(std: float, knows: bool) -> N
     base.localizer.std = std
     base.steps(1)
     assert base.cycle.is_localized is knows
-    assert ("no longer knows" in base.cycle.lost_reason) is not knows
+    assert ("pose of the base is too uncertain" in base.cycle.lost_reason) is not knows
 
 
 def test_where_no_scan_has_ever_fitted_what_was_told_is_doubted() -> None:

@@ -45,7 +45,7 @@ FAULTS = [
         "stuck",
         "free",
         "drive",
-        r"commanded 0\.2 m ahead, it went [+-]\d+ mm ahead.*are left when they should be done",
+        r"commanded 0\.2 m ahead, moved [+-]\d+ mm ahead.*remain at the end of the planned time",
     ),
 ]
 

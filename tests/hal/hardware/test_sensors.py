@@ -103,7 +103,7 @@ def test_a_camera_that_is_lost_stops_nothing_is_told_and_connected_again_by_clea
         assert robot.faults["eye"].code is MotionErrorCode.DISCONNECTED
         assert not robot.stopped
         wait_for(lambda: _raises(camera), "it has no images")
-        assert "nothing was heard of eye" in robot.diagnostics()["eye"]
+        assert "no message from eye" in robot.diagnostics()["eye"]
         robot.clear_stop()
         assert camera.capture().intrinsics == FILE
         assert not robot.faults
@@ -135,5 +135,5 @@ def test_a_camera_that_cannot_be_connected_again_keeps_nobody_from_clearing_a_st
         robot.stop()
         robot.clear_stop()
         assert not robot.stopped
-        assert "nothing was heard of eye" in robot.faults["eye"].text
+        assert "no message from eye" in robot.faults["eye"].text
         monkeypatch.undo()

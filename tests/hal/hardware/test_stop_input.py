@@ -72,7 +72,7 @@ def two_controllers(model: RobotModel, monkeypatch: pytest.MonkeyPatch, port: in
 
 
 @pytest.mark.parametrize(
-    ("word", "why"), [(b"stop", "the stop input says stop"), (b"", "the stop input has said nothing for 0.3 s")]
+    ("word", "why"), [(b"stop", "the stop input reports stop"), (b"", "the stop input has sent nothing for 0.3 s")]
 )
 def test_a_stop_and_silence_reach_all_controllers_and_hold_until_it_says_run(
     robot_model: RobotModel, monkeypatch: pytest.MonkeyPatch, word: bytes, why: str
@@ -135,7 +135,7 @@ def test_of_words_that_come_together_a_stop_is_not_missed(wires) -> None:
     heard.open()
     for words, says_stop in (([b"stop", b"run"], True), ([], False), ([b"run", b" STOP\n"], True), ([], True)):
         opened[-1].words += words
-        assert (heard.look() == "the stop input says stop") == says_stop, words
+        assert (heard.look() == "the stop input reports stop") == says_stop, words
 
 
 def test_what_is_no_word_is_no_sign_of_life_and_a_word_of_before_a_reconnection_does_not_count(wires) -> None:
@@ -146,11 +146,11 @@ def test_what_is_no_word_is_no_sign_of_life_and_a_word_of_before_a_reconnection_
     assert heard.look() is None
     wait(0.2 * SILENCE)
     opened[-1].words += [b"hello"]
-    assert heard.look() == "the stop input has said nothing for 0.3 s"
+    assert heard.look() == "the stop input has sent nothing for 0.3 s"
     opened[-1].words += [b"run"]
     assert heard.look() is None
     heard.close()
-    assert heard.look() == "the stop input has said nothing for 0.3 s"
+    assert heard.look() == "the stop input has sent nothing for 0.3 s"
 
 
 def _cleared(robot: HardwareRobot) -> bool:
@@ -166,7 +166,7 @@ def test_without_a_word_of_it_nothing_is_connected_and_two_robots_cannot_hear_th
 ) -> None:
     port = free_port()
     robot = two_controllers(robot_model, monkeypatch, port)
-    with pytest.raises(ConnectionFailedError, match="without whose 'run' nothing may move"):
+    with pytest.raises(ConnectionFailedError, match="and motion requires its 'run'"):
         robot.connect()
     with pressed_by(port), robot:
         with pytest.raises(ConnectionFailedError, match="cannot listen at"):

@@ -192,7 +192,7 @@ def test_a_silent_controller_is_lost_and_connected_anew_even_if_it_is_heard_agai
     assert robot.stopped_at - platform.silent_since > robot.model.safety.watchdog
     assert motion.failure is not None
     assert motion.failure.code is MotionErrorCode.DISCONNECTED
-    with pytest.raises(NotConnectedError, match="nothing was heard of platform"):
+    with pytest.raises(NotConnectedError, match="no message from platform"):
         base.odometry()
     platform.silent_since = None
     with pytest.raises(NotConnectedError):

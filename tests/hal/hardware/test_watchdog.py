@@ -162,8 +162,8 @@ def test_a_silent_program_stops_the_robot_and_can_clear_that_once_it_is_back(
         wait_for(lambda: motion.done, "the silence is noticed")
         assert motion.failure is not None
         assert motion.failure.code is MotionErrorCode.STOPPED
-        assert "no sign of life for 0.2 s" in motion.failure.text
-        with pytest.raises(ConnectionFailedError, match="gives no signs of life"):
+        assert "no heartbeat for 0.2 s" in motion.failure.text
+        with pytest.raises(ConnectionFailedError, match="sends no heartbeat"):
             robot.clear_stop()
         assert robot.stopped
         signs.silent = 0.0

@@ -64,7 +64,7 @@ def test_a_stop_is_written_with_what_led_to_it_and_how_the_joints_came_to_rest(t
     run(group, recorder, clock, 1.0)
     channel.off = np.array([0.02, 0.0])
     group.stop()
-    recorder.stopped("it was told to stop")
+    recorder.stopped("stop() was called")
     stopped = clock.time
     recorder.stopped("a fault that came of it")
     run(group, recorder, clock, AFTERWARDS / 2)
@@ -72,7 +72,7 @@ def test_a_stop_is_written_with_what_led_to_it_and_how_the_joints_came_to_rest(t
     run(group, recorder, clock, 1.0)
     (file,) = tmp_path.iterdir()
     box = BlackBox.load(file)
-    assert (file.name, box.stopped_at, box.reason) == ("black_box_1.npz", stopped, "it was told to stop")
+    assert (file.name, box.stopped_at, box.reason) == ("black_box_1.npz", stopped, "stop() was called")
     head = box.parts["head"]
     assert head.times[-1] == pytest.approx(stopped + AFTERWARDS, abs=2 * PERIOD)
     assert head.times[0] < stopped - 0.9

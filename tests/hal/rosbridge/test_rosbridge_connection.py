@@ -185,5 +185,5 @@ def test_connected_anew_what_a_topic_has_told_before_does_not_count(ros: Ros) ->
     ros.connection.options = replace(ros.connection.options, connect_timeout=0.05)
     subscribe = ros.link.subscribe
     ros.link.subscribe = lambda topic, *rest: None if topic == "/scan" else subscribe(topic, *rest)
-    with pytest.raises(ConnectionFailedError, match="nothing comes on /scan"):
+    with pytest.raises(ConnectionFailedError, match="no messages on /scan"):
         ros.connection.connect()

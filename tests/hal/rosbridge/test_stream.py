@@ -44,7 +44,7 @@ def stream(clock: Clock) -> TopicStream[int]:
 
 
 def test_a_silent_sensor_has_no_reading_once_its_last_one_is_too_old(stream: TopicStream[int], clock: Clock) -> None:
-    with pytest.raises(NoDataError, match="nothing has come on /scan yet"):
+    with pytest.raises(NoDataError, match="no message on /scan yet"):
         stream.read()
     stream.take(message(7.0, 1), 100.0)
     assert stream.read() == 1
@@ -167,9 +167,9 @@ def test_stamps_of_a_synchronised_clock_are_believed_and_those_that_cannot_be_of
     assert stream.unlike_clock == ""
     assert stream.age == pytest.approx(0.0, abs=1e-3)
     stream.take(message(clock.time + 1000.3), clock.time)
-    assert stream.unlike_clock == "is stamped 0.30 s later than it comes"
+    assert stream.unlike_clock == "is stamped 0.30 s later than its arrival"
     stream.take(message(clock.time + 999.5), clock.time)
-    assert stream.unlike_clock == "is stamped 0.50 s before it comes"
+    assert stream.unlike_clock == "is stamped 0.50 s before its arrival"
     stream.take(message(clock.time + 999.7), clock.time)  # late, not another clock
     assert stream.unlike_clock == ""
     stream.forget_time()

@@ -44,7 +44,7 @@ def test_the_arm_of_the_robot_file_is_taken_whatever_tool_is_set(
 def test_another_arm_is_refused_with_what_the_parts_are(told: URIdentity, part: str) -> None:
     why = told.mismatch(load_robot_model("diff_ur5", {"parts.arm.part": part}), "arm", None)
     assert why is not None
-    assert "mm from where the robot file's arm has it" in why
+    assert "mm from that of the robot file's arm" in why
     assert "ur5e_arm" in why
 
 

@@ -174,7 +174,7 @@ def test_while_the_program_that_plans_is_stopped_the_arm_brakes_and_it_hears_so_
         wait_in_twin(twin, 0.2 + SLACK)
         arm_comes_to_rest(twin)
         os.kill(program.pid, signal.SIGCONT)
-        assert program.stdout.readline().startswith("stopped stopped because the program that plans gave no sign")
+        assert program.stdout.readline().startswith("stopped stopped because the program that plans sent no heartbeat")
         assert program.stdout.readline() == "accepted\n"
         assert program.wait(PATIENCE) == 0
 

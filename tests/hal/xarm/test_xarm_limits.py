@@ -183,13 +183,13 @@ def test_a_payload_is_read_back(twin: TwinProcess) -> None:
             assert "arm_controller remarks" not in robot.diagnostics()
             twin.fault("arm_controller", "kept_load")
             arm.carry(0.0, (0.0, 0.0, 0.0))
-            assert "though it was told" in robot.diagnostics()["arm_controller remarks"]
+            assert "although it was set to" in robot.diagnostics()["arm_controller remarks"]
             twin.fault("arm_controller", "as_built")
             arm.carry(0.0, (0.0, 0.0, 0.0))
             assert "arm_controller remarks" not in robot.diagnostics()
             twin.fault("arm_controller", "kept_load")
         settings = twin_settings(twin, connections__arm_controller__options={"payload": 0.8})
-        with pytest.raises(ConnectionFailedError, match=r"the controller counts on .* though it was told 0\.80 kg"):
+        with pytest.raises(ConnectionFailedError, match=r"the controller counts on .* although it was set to 0\.80 kg"):
             HardwareRobot(load_robot_model(ROBOT, settings)).connect()
     finally:
         twin.fault("arm_controller", "as_built")

@@ -121,7 +121,7 @@ def test_a_process_of_behaviortree_cpp_is_watched_held_and_recorded(tmp_path: Pa
         wait_until(lambda: ask("status")["paused"], "it waits before the tick")
         ask("resume")
         cpp.line()
-        with pytest.raises(ControlError, match="no 'stop': it has to be asked of the process itself"):
+        with pytest.raises(ControlError, match="no 'stop'; use the process itself"):
             ask("stop")
         with pytest.raises(ControlError, match="no breakpoints with a condition"):
             ask("breakpoint", node="sub/work", when="before", condition="i > 2")

@@ -104,7 +104,7 @@ def test_what_is_written_is_read_as_the_same_problem(tmp_path):
     ("old", "new", "line", "words"),
     [
         ("(clear ?x) (clear ?y) (table ?x)", "(or (clear ?x) (clear ?y))", 8, "or is not supported"),
-        ("(on ?x ?y) (not", "(on ?x ?z) (not", 9, "?z is no parameter"),
+        ("(on ?x ?y) (not", "(on ?x ?z) (not", 9, "?z is not a parameter"),
         ("(increase (total-cost) 2)", "(increase (total-cost) (size ?x))", 9, "NUMBER"),
         (":types", ":durative-action", 3, ":durative-action is not supported"),
         ("(domain blocks)", "(problem blocks)", 1, "(define (domain NAME) …) is expected"),
