@@ -157,11 +157,6 @@ def test_a_grasp_slips_and_the_tree_recovers() -> None:
 
 
 @pytest.mark.slow
-def test_a_run_without_disturbances_has_none(fetch) -> None:
-    assert fetch.result["audit"]["disturbances"] == []
-
-
-@pytest.mark.slow
 def test_a_task_without_disturbances_forgives_nothing() -> None:
     """A plug-in that makes an injector in time, and uses it during the run, is found by ``run_episode`` itself."""
     made: list[DisturbanceInjector] = []

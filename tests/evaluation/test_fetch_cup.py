@@ -56,6 +56,7 @@ def test_the_audit_of_the_fetch_finds_nothing(fetch: Fetch) -> None:
     } <= set(counters)  # fmt: skip
     assert set(counters.values()) == {0}
     assert audit["findings"] == []
+    assert audit["disturbances"] == []
     assert 0.0 < audit["max_penetration_mm"] < 2.0
 
 

@@ -69,19 +69,21 @@ def deadly(folder: Path, *leaves: str) -> list[RunConfig]:
     return [load_run("fetch_cup", tree=folder / f"{leaf}.xml", plugins=[str(folder / "deadly.py")]) for leaf in leaves]
 
 
-def started(configs: Sequence[RunConfig], wall_limit: float = 300.0) -> LocalProcesses:
+def started(configs: Sequence[RunConfig], hanging: int | None = None) -> LocalProcesses:
+    """``hanging``: which of them is given 10 seconds of wall time instead of minutes."""
     launcher = LocalProcesses(LaunchOptions(2))
-    launcher.submit([EpisodeRequest(config, wall_limit=wall_limit) for config in configs])
+    limits = [10.0 if index == hanging else 300.0 for index in range(len(configs))]
+    launcher.submit([EpisodeRequest(config, wall_limit=limit) for config, limit in zip(configs, limits, strict=True)])
     return launcher
 
 
 def test_an_episode_that_kills_its_process_or_hangs_costs_only_itself(tmp_path: Path) -> None:
     configs = deadly(tmp_path, "Die", "AlwaysFailure", "Hang", "AlwaysFailure")
-    results = dict(started(configs, wall_limit=40.0).results())
+    results = dict(started(configs, hanging=2).results())
     assert [results[i].outcome for i in range(4)] == [Outcome.ERROR, Outcome.FAILURE] * 2
     told = [results[i].failure.why for i in (0, 2) if results[i].failure is not None]
     assert told[0] == "the process ended with code 3"
-    assert told[1].startswith("given up after 4")
+    assert told[1].startswith("given up after 1")
 
 
 def test_an_episode_whose_worker_is_ended_from_outside_is_run_again(
