@@ -154,8 +154,7 @@ def fault_of(report: Report) -> Failure | None:
             MotionErrorCode.FAULT, ROBOT_MODES.get(mode, "unknown robot mode"), vendor_code=f"robot mode {mode}"
         )
     if report.lapsed:
-        text = "the arm was braked because the process that holds the robot's connections was silent"
-        return Failure(MotionErrorCode.STOPPED, text)
+        return Failure(MotionErrorCode.STOPPED, f"the arm was braked because {report.lapsed}")
     if report.runtime_state not in PROGRAM_LIVES and not report.busy:
         text = "the program on the controller has ended"
         return Failure(MotionErrorCode.FAULT, text, vendor_code=f"runtime state {report.runtime_state}")
@@ -300,6 +299,7 @@ class URConnection(Connection):
             "watchdog": 1.0 / options.controller_watchdog,
             "connect_timeout": options.connect_timeout,
             "deceleration": 5.0,
+            "longest_step": options.longest_delay * float(max(self._arm.model.velocity)),
             "heartbeat": max(self.limits.heartbeat, self.limits.watchdog),  # which comes from the control loop
         }
         if options.payload is not None:

@@ -6,7 +6,8 @@ none of that matters: it ends with its parent, and the controller's own watchdog
 
 Two pipes lead to the parent. Over ``calls`` come ``(name, arguments)``, answered by ``(True, result)`` or
 ``(False, words)``. Over ``stream`` come set-points, of which only the latest counts, and signs of life (None), and go
-``Report``s. A parent that was silent for ``heartbeat`` seconds hangs: the arm brakes, until ``recover``.
+``Report``s. A parent that was silent for ``heartbeat`` seconds hangs: the arm brakes, until ``recover``; likewise if
+this process was held up and the next set-point is farther than ``longest_step`` radians from the last one.
 """
 
 from __future__ import annotations
@@ -67,8 +68,8 @@ class Report(NamedTuple):
 
     Positions, velocities and the target torques of the controller's model: (6,) each; rad, rad/s, N m. ``tool_pose``:
     metres and rotation vector in the controller's base frame. ``wrench``: (6,) of the flange's sensor, N and N m.
-    ``busy``: its program is being exchanged. ``moving``: it moves along a path of its own. ``lapsed``: the arm was
-    braked because the parent was silent. ``scaling``: of motion time, by the speed slider and its limiter.
+    ``busy``: its program is being exchanged. ``moving``: it moves along a path of its own. ``lapsed``: why this process
+    has braked the arm; empty: it has not. ``scaling``: of motion time, by the speed slider and its limiter.
     """
 
     time: float
@@ -85,7 +86,7 @@ class Report(NamedTuple):
     runtime_state: int
     busy: bool
     moving: bool
-    lapsed: bool = False
+    lapsed: str = ""
     scaling: float = 1.0
 
 
@@ -108,7 +109,8 @@ class SDKProcess:
         self._kicked = 0.0
         self._program = os.memfd_create("control.script")
         self._heard: float | None = None  # of the parent; None: it has not begun to give signs of life
-        self._lapsed = False
+        self._lapsed = ""
+        self._followed: list[float] | None = None  # the last set-point; None: the next one begins a stream
         self._renewed_until: float | None = None  # None: the controller moves along nothing of its own
         self._stop: Callable[[], None] = self.stop_speed
         self._answers: dict[str, Callable[..., Any]] = {
@@ -146,7 +148,7 @@ class SDKProcess:
                     self._control.kickWatchdog()
                     self._kicked = time.monotonic()
                 if self._heard is not None and time.monotonic() - self._heard > self._settings["heartbeat"]:
-                    self._lapse()
+                    self._lapse("the process that holds the robot's connections was silent")
                 if self._renewed_until is not None and time.monotonic() > self._renewed_until:
                     self._stop()
         except (EOFError, OSError):
@@ -181,7 +183,7 @@ class SDKProcess:
         self._renewed_until = None
         self._upload()
         self._set_up()
-        self._lapsed = False
+        self._lapsed = ""
 
     def identity(self) -> tuple[str, str, list[float], list[float], list[float], float]:
         """Return model, serial number, joints, tool pose, tool offset from the flange, and load at the flange, kg."""
@@ -284,6 +286,7 @@ class SDKProcess:
         """Start the watchdog on the parent: ``stop`` is called if a renewal is late, as the controller watches this
         process.
         """
+        self._followed = None
         self._renewed_until, self._stop = time.monotonic() + 1.0 / self._settings["watchdog"], stop
 
     def _come_to_rest(self, keep_alive: Callable[[], object]) -> None:
@@ -296,9 +299,9 @@ class SDKProcess:
             if max(map(abs, self._receive.getActualQd())) < AT_REST and not self._moves():
                 return
 
-    def _lapse(self) -> None:
-        """Brake, and ignore what a hanging parent still sends."""
-        self._heard, self._lapsed = None, True
+    def _lapse(self, reason: str) -> None:
+        """Brake, and ignore what the parent still sends."""
+        self._heard, self._followed, self._lapsed = None, None, reason
         if self._control is None or not self._control.isProgramRunning():
             return
         if self._renewed_until is not None:
@@ -313,7 +316,11 @@ class SDKProcess:
         self._heard = time.monotonic()
         if target is None or self._lapsed or self._control is None:
             return
-        settings = self._settings
+        settings, last = self._settings, self._followed
+        if last is not None and max(abs(a - b) for a, b in zip(target, last, strict=True)) > settings["longest_step"]:
+            self._lapse("set-points were held up, and the next one was too far from the last")
+            return
+        self._followed = target
         self._control.servoJ(target, 0.0, 0.0, 1.0 / settings["rate"], settings["lookahead"], settings["gain"])
         self._kicked = time.monotonic()
 

@@ -58,6 +58,7 @@ SETTINGS = {
     "lookahead": 0.1,
     "gain": 300.0,
     "heartbeat": 0.3,
+    "longest_step": 0.2,
     "watchdog": 1.0 / PATIENCE,  # a motion of the controller's own may go on for so long without being renewed
 }
 ARM = [0.1] * 6
@@ -86,7 +87,7 @@ def count(calls: Path, name: str) -> int:
 
 def lapsed(link: URLink) -> bool:
     report = link.pump()
-    return report is not None and report.lapsed
+    return report is not None and report.lapsed != ""
 
 
 def test_an_arm_that_was_braked_for_a_silent_program_follows_nothing_until_it_is_recovered(
@@ -103,6 +104,35 @@ def test_an_arm_that_was_braked_for_a_silent_program_follows_nothing_until_it_is
     link.call("recover", timeout=PATIENCE)
     link.send(ARM)
     wait_for(lambda: count(calls, "servoJ") == 2, "the set-point is followed again")
+
+
+def test_a_set_point_that_is_too_far_from_the_last_one_is_not_sent_and_the_arm_is_braked(
+    link: URLink, calls: Path
+) -> None:
+    """As after this process was held up: of all set-points that wait, only the newest counts."""
+    link.open("127.0.0.1", SETTINGS, PATIENCE)
+    for target in (ARM, [0.29] * 6, [*[0.29] * 5, 0.51]):
+        link.send(target)
+        link.call("arm", timeout=PATIENCE)  # answered after the set-point was read
+    wait_for(lambda: lapsed(link), "the arm is braked")
+    assert (count(calls, "servoJ"), count(calls, "servoStop")) == (2, 1)
+    report = link.pump()
+    assert report is not None
+    assert "held up" in report.lapsed
+    link.call("recover", timeout=PATIENCE)
+    link.send([0.51] * 6)
+    wait_for(lambda: count(calls, "servoJ") == 3, "set-points are followed again")
+
+
+def test_after_a_motion_of_the_controllers_own_a_stream_begins_anywhere(link: URLink, calls: Path) -> None:
+    link.open("127.0.0.1", SETTINGS, PATIENCE)
+    link.send(ARM)
+    link.call("arm", timeout=PATIENCE)
+    link.call("speed_joints", ARM, 1.0, timeout=PATIENCE)
+    link.call("stop_speed", timeout=PATIENCE)
+    link.send([1.0] * 6)
+    wait_for(lambda: count(calls, "servoJ") == 2, "the set-point is followed")
+    assert not lapsed(link)
 
 
 def test_a_motion_of_the_controllers_own_is_braked_when_the_program_is_silent(link: URLink, calls: Path) -> None:
