@@ -61,8 +61,8 @@ class SkillFailure(Error):
     @classmethod
     def of(cls, failure: Failure | None) -> SkillFailure:
         """Return the failure of a skill whose motion failed; without ``failure``, the reason is unknown."""
-        told = failure or Failure("fault", "the controller failed without a reason")
-        return cls(str(told.code), str(told), told)
+        failed = failure or Failure("fault", "the controller failed without a reason")
+        return cls(str(failed.code), str(failed), failed)
 
 
 @dataclass(frozen=True)
@@ -187,10 +187,10 @@ class ErrorReporting(RobotNode):
         self.error_code = code
         self.error_message = why
         skills = self.robot_skills
-        told = NodeFailure(self.path, code, why, self.where, skills.clock.now())
+        failed = NodeFailure(self.path, code, why, self.where, skills.clock.now())
         if failure is not None:
-            told = replace(told, part=failure.part, vendor_code=failure.vendor_code, obstacle=skills.met(failure))
-        skills.failures.append(told)
+            failed = replace(failed, part=failure.part, vendor_code=failure.vendor_code, obstacle=skills.met(failure))
+        skills.failures.append(failed)
         return FAILURE
 
     def _mistake(self, method: Callable[..., object], what: str) -> NodeError:

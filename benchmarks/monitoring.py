@@ -106,17 +106,17 @@ class Joints:
     """A robot state ten times a second, as a mobile manipulator tells it."""
 
     def __init__(self) -> None:
-        self._tell: Publish | None = None
+        self._publish: Publish | None = None
         self._rng = random.Random(0)
 
-    def begin(self, tell: Publish) -> None:
-        self._tell = tell
+    def begin(self, publish: Publish) -> None:
+        self._publish = publish
 
     def after_tick(self, time: float, tick: int, wanted: frozenset[Topic]) -> None:
-        if self._tell is not None and tick % 2 == 0:
+        if self._publish is not None and tick % 2 == 0:
             joints = {f"joint_{number}": round(self._rng.uniform(-3, 3), 4) for number in range(12)}
             event = RobotEvent(time, tick, (1.0, round(self._rng.uniform(0, 1), 4), 0.5), (0.01, 0.01), joints)
-            self._tell(lambda: (event,))
+            self._publish(lambda: (event,))
 
     def failed(self, time: float, node: str) -> None:
         pass

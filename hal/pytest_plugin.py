@@ -29,7 +29,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         ("promises that do not apply", NOT_APPLICABLE),
         ("what the drivers declare missing", MISSING),
     ):
-        lines = list(dict.fromkeys(_told(terminalreporter, name)))
+        lines = list(dict.fromkeys(_summary_lines(terminalreporter, name)))
         if lines:
             terminalreporter.section(title)
             for line in lines:
@@ -41,7 +41,7 @@ def _names_the_suite(argument: str) -> bool:
     return module or Path(argument).absolute().is_relative_to(Path(__file__).parent / "conformance")
 
 
-def _told(terminalreporter: pytest.TerminalReporter, name: str) -> Iterator[str]:
+def _summary_lines(terminalreporter: pytest.TerminalReporter, name: str) -> Iterator[str]:
     for reports in terminalreporter.stats.values():
         for report in reports:
             if isinstance(report, pytest.TestReport) and report.when == "call":

@@ -132,15 +132,15 @@ def release(root: Path, version: str, date: str) -> None:
         for file in dist.iterdir():
             file.unlink()
         for file in build(root, dist):
-            _say(f"smoke test of {file.name} in a fresh environment")
+            _print(f"smoke test of {file.name} in a fresh environment")
             smoke_test(file, version)
         git(root, "commit", "--quiet", "--message", f"Release {version}", "--", *changed)
     except (ReleaseError, subprocess.CalledProcessError):
         git(root, "checkout", "--quiet", "HEAD", "--", *changed)
         raise
     git(root, "tag", "--annotate", f"v{version}", "--message", f"bestman-bt {version}")
-    _say(f"released {version}: {dist}, commit and tag v{version}; nothing was pushed. To publish it:")
-    _say(f"    git push origin HEAD v{version}")
+    _print(f"released {version}: {dist}, commit and tag v{version}; nothing was pushed. To publish it:")
+    _print(f"    git push origin HEAD v{version}")
 
 
 def main() -> int:
@@ -175,7 +175,7 @@ def _numbers(version: str) -> tuple[int, ...]:
     return tuple(map(int, version.split(".")))
 
 
-def _say(text: str) -> None:
+def _print(text: str) -> None:
     print(text, file=sys.stderr)
 
 

@@ -67,16 +67,18 @@ def believe_shut_fronts(
     if piece.position_error <= POSITION_ERROR:
         return
     seen = list(handles)
-    told = [[pose for handle in seen if (pose := _told(piece, leaf, handle)) is not None] for leaf in piece.leaves]
+    poses = [
+        [pose for handle in seen if (pose := _closed_pose(piece, leaf, handle)) is not None] for leaf in piece.leaves
+    ]
     agreed = [
         one
-        for index, places in enumerate(told)
+        for index, places in enumerate(poses)
         for one in places
-        if any(_same(one, other) for others in told[index + 1 :] for other in others)
+        if any(_same(one, other) for others in poses[index + 1 :] for other in others)
     ]
     candidates = agreed
-    if explained_too and sum(bool(places) for places in told) > 1:
-        candidates = [one for places in told for one in places]
+    if explained_too and sum(bool(places) for places in poses) > 1:
+        candidates = [one for places in poses for one in places]
     if not candidates:
         return
     # Two that stand open as far as each other look like shut ones of a nearer piece: the farthest back counts.
@@ -94,11 +96,11 @@ def _measured(piece: MapFurniture, leaf: MapArticulation, handle: Handle) -> Pos
     """Return the pose of the furniture if the handle is on this closed articulation, or None if the handle is
     elsewhere.
     """
-    pose = _told(piece, leaf, handle)
+    pose = _closed_pose(piece, leaf, handle)
     return pose if pose is not None and _explained(piece, pose) else None
 
 
-def _told(piece: MapFurniture, leaf: MapArticulation, handle: Handle) -> Pose2D | None:
+def _closed_pose(piece: MapFurniture, leaf: MapArticulation, handle: Handle) -> Pose2D | None:
     """Return the pose the furniture would have if the handle were on this closed articulation, or None if the panel is
     not its front.
     """

@@ -62,14 +62,14 @@ class ExploreAndMap(Skill):
         from bestman_bt.navigation.slam.pose_graph_slam import SlamLocalizer
 
         skills = self.skills
-        slam, told = skills.slam, skills.world.base
+        slam, given = skills.slam, skills.world.base
         before = skills.base.localise_by(SlamLocalizer(slam))
         try:
             finished = yield from self._explore()
             yield skills.base.park()
         finally:
             skills.base.stop()
-            self._localise_by(before, told)
+            self._localise_by(before, given)
         grid = slam.grid
         area = float((grid.data == FREE).sum()) * grid.resolution**2
         self.grid = grid
@@ -84,13 +84,13 @@ class ExploreAndMap(Skill):
             raise SkillFailure("timeout", text)
         self.feedback_message = f"{area:.0f} m² of free floor, {slam.estimate.loop_closures} loop closures"
 
-    def _localise_by(self, localizer: Localizer, told: BasePose) -> None:
+    def _localise_by(self, localizer: Localizer, given: BasePose) -> None:
         """Restore the previous localisation, with the uncertainty of the initial base pose."""
         base, now = self.skills.base, self.skills.world.base
         base.localise_by(localizer)
-        far = told.pose.distance_to(now.pose)
-        position_std = math.hypot(now.position_std, told.position_std + told.heading_std * far)
-        base.believe(now.pose, position_std, math.hypot(now.heading_std, told.heading_std))
+        far = given.pose.distance_to(now.pose)
+        position_std = math.hypot(now.position_std, given.position_std + given.heading_std * far)
+        base.believe(now.pose, position_std, math.hypot(now.heading_std, given.heading_std))
 
     def _explore(self) -> SkillCoroutine[bool]:
         """Explore; return True if nothing is left to see, False after the time limit."""

@@ -64,16 +64,16 @@ class Relocalise(Skill):
                 scans,
                 skills.base.lidar.base_from_lidar,
             )
-            self.feedback_message = _told(places)
+            self.feedback_message = _places_text(places)
             if places and places[0].probability >= certainty:
                 break
         else:
-            raise SkillFailure("ambiguous" if places else "not_on_map", _told(places))
+            raise SkillFailure("ambiguous" if places else "not_on_map", _places_text(places))
         best = places[0]
         skills.base.believe(best.pose, best.position_std, best.heading_std)
         yield skills.base.park()
         if skills.base.localisation.lost:
-            raise SkillFailure("not_on_map", f"{_told(places)}, but the scans after that do not fit")
+            raise SkillFailure("not_on_map", f"{_places_text(places)}, but the scans after that do not fit")
         self.pose = skills.world.base.pose
 
     def _check_room(self, seen: OdometryScan) -> None:
@@ -107,7 +107,7 @@ class InitialPoseReceived(SkillCondition):
         return None
 
 
-def _told(places: tuple[Place, ...]) -> str:
+def _places_text(places: tuple[Place, ...]) -> str:
     if not places:
         return "no place of the map matches the scans"
     best = places[0]

@@ -125,8 +125,8 @@ class DetectObjects(Skill):
         self.objects = list(names)
         believed = self.skills.world.objects
         scores = [score_words(believed[name].score if name in believed else None) for name in names]
-        told = (f"{name} ({score[2:]})" if score else name for name, score in zip(names, scores, strict=True))
-        self.feedback_message = ", ".join(told) or "nothing"
+        texts = (f"{name} ({score[2:]})" if score else name for name, score in zip(names, scores, strict=True))
+        self.feedback_message = ", ".join(texts) or "nothing"
 
 
 class DetectObject(Skill):

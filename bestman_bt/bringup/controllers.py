@@ -21,20 +21,22 @@ POSE_TOLERANCE, TURN_TOLERANCE = 0.002, math.radians(0.5)
 
 def identity(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
     """Compare the identities with those of an earlier part of this bring-up, if any."""
-    for name, told in subject.identities().items():
+    for name, facts in subject.identities().items():
         owed = subject.signed_serials.get(name, "")
         firmware = subject.signed_firmware.get(name, "")
         driver = subject.model.connections[name].driver
-        if not told.serial_number and not owed:
+        if not facts.serial_number and not owed:
             yield not_applicable(name, f"a controller behind {driver} reports no serial number")
             continue
-        text = f"{told.model or driver}, serial number {told.serial_number or 'not reported'}, firmware {told.firmware}"
-        if owed and told.serial_number != owed:
+        text = (
+            f"{facts.model or driver}, serial number {facts.serial_number or 'not reported'}, firmware {facts.firmware}"
+        )
+        if owed and facts.serial_number != owed:
             text += f"; the bring-up was started with {owed}: start it again (--again)"
-        elif firmware and told.firmware != firmware:
+        elif firmware and facts.firmware != firmware:
             text += f"; the bring-up was started with firmware {firmware}: start it again (--again)"
-        same = told.serial_number == (owed or told.serial_number) and told.firmware == (firmware or told.firmware)
-        yield judged(name, same, text, model=told.model, serial_number=told.serial_number, firmware=told.firmware)
+        same = facts.serial_number == (owed or facts.serial_number) and facts.firmware == (firmware or facts.firmware)
+        yield judged(name, same, text, model=facts.model, serial_number=facts.serial_number, firmware=facts.firmware)
 
 
 def _of_each_arm(
@@ -43,8 +45,10 @@ def _of_each_arm(
     """Return the step that looks at each arm whose controller tells something of it."""
 
     def look_at(subject: BroughtUpRobot, name: str, arm: Arm) -> CheckFinding:
-        told = subject.robot.arm_facts(name)
-        return not_applicable(name, "its controller does not report it") if told is None else look(subject, name, told)
+        facts = subject.robot.arm_facts(name)
+        return (
+            not_applicable(name, "its controller does not report it") if facts is None else look(subject, name, facts)
+        )
 
     return for_each_part(Arm, "no arm is", look_at)
 
@@ -56,17 +60,17 @@ def _limits(subject: BroughtUpRobot, name: str, group: JointGroup) -> CheckFindi
     worst = int(np.argmin(spare))
     inside = bool(spare[worst] >= -RANGE_TOLERANCE)
     text = f"{group.joint_names[worst]} is {spare[worst]:.3f} rad from the end of its range"
-    told = subject.robot.arm_facts(name) if name in subject.arms else None
-    if told is None or told.joint_limits is None:
+    facts = subject.robot.arm_facts(name) if name in subject.arms else None
+    if facts is None or facts.joint_limits is None:
         return judged(name, inside, f"{text}; the controller reports no ranges", spare=float(spare[worst]))
-    beyond = np.maximum(told.joint_limits[:, 0] - model.lower, model.upper - told.joint_limits[:, 1])
+    beyond = np.maximum(facts.joint_limits[:, 0] - model.lower, model.upper - facts.joint_limits[:, 1])
     widest = int(np.argmax(beyond))
     within = bool(beyond[widest] <= RANGE_TOLERANCE)
     text += "; all ranges are within the controller's"
     if not within:
         text = (
             f"the file lets {group.joint_names[widest]} go {beyond[widest]:.3f} rad further than the controller's "
-            f"{np.round(told.joint_limits[widest], 3).tolist()}: 'set' its limits"
+            f"{np.round(facts.joint_limits[widest], 3).tolist()}: 'set' its limits"
         )
     figures = {"spare": float(spare[worst]), "beyond_controller": float(beyond[widest])}
     return judged(name, inside and within, text, **figures)
@@ -77,8 +81,8 @@ def _agreed(
 ) -> Callable[[BroughtUpRobot], Iterator[CheckFinding]]:
     """Return the step that compares one thing that a controller may tell; ``untold``: what it does not tell."""
 
-    def look_at(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> CheckFinding:
-        found = compare(subject.model, arm, told)
+    def look_at(subject: BroughtUpRobot, arm: str, facts: ArmFacts) -> CheckFinding:
+        found = compare(subject.model, arm, facts)
         if found is None:
             return not_applicable(arm, f"its controller does not report {untold}")
         return judged(arm, found.agrees, found.text, **found.measured)
@@ -86,10 +90,10 @@ def _agreed(
     return _of_each_arm(look_at)
 
 
-def _tool_pose(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> CheckFinding:
-    expected = model_tool_pose(subject, arm, told)
-    apart = float(np.linalg.norm(told.tool_pose.position - expected.position))
-    turned = turn_between(told.tool_pose, expected)
+def _tool_pose(subject: BroughtUpRobot, arm: str, facts: ArmFacts) -> CheckFinding:
+    expected = model_tool_pose(subject, arm, facts)
+    apart = float(np.linalg.norm(facts.tool_pose.position - expected.position))
+    turned = turn_between(facts.tool_pose, expected)
     text = f"the controller's tool is {1e3 * apart:.2f} mm and {math.degrees(turned):.2f}° from our kinematics"
     fits = apart <= POSE_TOLERANCE and turned <= TURN_TOLERANCE
     if not fits:
@@ -97,14 +101,14 @@ def _tool_pose(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> CheckFindin
     return judged(arm, fits, text, apart_mm=1e3 * apart, turned_deg=math.degrees(turned))
 
 
-def model_tool_pose(subject: BroughtUpRobot, arm: str, told: ArmFacts) -> Pose:
+def model_tool_pose(subject: BroughtUpRobot, arm: str, facts: ArmFacts) -> Pose:
     """Return the controller's tool pose in the arm's base frame by our kinematics, at the joint positions it
     reports.
     """
     model = subject.model.of(ArmModel)[arm]
-    joints = dict(zip(model.joint_names, told.positions.tolist(), strict=True))
+    joints = dict(zip(model.joint_names, facts.positions.tolist(), strict=True))
     flange = subject.pose(flange_of(subject.model, arm), model.base_frame, joints)
-    return flange if told.tool_offset is None else flange @ told.tool_offset
+    return flange if facts.tool_offset is None else flange @ facts.tool_offset
 
 
 def turn_between(one: Pose, other: Pose) -> float:

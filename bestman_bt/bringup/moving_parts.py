@@ -46,7 +46,7 @@ def _signs_of(subject: BroughtUpRobot, name: str, group: JointGroup) -> CheckFin
         moved = group.positions() - here
         shift = 0.0
         if before is not None and (after := subject.robot.arm_facts(name)) is not None:
-            start, end = (model_tool_pose(subject, name, told) for told in (before, after))
+            start, end = (model_tool_pose(subject, name, facts) for facts in (before, after))
             theirs = after.tool_pose.position - before.tool_pose.position
             shift = float(np.linalg.norm(theirs - (end.position - start.position)))
             turned = turn_between(before.tool_pose.inverse() @ after.tool_pose, start.inverse() @ end)
@@ -75,10 +75,10 @@ def _widths(subject: BroughtUpRobot, name: str, part: Gripper) -> CheckFinding:
     figures: dict[str, float] = {}
     for what, width in (("open", wide), ("closed", narrow), ("half", 0.5 * (narrow + wide)), ("open again", wide)):
         why = subject.finish(part.move(width))
-        figures[what.replace(" ", "_")] = told = part.width()
-        if why or abs(told - width) > WIDTH_TOLERANCE:
+        figures[what.replace(" ", "_")] = measured = part.width()
+        if why or abs(measured - width) > WIDTH_TOLERANCE:
             text = (
-                f"{what}: commanded {1e3 * width:.1f} mm wide, measured {1e3 * told:.1f} mm{f' ({why})' if why else ''}"
+                f"{what}: commanded {1e3 * width:.1f} mm, measured {1e3 * measured:.1f} mm{f' ({why})' if why else ''}"
             )
             return judged(name, False, text, **figures)
         if what == "closed" and part.state().object_held:
@@ -117,7 +117,7 @@ def _there_and_back(
     subject: BroughtUpRobot,
     name: str,
     base: MobileBase,
-    told: str,
+    commanded: str,
     ways: tuple[Callable[[], Motion[None]], Callable[[], Motion[None]]],
     fits: Callable[[Pose2D], bool],
 ) -> CheckFinding:
@@ -127,7 +127,7 @@ def _there_and_back(
     why = why or subject.finish(ways[1]())
     turned = math.degrees(moved.theta)
     text = (
-        f"commanded {told}, moved {1e3 * moved.x:+.0f} mm ahead, {1e3 * moved.y:+.0f} mm aside, "
+        f"commanded {commanded}, moved {1e3 * moved.x:+.0f} mm ahead, {1e3 * moved.y:+.0f} mm aside, "
         f"{turned:+.1f}° to the left{f' ({why})' if why else ''}"
     )
     passed = fits(moved) and not why

@@ -69,7 +69,7 @@ def bringup(
         file = begun(subject, path)
         write({"file": str(path), "signed": file.signed is not None, "steps": _plain(file.steps)})
         if not as_json:
-            _tell_end(path, file.signed, [one.name for one in left(file)])
+            _print_end(path, file.signed, [one.name for one in left(file)])
     if failed:
         raise typer.Exit(1)
 
@@ -96,7 +96,7 @@ def _do(subject: Any, path: Path, steps: list[Any], ask: Callable[[Any], None], 
     return failed
 
 
-def _tell_end(path: Any, signed: Any, missing: list[str]) -> None:
+def _print_end(path: Any, signed: Any, missing: list[str]) -> None:
     if signed is not None:
         print(f"signed by {signed.who} at {signed.when}: {path}")
     else:

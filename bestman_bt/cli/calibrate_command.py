@@ -94,7 +94,7 @@ def command(
         message = "give a dataset, or --simulate ROBOT, and not both"
         raise ConfigurationError([Problem("bestman-bt calibrate", None, "", message)])
     kind: Kind = what.value
-    with json_output(as_json) as tell:
+    with json_output(as_json) as print_json:
         try:
             with _progress() as report:
                 simulated = None
@@ -106,9 +106,9 @@ def command(
             print(f"bestman-bt: no calibration: {error}", file=sys.stderr)
             sys.exit(1)
         document = _finish(kind, result, out or folder, simulated)
-        tell(document)
+        print_json(document)
     if not as_json:
-        _tell(document)
+        _print_text(document)
     sys.exit(0)
 
 
@@ -162,7 +162,7 @@ def _progress() -> Iterator[Report]:
         yield report
 
 
-def _tell(document: dict[str, Any]) -> None:
+def _print_text(document: dict[str, Any]) -> None:
     used, recorded = document["views"]["used"], document["views"]["recorded"]
     error = document["reprojection_px"]["rms"]
     print(f"{document['camera']}: {used} of {recorded} views, corners {error:.2f} px from where they should be")

@@ -53,10 +53,10 @@ def chosen(run: str | None) -> tuple[Path, dict[str, Any]]:
     named = running if run is None else [one for one in running if _is_named(run, *one)]
     if len(named) == 1:
         return named[0]
-    told = "\n".join(f"  {name_of(path, status)}" for path, status in running)
+    choices = "\n".join(f"  {name_of(path, status)}" for path, status in running)
     which = f"{len(named)} running executions are named {run!r}" if named else f"no running execution is named {run!r}"
     which = "several executions run" if run is None else which
-    raise InputError(f"{which}; name one of these by process id or run folder:\n{told}")
+    raise InputError(f"{which}; name one of these by process id or run folder:\n{choices}")
 
 
 def ask(path: Path, message: dict[str, Any]) -> dict[str, Any]:

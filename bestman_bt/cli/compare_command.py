@@ -31,7 +31,7 @@ def command(
     from bestman_bt.evaluation.comparison import matched
     from bestman_bt.evaluation.finished_evaluation import read_entries
 
-    with json_output(as_json) as tell:
+    with json_output(as_json) as print_json:
         faults, sides = ProblemCollector(), []
         for side in (first, second):
             with faults.step():
@@ -41,7 +41,7 @@ def command(
         if out is not None:
             for number, one in enumerate(compared, 1):
                 one.draw(out if len(compared) == 1 else out.with_stem(f"{out.stem}_{number}"))
-        tell({"comparisons": [one.document() for one in compared]})
+        print_json({"comparisons": [one.document() for one in compared]})
     if not as_json:
         for one in compared:
             print("\n".join(one.lines()))

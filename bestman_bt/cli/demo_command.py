@@ -33,7 +33,7 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Fetch a cup in simulation and show what happened."""
-    with json_output(as_json) as tell:
+    with json_output(as_json) as print_json:
         setup = prepare_episode(load_run("fetch_cup", seed=seed, record=True))
         if monitor:
             show_in_monitor(monitor_port)
@@ -41,7 +41,7 @@ def command(
         report = folder / REPORT_NAME
         report.write_text(report_page([read_run_report(folder)], datetime.now()), encoding="utf-8")
         _what_next(folder, report)
-        tell(result.to_document())
+        print_json(result.to_document())
     sys.exit(exit_code(result))
 
 

@@ -24,7 +24,7 @@ def command(
     json: Json = False,
 ) -> None:
     """Show the differences between two tree files: nodes added, removed or moved, and changed ports."""
-    with json_output(json) as tell:
+    with json_output(json) as print_json:
         old, new = _read(before), _read(after)
         trees = compare(old, new)
         found = differences(trees)
@@ -32,7 +32,7 @@ def command(
             svg.write_text(difference_svg(trees, f"{before} → {after}"), encoding="utf-8")
         if not json:
             _print(before, after, [(one.tree, str(one)) for one in found])
-        tell({"before": before, "after": after, "differences": [asdict(one) for one in found]})
+        print_json({"before": before, "after": after, "differences": [asdict(one) for one in found]})
     sys.exit(1 if found else 0)
 
 

@@ -53,7 +53,7 @@ def command(
     except PredicateError as error:
         print(f"bestman-bt: {error}", file=sys.stderr)
         sys.exit(1)
-    with json_output(as_json) as tell:
+    with json_output(as_json) as print_json:
         if pddl:
             _write(problem, output)
             if goal is None:
@@ -62,7 +62,7 @@ def command(
         elif not as_json:
             _show_domain(domain)
             _show_problem(problem)
-        tell(_document(domain, problem))
+        print_json(_document(domain, problem))
 
 
 def _write(problem: PlanningProblem, folder: Path | None) -> None:

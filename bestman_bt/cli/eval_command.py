@@ -52,8 +52,8 @@ class EvaluationView:
             self._console.print(f"note: {note}", highlight=False, soft_wrap=True)
         for entry in self._evaluation.suite.entries:
             if entry.settings:
-                told = ", ".join(f"{key}={value}" for key, value in entry.settings.items())
-                self._print(f"{entry.name}: {entry.config.name} with {told}")
+                changes = ", ".join(f"{key}={value}" for key, value in entry.settings.items())
+                self._print(f"{entry.name}: {entry.config.name} with {changes}")
         if self._finished_before:
             self._console.print(f"{self._finished_before} episodes are finished already", highlight=False)
         if self._console.is_terminal:
@@ -251,7 +251,7 @@ def evaluate(
     keep_old: bool = False,
 ) -> NoReturn:
     """Run or merge the suite that ``make`` returns for ``tasks``, print the result, and exit with its code."""
-    with json_output(as_json) as tell:
+    with json_output(as_json) as print_json:
         execution.check()
         merged = [*(execution.merge or ()), *(Path(task) for task in tasks if execution.merge and Path(task).is_dir())]
         suite = make([task for task in tasks if Path(task) not in merged])
@@ -270,7 +270,7 @@ def evaluate(
         _refuse_other_suite(folder / "summary.json", suite)
         evaluation = Evaluation(suite, folder, keep_old, shard, balance)
         document = _evaluate(evaluation, folder, execution.made(folder), compare, merged)
-        tell(document)
+        print_json(document)
     if not as_json:
         print_result(document)
     sys.exit(130 if document["interrupted"] else 0 if document["met"] else 1)
@@ -285,13 +285,13 @@ def _evaluate(
     """
     with evaluation:
         CONSOLE.print(f"kept in {folder}", highlight=False, soft_wrap=True)
-        told = 0 if merged else len(evaluation.notes)
+        printed = 0 if merged else len(evaluation.notes)
         if merged:
             document = evaluation.merge(merged)
         else:
             with EvaluationView(evaluation, CONSOLE) as view:
                 document = evaluation.run(launcher, view.show_result)
-        for note in evaluation.notes[told:]:
+        for note in evaluation.notes[printed:]:
             CONSOLE.print(f"note: {note}", highlight=False, soft_wrap=True)
         compared = within(evaluation.finished_entries()) if compare and not document["interrupted"] else []
         document["comparisons"] = [one.document() for one in compared]

@@ -89,17 +89,17 @@ def _in_words(document: dict[str, Any]) -> Iterator[str]:
     failure, on_the_way = document["failure"], document["on_the_way"]
     yield f"{document['run']}: {document['outcome']}"
     if failure is not None:
-        yield from _told(failure)
+        yield from _failure_lines(failure)
     others = [one for one in on_the_way if failure is None or one["why"] != failure["why"]]
     if others:
         yield f"failures on the way, the last {len(others)}:"
     for one in others:
-        yield from _told(one)
+        yield from _failure_lines(one)
     if failure is None and not others:
         yield "nothing failed"
 
 
-def _told(failure: dict[str, Any]) -> Iterator[str]:
+def _failure_lines(failure: dict[str, Any]) -> Iterator[str]:
     time = "" if failure["time"] is None else f" at {failure['time']:.2f} s"
     yield f"  {failure['node']}{time}: {failure['code']}"
     yield f"    why         {failure['why']}"

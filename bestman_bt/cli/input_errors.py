@@ -18,11 +18,11 @@ def input_errors(starts: bool) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        print(f"bestman-bt: {_told(error, starts)}", file=sys.stderr)
+        print(f"bestman-bt: {_message(error, starts)}", file=sys.stderr)
         sys.exit(2)
 
 
-def _told(error: InputError, starts: bool) -> str:
+def _message(error: InputError, starts: bool) -> str:
     count = len(getattr(error, "problems", (error,)))
     nothing = "nothing was started" if starts else ""
     if count > 1:

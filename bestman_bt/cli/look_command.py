@@ -53,7 +53,7 @@ def command(
     asked = RunRequest(scene=scene, robot=where.robot or "diff_panda", seed=where.seed, settings=where.settings)
     if clouds:
         require_extra("--clouds", "open3d")
-    with json_output(as_json) as tell:
+    with json_output(as_json) as print_json:
         known = furniture_to_look_at(asked)
         stands = _stands(known, at or [], asked)
         _make_folder(save)
@@ -68,7 +68,7 @@ def command(
             found.append(_document(look, files))
             if not as_json:
                 _print(look, files)
-        tell({"scene": scene, "seed": where.seed, "looks": found})
+        print_json({"scene": scene, "seed": where.seed, "looks": found})
 
 
 def _stands(

@@ -49,7 +49,7 @@ def command(
         if of_kind:
             print(f"{kind}s" if kind != "SubTree" else kind)
             for info in of_kind:
-                _tell(info)
+                _print_text(info)
                 if names and info.cls.__module__.startswith(SHIPPED):
                     print(f"      in Python: {info.import_line}")
             print()
@@ -60,7 +60,7 @@ def command(
         every = "".join(f'<include path="subtrees/{file}"/>' for file in files)  # they stand on one another
         for name in shown:
             text = f'<root BTCPP_format="4">{every}</root>'
-            _tell_subtree(load_tree(text, registry, main_tree=name, search_path=shipped_trees()), *subtrees[name])
+            _print_subtree(load_tree(text, registry, main_tree=name, search_path=shipped_trees()), *subtrees[name])
         print()
     sys.stdout.flush()
 
@@ -76,7 +76,7 @@ def _shipped_subtrees() -> dict[str, tuple[Path, int]]:
     return found
 
 
-def _tell_subtree(tree: Tree, file: Path, line: int) -> None:
+def _print_subtree(tree: Tree, file: Path, line: int) -> None:
     taken, written = entries_of(tree)
     print(f"  {tree.tree_id}: {file}:{line}")
     print(f'      <include path="subtrees/{file.name}"/>')
@@ -86,7 +86,7 @@ def _tell_subtree(tree: Tree, file: Path, line: int) -> None:
         print(f"      writes {', '.join(written)}")
 
 
-def _tell(info: NodeInfo) -> None:
+def _print_text(info: NodeInfo) -> None:
     print(f"  {info.name}: {info.description.splitlines()[0] if info.description else ''}")
     if parts := describe_required_parts(info.cls):
         print(f"      {parts}")

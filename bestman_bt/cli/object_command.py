@@ -91,7 +91,7 @@ def add(
         }
         write(facts)
         if not as_json:
-            _tell(facts)
+            _print_text(facts)
             for kind, path in made.files.items():
                 print(f"  {kind:<10} {path}")
 
@@ -110,7 +110,7 @@ def list_objects(as_json: Json = False) -> None:
         write({"objects": facts} | ({"unavailable": broken} if broken else {}))
         if not as_json:
             for one in facts:
-                _tell(one)
+                _print_text(one)
             for name, why in broken.items():
                 print(f"{name}: not available: {why}")
             print("random_000 to random_999: the random shapes of pybullet_data")
@@ -137,7 +137,7 @@ def show(
             facts["picture"] = str(png)
         write(facts)
         if not as_json:
-            _tell(facts)
+            _print_text(facts)
             if png is not None:
                 print(f"  picture    {png}")
 
@@ -158,7 +158,7 @@ def grasps(
         facts = _facts(found, path) | why_no_grasps(found, robot, gripper)
         write(facts)
         if not as_json:
-            _tell(facts)
+            _print_text(facts)
 
 
 def _facts(model: ObjectModel, path: Path | None) -> dict[str, Any]:
@@ -188,7 +188,7 @@ def why_no_grasps(model: ObjectModel, robot: str, gripper: GripperModel) -> dict
     return {"why_no_grasps": f"no grasp was found: the gripper of {robot} opens to {opening:.0f} mm, {reason}"}
 
 
-def _tell(facts: dict[str, Any]) -> None:
+def _print_text(facts: dict[str, Any]) -> None:
     size = " × ".join(f"{extent * 1e3:.0f}" for extent in facts["size_m"])
     print(
         f"{facts['name']}: {size} mm, {facts['mass_kg'] * 1e3:.0f} g, symmetry: {facts['symmetry']}, "

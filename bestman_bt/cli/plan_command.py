@@ -143,7 +143,7 @@ def command(
     """Plan for a goal, make a tree of the plan, and check it."""
     wanted.check()
     execution.check(wanted.text, where.world)
-    with json_output(as_json) as tell, shown_log("bestman_bt.task_planning"):
+    with json_output(as_json) as print_json, shown_log("bestman_bt.task_planning"):
         question, goal = _question(wanted, where)
         transcript = Transcript(model.record, model.replay)
         try:
@@ -152,7 +152,7 @@ def command(
         except InputError:  # a goal that makes no sense, a planner that is not installed: nothing could be tried
             raise
         except PlanningError as error:
-            tell({"plan": None, "why": str(error)})
+            print_json({"plan": None, "why": str(error)})
             print(f"no plan: {error}", file=sys.stderr)
             sys.exit(1)
         if wanted.text is not None:
@@ -161,7 +161,7 @@ def command(
         document = _document(problem, plan, wanted, [str(fault) for fault in faults])
         _show(plan, faults)
         if refusals(faults):
-            tell(document)
+            print_json(document)
             sys.exit(1)
         if files.output is not None:
             xml = _said_where(question.setup.config, question.xml(made, problem, plan, wanted.planner))
@@ -174,13 +174,13 @@ def command(
         if files.svg is not None:
             files.svg.write_text(render_svg(folded(made, problem)), encoding="utf-8")
         if not execution.is_wanted(wanted.text):
-            tell(document)
+            print_json(document)
             sys.exit(130 if execution.run else 0)
         from bestman_bt.cli.plan_run import run_plan
         from bestman_bt.cli.run_command import exit_code
 
         result = run_plan(question, problem, made, wanted.planner, execution.runs)
-        tell({**document, "run": result.to_document()})
+        print_json({**document, "run": result.to_document()})
         sys.exit(exit_code(result))
 
 
@@ -201,8 +201,8 @@ def _question(wanted: GoalOptions, where: PlanningOptions) -> tuple[PlanRequest,
 
 def _judged_by(question: PlanRequest, problem: PlanningProblem) -> tuple[str, str]:
     """Return the settings by which a run of the tree is judged by the goal and given the objects' places."""
-    told = question.told(problem)
-    facts = {"goal": " and ".join(map(str, problem.goal))} | ({"told": told} if told else {})
+    places = question.given_places(problem)
+    facts = {"goal": " and ".join(map(str, problem.goal))} | ({"told": places} if places else {})
     return f"goals={json.dumps([{'facts': facts}])}", "predicate=facts"
 
 

@@ -28,7 +28,7 @@ def run_plan(question: PlanRequest, problem: PlanningProblem, made: PlanTree, pl
     """
     goal = " and ".join(map(str, problem.goal))
     asked = FactsFields(
-        goal, question.told(problem), replanning_planner(planner), question.builder, question.limits.to_string()
+        goal, question.given_places(problem), replanning_planner(planner), question.builder, question.limits.to_string()
     )
     xml = question.replanning_xml(made, problem, planner)
     runs.mkdir(parents=True, exist_ok=True)

@@ -51,7 +51,7 @@ def command(
         finally:
             viewer.stop()
         if code != 0:
-            print(f"bestman-bt: the viewer stopped with code {code}: {viewer.said()}", file=sys.stderr)
+            print(f"bestman-bt: the viewer stopped with code {code}: {viewer.output()}", file=sys.stderr)
     sys.exit(1 if code else 0)
 
 

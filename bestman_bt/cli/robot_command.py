@@ -41,7 +41,7 @@ def show(name: Name, png: Png = None, posture: str = "home", plugins: Plugins = 
             facts["picture"] = _picture(model, png, posture)
         write(facts)
         if not as_json:
-            _tell(facts)
+            _print_text(facts)
 
 
 @verbs.command()
@@ -72,7 +72,7 @@ def check(
         }
         write(facts)
         if not as_json:
-            _tell(facts)
+            _print_text(facts)
     if not trial.passed:
         raise typer.Exit(1)
 
@@ -225,7 +225,7 @@ def import_urdf(
             facts["picture"] = _picture(part.robot, png, "home")
         write(facts)
         if not as_json:
-            _tell(facts)
+            _print_text(facts)
 
 
 @verbs.command()
@@ -292,7 +292,7 @@ def wrist(
         facts |= {"fault": found.fault}
         write(facts)
         if not as_json:
-            _tell(facts | {"fault": found.fault or "none"})
+            _print_text(facts | {"fault": found.fault or "none"})
     if found.fault is not None:
         raise typer.Exit(1)
 
@@ -314,7 +314,7 @@ def _picture(model: Any, png: Path, posture: str) -> str:
     return str(png)
 
 
-def _tell(facts: dict[str, Any]) -> None:
+def _print_text(facts: dict[str, Any]) -> None:
     for key, value in facts.items():
         if isinstance(value, dict):
             for name, inner in value.items():

@@ -43,7 +43,7 @@ def command(
             document["picture"] = str(_sheet([robot["name"] for robot in robots], png))
         write(document)
         if not as_json:
-            _tell(robots, broken, by_kind, len(ways))
+            _print_text(robots, broken, by_kind, len(ways))
             if png is not None:
                 print(f"\npicture: {png}")
 
@@ -59,7 +59,7 @@ def _sheet(names: list[str], png: Path) -> Path:
     return png
 
 
-def _tell(
+def _print_text(
     robots: list[dict[str, Any]], broken: dict[str, str], by_kind: dict[str, list[dict[str, Any]]], ways: int
 ) -> None:
     print("Robots, with the parts that skills find on them (the learned policies of policy_* move diff_panda alone)")

@@ -236,7 +236,7 @@ def command(
 ) -> None:
     """Run a task, a tree with the task that names it, or a tree in place of a task's own."""
     view.check(asked.driver)
-    with json_output(as_json) as tell:
+    with json_output(as_json) as print_json:
         faults: list[Problem] = []
         if driven.recording is not None:
             config = _replayed(driven.recording, tree, asked.driver)
@@ -265,7 +265,7 @@ def command(
         if page.monitor:
             show_in_monitor(page.monitor_port)
         result, _ = execute(setup, runs, view, driven.judge)
-        tell(result.to_document())
+        print_json(result.to_document())
     if RESULT_FILE in result.not_kept and not as_json:
         print(json.dumps(result.to_document(), allow_nan=False))
     sys.exit(exit_code(result))

@@ -73,9 +73,9 @@ class RunView:
                         CONSOLE.print(str(event), highlight=False, markup=False, soft_wrap=True)
 
             def on_inner(inner: Tree, leaf: Node) -> None:
-                told = next(numbers)
-                shown.take(describe_tree(inner, told))
-                follow(inner, told)
+                texts = next(numbers)
+                shown.take(describe_tree(inner, texts))
+                follow(inner, texts)
 
             followed.subscribe(on_changes)
             followed.subscribe_to_inner(on_inner)
@@ -88,7 +88,7 @@ class RunView:
             shown.set_time(clock.now() - start, now - wall_start)
             if self._live is not None and now - drawn > 0.15:
                 drawn = now
-                _tell_messages(tree, shown)
+                _print_messages(tree, shown)
                 self._live.refresh()
 
         follow(tree, MAIN_TREE)
@@ -120,8 +120,8 @@ class RunView:
         if result.audit:
             counts = ", ".join(f"{counter_words(name)} {result.audit[name]}" for name in (*CHEATS, "collisions"))
             table.add_row("audit", f"{counts}, deepest contact {result.audit['max_penetration_mm']:.2f} mm")
-            for told in result.audit["disturbances"]:
-                table.add_row("disturbance", told)
+            for texts in result.audit["disturbances"]:
+                table.add_row("disturbance", texts)
         _add_files(table, result, folder)
         RESULTS.print()
         RESULTS.print(table, highlight=False)
@@ -137,18 +137,18 @@ def _add_files(table: Table, result: RunResult, folder: Path) -> None:
 
 def _metric_words(metrics: Mapping[str, float]) -> str:
     """Format metrics as ``place error 3.1 mm, tilt 0.2°``; those of single objects only if there is none over all."""
-    told = []
+    texts = []
     for name, value in metrics.items():
         if not any(name.startswith(f"{other}_") for other in metrics):
             words, _, unit = name.rpartition("_")
             if unit in _UNITS:
-                told.append(f"{words.replace('_', ' ')} {value:.1f}{_UNITS[unit]}")
+                texts.append(f"{words.replace('_', ' ')} {value:.1f}{_UNITS[unit]}")
             else:
-                told.append(f"{name.replace('_', ' ')} {value:.3g}")
-    return ", ".join(told)
+                texts.append(f"{name.replace('_', ' ')} {value:.3g}")
+    return ", ".join(texts)
 
 
-def _tell_messages(tree: Tree, shown: LiveTree) -> None:
+def _print_messages(tree: Tree, shown: LiveTree) -> None:
     for node in tree.nodes:
         if node.feedback_message:
-            shown.tell(node.uid, node.feedback_message)
+            shown.print_message(node.uid, node.feedback_message)

@@ -58,7 +58,7 @@ def command(  # noqa: PLR0913 - its options, each by its name
     json: Json = False,
 ) -> None:
     """Run a tree in simulated time without a robot, with simulated leaves, and report the coverage."""
-    with json_output(json) as tell:
+    with json_output(json) as print_json:
         played = Scenario() if scenario is None else Scenario.load(scenario)
         played = replace(played, enums={**played.enums, **_enums(enums or ())})
         registry = others.registry()
@@ -90,7 +90,7 @@ def command(  # noqa: PLR0913 - its options, each by its name
             svg.write_text(render_svg(coverage.tree, _states(coverage)), encoding="utf-8")
         if not json:
             _print(document)
-        tell(document)
+        print_json(document)
     outcomes = set(document["outcomes"])
     sys.exit(1 if outcomes & {"error", "time limit"} or (runs == 1 and outcomes != {"success"}) else 0)
 

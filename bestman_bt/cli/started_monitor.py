@@ -44,10 +44,10 @@ def _health(port: int, token: str | None) -> dict[str, Any]:
     asked = Request(page_address("127.0.0.1", port, None) + "health", headers=headers)  # noqa: S310 - http always
     try:
         with build_opener(ProxyHandler({})).open(asked, timeout=HEALTH_WAIT) as answer:
-            told = json.loads(answer.read(LARGEST_ANSWER))
+            reply = json.loads(answer.read(LARGEST_ANSWER))
     except (URLError, OSError, ValueError):
         return {}
-    return told if isinstance(told, dict) else {}
+    return reply if isinstance(reply, dict) else {}
 
 
 def _start(port: int) -> str:
@@ -64,8 +64,8 @@ def _start(port: int) -> str:
     with process.stdout as output, selectors.DefaultSelector() as selector:
         selector.register(output, selectors.EVENT_READ)
         line = output.readline().decode(errors="replace").strip() if selector.select(START_WAIT) else ""
-    told, _, address = line.partition(" ")
-    if told != "monitor:":
+    reply, _, address = line.partition(" ")
+    if reply != "monitor:":
         process.terminate()
         why = line.rpartition(f"--port {port}: ")[2].removeprefix("bestman-bt: nothing was started: ")
         why = why or f"it does not answer within {START_WAIT:g} s"

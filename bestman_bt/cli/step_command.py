@@ -9,5 +9,5 @@ def command(run: Run = None) -> None:
     """Execute one tick of a paused execution, up to its end or a breakpoint."""
     path, status = chosen(run)
     answer = ask(path, {"do": "step"})
-    told = f"tick {answer['ticks']}, {answer['time']:.2f} s, {answer['root']}{breakpoint_text(answer)}"
-    print(f"stepped {status['task']} to {told}")
+    progress = f"tick {answer['ticks']}, {answer['time']:.2f} s, {answer['root']}{breakpoint_text(answer)}"
+    print(f"stepped {status['task']} to {progress}")

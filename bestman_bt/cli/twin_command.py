@@ -68,7 +68,7 @@ def command(
         except TwinError as error:
             raise ConfigurationError([Problem("bestman-bt twin", None, "", str(error))]) from error
 
-    host.world.watch.tell = lambda words: print(f"bestman-bt twin: {words}", file=sys.stderr, flush=True)
+    host.world.watch.report = lambda words: print(f"bestman-bt twin: {words}", file=sys.stderr, flush=True)
 
     def end(number: int, frame: FrameType | None) -> None:
         host.close()
@@ -78,7 +78,7 @@ def command(
     if until_eof:
         threading.Thread(target=_close_at_eof, args=(host,), daemon=True).start()
     try:
-        host.run(lambda hosted: _tell(hosted, as_json))
+        host.run(lambda hosted: _print_text(hosted, as_json))
     except TwinError as error:
         raise ConfigurationError([Problem("bestman-bt twin", None, "", str(error))]) from error
 
@@ -99,7 +99,7 @@ def _host(asked: TwinOptions, judge: bool) -> TwinHost:
     return TwinHost(model, world, asked.seed, judge, asked.engine)
 
 
-def _tell(hosted: Hosted, as_json: bool) -> None:
+def _print_text(hosted: Hosted, as_json: bool) -> None:
     document = hosted.document()
     if as_json:
         print(json.dumps(document), flush=True)

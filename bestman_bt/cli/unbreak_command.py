@@ -21,5 +21,5 @@ def command(
     before = len(status["breakpoints"])
     answer = ask(path, {"do": "clear_breakpoint", "node": None if node is None else node_of(node)})
     left = answer["breakpoints"]
-    told = ", ".join(f"{one['when']} {one['path']}" for one in left)
-    print(f"cleared {before - len(left)} in {status['task']}; left: {told or 'none'}")
+    remaining = ", ".join(f"{one['when']} {one['path']}" for one in left)
+    print(f"cleared {before - len(left)} in {status['task']}; left: {remaining or 'none'}")

@@ -126,8 +126,8 @@ def _check_package(folder: str, further: list[Path], registry: NodeRegistry) -> 
     found = [problem for problem in found if not isinstance(problem, NoMainTree)]  # a file of trees for others
     problems = list({replace(problem, suggestion=""): problem for problem in found}.values())
     unknown = [problem for problem in problems if _UNKNOWN.match(problem.message)]
-    told = [problem for problem in problems if problem not in set(unknown)]
-    for line in in_lines(sorted(told, key=lambda one: (one.file, one.line))):
+    to_print = [problem for problem in problems if problem not in set(unknown)]
+    for line in in_lines(sorted(to_print, key=lambda one: (one.file, one.line))):
         print(line, file=sys.stderr)
     _sum_up(folder, package, problems, Counter(problem.message for problem in unknown))
     return _exit_code(problems)

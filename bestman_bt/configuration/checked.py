@@ -221,7 +221,7 @@ class _Salvaging:
         read = [
             self._value(one, kind, (*path, index)) for index, (one, kind) in enumerate(zip(data, inner, strict=False))
         ]
-        self._tell_units_once(path)
+        self._merge_unit_faults(path)
         if not repeated:
             return tuple(read) if len(data) == len(kinds) and _UNREAD not in read else _UNREAD
         left = _Left(value for value in read if value is not _UNREAD)
@@ -245,7 +245,7 @@ class _Salvaging:
         self._add(path, message)
         return _UNREAD
 
-    def _tell_units_once(self, path: FieldPath) -> None:
+    def _merge_unit_faults(self, path: FieldPath) -> None:
         """Keep one fault of a list whose entries lack their units."""
         fields = [dotted(entry) for entry in self.without_unit if entry[:-1] == path]
         if len(fields) < 2:

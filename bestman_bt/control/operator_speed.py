@@ -30,7 +30,7 @@ class OperatorSpeed:
             )
         with self._lock:
             self.share = float(share)
-            self._tell()
+            self._send_speed()
 
     def hold(self) -> None:
         """Pause motions: they brake on their paths."""
@@ -38,14 +38,14 @@ class OperatorSpeed:
             return
         with self._lock:
             self._holds = True
-            self._tell()
+            self._send_speed()
 
     def resume(self) -> None:
         """Continue the motions along their paths."""
         with self._lock:
             if self._holds:
                 self._holds = False
-                self._tell()
+                self._send_speed()
 
     def after_tick(self) -> None:
         """Pause or resume motions with the execution."""
@@ -57,5 +57,5 @@ class OperatorSpeed:
         else:
             self.hold()
 
-    def _tell(self) -> None:
+    def _send_speed(self) -> None:
         self._set_speed(0.0 if self._holds else self.share)

@@ -175,9 +175,9 @@ def _built(
     if gaps is not None:
         gaps.take(builder.problems)
     if faults is not None:  # what was left out of a node may be missed while it is made
-        told = {(problem.file, problem.line) for problem in faults}
+        reported = {(problem.file, problem.line) for problem in faults}
         errors = [problem for problem in builder.problems if problem.severity == "error"]
-        faults += [problem for problem in errors if (problem.file, problem.line) not in told]
+        faults += [problem for problem in errors if (problem.file, problem.line) not in reported]
         builder.problems[:] = [problem for problem in builder.problems if problem.severity != "error"]
     builder.finish(root)
     return tree

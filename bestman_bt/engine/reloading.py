@@ -34,7 +34,7 @@ class WatchedTree(StatefulAction):
         self._load, self._taken = load, taken
         self._seen = _stamps(tree)
         self._waiting: Tree | None = None
-        self._told = ""
+        self._reported = ""
 
     def on_start(self) -> int:
         """Start the tree."""
@@ -61,7 +61,7 @@ class WatchedTree(StatefulAction):
     def _look(self) -> None:
         stamps = _stamps(self.current)
         if stamps != self._seen:
-            self._seen, self._waiting, self._told = stamps, None, ""
+            self._seen, self._waiting, self._reported = stamps, None, ""
             try:
                 self._waiting = self._load(None)
             except Error as error:
@@ -70,9 +70,9 @@ class WatchedTree(StatefulAction):
             return
         why = "; ".join(obstacles(self.current, self._waiting))
         if why:
-            if why != self._told:
+            if why != self._reported:
                 _LOG.warning("the changed tree waits: %s", why)
-            self._told = why
+            self._reported = why
             return
         try:
             self._take(self._load(self.current))

@@ -82,9 +82,9 @@ def validate_file(
         return _sorted([*found, *gaps.problems, *(documents.problems if documents is not None else ())])
     found += [*gaps.problems, *(documents.problems if documents is not None else ())]
     if any(problem.severity != "warning" for problem in found):
-        told = {(problem.file, problem.line, problem.field) for problem in found}
+        reported = {(problem.file, problem.line, problem.field) for problem in found}
         reads = [read.problem("warning") for read in _reads(tree, given) if read.key not in tree.left_out]
-        found += [problem for problem in reads if (problem.file, problem.line, problem.field) not in told]
+        found += [problem for problem in reads if (problem.file, problem.line, problem.field) not in reported]
     else:
         found.extend(tree_warnings(tree, given))
         found += [

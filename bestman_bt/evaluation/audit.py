@@ -108,9 +108,11 @@ class Audit:
         """Return the ``audit`` of ``result.json``: counters first, then their details."""
         document = asdict(self)
         document["collisions"] = len(self.collisions)
-        document["collision_details"] = [_told(collision) for collision in self.collisions[:LISTED]]
+        document["collision_details"] = [_collision_document(collision) for collision in self.collisions[:LISTED]]
         document["contacts_by_walkers"] = len(self.contacts_by_walkers)
-        document["contacts_by_walkers_details"] = [_told(contact) for contact in self.contacts_by_walkers[:LISTED]]
+        document["contacts_by_walkers_details"] = [
+            _collision_document(contact) for contact in self.contacts_by_walkers[:LISTED]
+        ]
         document["disturbances"] = list(self.disturbances)
         document["declared_contacts"] = list(self.declared_contacts)
         document["max_penetration_mm"] = round(self.max_penetration_mm, 3)
@@ -219,14 +221,14 @@ def _events_of_others(forgiven: Collection[DisturbanceEvent], script: Collection
     return unasked + unknown
 
 
-def _told(collision: Collision) -> dict[str, Any]:
-    told = {
+def _collision_document(collision: Collision) -> dict[str, Any]:
+    described = {
         "pair": [collision.first, collision.second],
         "start_s": round(collision.start, 3),
         "end_s": round(collision.end, 3),
         "peak_force_n": round(collision.peak_force, 2),
     }
-    return {**told, "why": collision.why} if collision.why else told
+    return {**described, "why": collision.why} if collision.why else described
 
 
 def _is_allowed(contact: ContactIncident, allowed: set[frozenset[str]]) -> bool:

@@ -130,10 +130,10 @@ class DeclaredContacts:
         """Return the contacts that occurred as declared, for ``result.json``: skill, times (seconds) and forces
         (newtons).
         """
-        return [_told(use.declared.contact, use.incidents) for use in self._uses if use.incidents]
+        return [_contact_document(use.declared.contact, use.incidents) for use in self._uses if use.incidents]
 
 
-def _told(contact: Contact, incidents: Sequence[ContactIncident]) -> dict[str, Any]:
+def _contact_document(contact: Contact, incidents: Sequence[ContactIncident]) -> dict[str, Any]:
     first = incidents[0]
     return {
         "skill": contact.skill,

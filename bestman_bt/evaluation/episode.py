@@ -498,9 +498,9 @@ def _failure(
         missed = "" if verdict is None or verdict.holds else f"; besides, {verdict.why}"
         return NodeFailure("audit", "audit", "; ".join(objections) + missed)
     if not execution.succeeded:
-        told: list[NodeFailure] = session.skills.failures
-        if told:
-            return told[-1]
+        node_failures: list[NodeFailure] = session.skills.failures
+        if node_failures:
+            return node_failures[-1]
         if failed is not None:
             why = failed.feedback_message or f"{failed.type_id} failed and gave no reason"
             return NodeFailure(failed.path, "tree_failed", why, failed.where)

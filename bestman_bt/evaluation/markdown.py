@@ -106,9 +106,9 @@ def target_words(entry: dict[str, Any]) -> str:
 
 
 def _unearned(entries: list[dict[str, Any]]) -> Iterator[str]:
-    told = [f"- {entry['name']}, seed {one['seed']}: {one['why']}" for entry in entries for one in entry["unearned"]]
-    if told:
-        yield from ("", "## Successes that are not the robot's", "", *told)
+    lines = [f"- {entry['name']}, seed {one['seed']}: {one['why']}" for entry in entries for one in entry["unearned"]]
+    if lines:
+        yield from ("", "## Successes that are not the robot's", "", *lines)
 
 
 def _details(entries: list[dict[str, Any]]) -> Iterator[str]:

@@ -66,15 +66,15 @@ class RecordedBeliefs:
         """Record the changed beliefs."""
         skills, stamp = self._session.skills, self._session.robot.clock.now()
         if skills.has("base") and skills.has("lidar"):
-            self._tell_driving(skills.base, stamp)
+            self._record_driving(skills.base, stamp)
         if skills.world.objects != self._objects:
             self._objects = dict(skills.world.objects)
             self._recorder.objects(object_marks(skills), stamp)
         for entry in self._blackboard.collect():
             self._recorder.blackboard(_line(entry), stamp)
-            self._tell_grasps(entry, stamp)
+            self._record_grasps(entry, stamp)
 
-    def _tell_driving(self, base: BaseController, stamp: float) -> None:
+    def _record_driving(self, base: BaseController, stamp: float) -> None:
         """Record a new path, and a scan if one is due."""
         if base.path is not self._path:
             self._path = base.path
@@ -87,7 +87,7 @@ class RecordedBeliefs:
     def _at_lidar_height(self, map_from_lidar: Pose2D) -> Pose:
         return Pose(np.array([*map_from_lidar.xy, self._lidar_height]), map_from_lidar.to_pose().quaternion)
 
-    def _tell_grasps(self, entry: WrittenEntry, stamp: float) -> None:
+    def _record_grasps(self, entry: WrittenEntry, stamp: float) -> None:
         """Record the remaining grasps, if the entry has or had some."""
         planned = entry.value if entry.exists and isinstance(entry.value, list) else []
         where = (entry.scope, entry.key)

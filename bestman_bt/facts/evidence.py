@@ -96,6 +96,6 @@ class Verdict:
 
 def joined(verdicts: Iterable[Verdict]) -> Verdict:
     """Return the conjunction of verdicts, with the reasons of the false ones."""
-    told = list(verdicts)
-    metrics = {name: value for verdict in told for name, value in verdict.metrics.items()}
-    return Verdict(all(v.holds for v in told), "; ".join(v.why for v in told if not v.holds), metrics)
+    found = list(verdicts)
+    metrics = {name: value for verdict in found for name, value in verdict.metrics.items()}
+    return Verdict(all(v.holds for v in found), "; ".join(v.why for v in found if not v.holds), metrics)

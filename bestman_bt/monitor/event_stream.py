@@ -170,7 +170,7 @@ class EventStream:
         self._log, self._keeping = log, keeping or RecordingErrors()
         self._thread.start()
 
-    def tell(self, make: Making) -> bool:
+    def publish(self, make: Making) -> bool:
         """Queue an event for publication, in order. Returns False if the queue is full."""
         if self._waiting.qsize() >= MAX_WAITING:
             self._lost += 1
@@ -187,15 +187,15 @@ class EventStream:
         """Send the current state of ``topics`` to ``outbox``, then every event of them; replaces an earlier
         subscription.
         """
-        self.tell(lambda: self._add(_Subscription(outbox, topics)))
+        self.publish(lambda: self._add(_Subscription(outbox, topics)))
 
     def forget(self, outbox: SubscriberQueue) -> None:
         """Send no more events to ``outbox``."""
-        self.tell(lambda: self._forget(outbox))
+        self.publish(lambda: self._forget(outbox))
 
     def begin_anew(self) -> None:
         """Discard the current state: without subscribers, no state is kept."""
-        self.tell(self._forget_standing)
+        self.publish(self._forget_standing)
 
     def close(self) -> None:
         """Publish the queued events, close the files and end all subscriptions."""
@@ -276,9 +276,9 @@ class EventStream:
             return
         outbox.send(to_line(DroppedEvent(subscription.missed)))
         subscription.missed = 0
-        self._tell_all(subscription)
+        self._publish_all(subscription)
 
-    def _tell_all(self, subscription: _Subscription) -> None:
+    def _publish_all(self, subscription: _Subscription) -> None:
         for event in self._standing.events(subscription.topics):
             subscription.missed += not subscription.outbox.send(to_line(event))
 
@@ -286,7 +286,7 @@ class EventStream:
         self._forget(subscription.outbox)
         self._subscriptions.append(subscription)
         self._note_wanted()
-        self._tell_all(subscription)
+        self._publish_all(subscription)
         return ()
 
     def _forget(self, outbox: SubscriberQueue) -> Iterable[Event]:

@@ -116,10 +116,10 @@ class PyTreesWatch:
             if self._steps:
                 self._steps -= 1
                 return
-            shown.tell(PausedEvent(shown.standing.time, "asked"))
+            shown.publish(PausedEvent(shown.standing.time, "asked"))
             self._pace.wait_for(lambda: not self._is_paused or self._steps > 0)
             self._steps = max(0, self._steps - 1)
-            shown.tell(ResumedEvent(shown.standing.time))
+            shown.publish(ResumedEvent(shown.standing.time))
 
     def _after(self, tree: BehaviourTree) -> None:
         """Publish the changes of the tick."""
@@ -140,11 +140,11 @@ class PyTreesWatch:
             for uid, state in changes
             if state != IDLE and self._nodes[uid - 1].feedback_message
         }
-        shown.tell_states(now, changes, messages)
+        shown.publish_states(now, changes, messages)
         for uid, state in changes:
             node = shown.tree.nodes[uid - 1]
             if state == FAILURE and node.category == "action":
-                shown.tell(LogEvent(now, "warning", messages.get(uid, "failed"), node=node.path))
+                shown.publish(LogEvent(now, "warning", messages.get(uid, "failed"), node=node.path))
         if now - self._looked >= BLACKBOARD_PERIOD:
             self._looked = now
             self._look_at_blackboard(shown, now)
@@ -155,7 +155,7 @@ class PyTreesWatch:
         news |= {key: REMOVED for key in self._entries if key not in entries}
         self._entries = entries
         if news:
-            shown.tell(BlackboardEvent(now, shown.standing.tick, {"": news}))
+            shown.publish(BlackboardEvent(now, shown.standing.tick, {"": news}))
 
     def _control(self, asked: Request) -> None:
         what = asked.get("do")
@@ -191,7 +191,7 @@ def _order_of_ticks(nodes: list[DescribedNode]) -> list[int]:
 
 def _described(nodes: list[Behaviour]) -> list[DescribedNode]:
     uids = {id(node): uid for uid, node in enumerate(nodes, 1)}
-    told: list[DescribedNode] = []
+    described_nodes: list[DescribedNode] = []
     paths: dict[int, str] = {}
     known: set[str] = set()
     for uid, node in enumerate(nodes, 1):
@@ -201,8 +201,10 @@ def _described(nodes: list[Behaviour]) -> list[DescribedNode]:
         path = f"{above}{name}"
         paths[uid] = path if path not in known else f"{path}::{uid}"
         known.add(paths[uid])
-        told.append(DescribedNode(uid, parent, name, type(node).__name__, _category(node), paths[uid], {}, ""))
-    return told
+        described_nodes.append(
+            DescribedNode(uid, parent, name, type(node).__name__, _category(node), paths[uid], {}, "")
+        )
+    return described_nodes
 
 
 def _category(node: Behaviour) -> Category:

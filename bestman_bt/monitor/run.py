@@ -40,11 +40,11 @@ class MonitoredRun(ABC):
     def summary(self) -> dict[str, Any]:
         """Return the summary for lists of runs."""
         history = self.history
-        told = {key: history.about.get(key) for key in TOLD}
+        fields = {key: history.about.get(key) for key in TOLD}
         return {
             "id": self.id,
             "kind": self.kind,
-            **told,
+            **fields,
             "state": self.state,
             "outcome": history.end["outcome"] if history.end else None,
             "time": round(history.last, 3),

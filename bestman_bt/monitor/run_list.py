@@ -130,17 +130,17 @@ class AttachedRun(MonitoredRun):
 
     async def _catch_up(self) -> None:
         """Read what the run has recorded before we came; without a folder, its past is not known."""
-        told: list[RunEvent] = []
+        received: list[RunEvent] = []
 
         def take(event: Event) -> None:
             if isinstance(event, RunEvent):
-                told.append(event)
+                received.append(event)
 
-        await self._read((), take, lambda: not told)
-        if not told or not told[0].folder:
+        await self._read((), take, lambda: not received)
+        if not received or not received[0].folder:
             return
         try:
-            self.history = await asyncio.to_thread(read_run, Path(told[0].folder))
+            self.history = await asyncio.to_thread(read_run, Path(received[0].folder))
         except RunError as error:
             self.fault = str(error)
 
@@ -209,7 +209,7 @@ class RunList:
         self._attached: dict[Path, AttachedRun] = {}
         self._ended: dict[str, AttachedRun] = {}
         self._recorded: dict[str, RecordedRun] = {}
-        self._told: tuple[int, list[dict[str, Any]]] = (0, [])
+        self._newest: tuple[int, list[dict[str, Any]]] = (0, [])
         self._tasks: list[asyncio.Task[None]] = []
 
     async def start(self) -> None:
@@ -256,7 +256,7 @@ class RunList:
             await asyncio.sleep(LOOK_PERIOD)
             self._look_for_executors()
             await self._forget()
-            self._tell_changes()
+            self._notify_changes()
 
     async def _look_at_folders(self) -> None:
         while True:
@@ -304,11 +304,11 @@ class RunList:
         for recorded in sorted(loaded, key=lambda run: run.opened)[: max(0, len(loaded) - MAX_LOADED)]:
             recorded.unload()
 
-    def _tell_changes(self) -> None:
+    def _notify_changes(self) -> None:
         """Notify pages of a changed list; the summary of a recorded run changes only while it is loaded."""
-        told = (len(self._recorded), [run.summary() for run in (*self._followed(), *self._loaded())])
-        if told != self._told:
-            self._told = told
+        newest = (len(self._recorded), [run.summary() for run in (*self._followed(), *self._loaded())])
+        if newest != self._newest:
+            self._newest = newest
             self.version += 1
             for watcher in self.watchers:
                 watcher.set()

@@ -45,23 +45,23 @@ class Updates:
 
     def messages(self, now: float) -> list[Message]:
         """Return the messages to send. ``now``: seconds of any clock."""
-        history, told = self.run.history, []
+        history, messages = self.run.history, []
         if self._tree_version != history.tree_version:
             self._tree_version = history.tree_version
-            told.append(self._tree())
+            messages.append(self._tree())
         if self._must_tell_all:
             self._must_tell_all = False
-            told += self._all()
+            messages += self._all()
         elif self._at is None:
             if self._version != history.version or self._owes_statistics(now):
-                told.append(self._delta(now))
-                told += [self._image(picture) for picture in history.pictures if picture.number > self._picture]
+                messages.append(self._delta(now))
+                messages += [self._image(picture) for picture in history.pictures if picture.number > self._picture]
                 self._picture = history.pictures[-1].number if history.pictures else 0
         elif self._extent != history.last and now >= self._extent_due:
             self._extent, self._extent_due = history.last, now + EXTENT_PERIOD
-            told.append({"type": "extent", "id": self.run.id, "first": history.states.first, "last": history.last})
-        told += self._log()
-        return told
+            messages.append({"type": "extent", "id": self.run.id, "first": history.states.first, "last": history.last})
+        messages += self._log()
+        return messages
 
     def _tree(self) -> Message:
         history = self.run.history
@@ -164,15 +164,15 @@ class Updates:
 
 def _changed_robot(history: RunHistory, since: int) -> Message:
     """Return what changed after version ``since``, except the tree."""
-    told: Message = {}
+    changes: Message = {}
     if history.robot.version > since:
-        told["robot"] = history.robot.at(history.last)
+        changes["robot"] = history.robot.at(history.last)
     if history.robot.scan_version > since:
-        told["scan"] = history.robot.scan_at(history.last)
+        changes["scan"] = history.robot.scan_at(history.last)
     if history.path_version > since and history.paths.last is not None:
-        told["path"] = history.paths.last[1]
+        changes["path"] = history.paths.last[1]
     if history.paused_version > since:
-        told["paused"] = history.paused
+        changes["paused"] = history.paused
     if history.breakpoints_version > since:
-        told["breakpoints"] = history.breakpoints
-    return told
+        changes["breakpoints"] = history.breakpoints
+    return changes

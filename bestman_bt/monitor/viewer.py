@@ -120,7 +120,7 @@ class Viewer:
     async def run(self) -> None:
         """Serve until the connection ends. Raises the error that ended it, unless the peer closed the connection."""
         self._runs.watchers.add(self._wake)
-        await self._tell(
+        await self._send_message(
             {"type": "hello", "version": version("bestman-bt"), "read_only": self._read_only} | self._list()
         )
         tasks = [asyncio.create_task(work()) for work in (self._write, self._read, self._work)]
@@ -139,12 +139,12 @@ class Viewer:
     async def _write(self) -> None:
         while True:
             while not self._answers.empty():
-                await self._tell(self._answers.get_nowait())
+                await self._send_message(self._answers.get_nowait())
             if self._runs_version != self._runs.version:
-                await self._tell({"type": "runs"} | self._list())
+                await self._send_message({"type": "runs"} | self._list())
             for updates in list(self._open.values()):
                 for message in self._news(updates):
-                    await self._tell(message)
+                    await self._send_message(message)
             await asyncio.sleep(PERIOD)
             try:
                 async with asyncio.timeout(IDLE_PERIOD):
@@ -164,7 +164,7 @@ class Viewer:
         self._runs_version = self._runs.version
         return {"runs": self._runs.summaries()}
 
-    async def _tell(self, message: Message) -> None:
+    async def _send_message(self, message: Message) -> None:
         await self._send(encoded(message))
 
     async def _read(self) -> None:

@@ -54,8 +54,8 @@ class WatchedExecution:
         self._stack = ExitStack()
         self._stream = EventStream()
         self._stream.start(log)
-        self.tell(run)
-        self.tell(tree)
+        self.publish(run)
+        self.publish(tree)
 
     def __enter__(self) -> WatchedExecution:
         folder = Path(self.run.folder) if self.run.folder else None
@@ -66,12 +66,14 @@ class WatchedExecution:
         self._stack.close()
         self._stream.close()
 
-    def tell(self, event: Event) -> bool:
+    def publish(self, event: Event) -> bool:
         """Publish and record an event. Returns False if it was lost."""
         self.standing.take(event)
-        return self._stream.tell(lambda: (event,))
+        return self._stream.publish(lambda: (event,))
 
-    def tell_states(self, time: float, changes: list[tuple[int, int]], messages: dict[int, str] | None = None) -> bool:
+    def publish_states(
+        self, time: float, changes: list[tuple[int, int]], messages: dict[int, str] | None = None
+    ) -> bool:
         """Publish the state changes of one moment, in order. ``time``: seconds since the start. Returns False if
         lost.
         """
@@ -79,17 +81,17 @@ class WatchedExecution:
             if uid == 1 and state != IDLE:
                 self._result = state
         now = self.standing
-        return self.tell(StatesEvent(max(now.time, time), now.tick + 1, changes, messages or {}))
+        return self.publish(StatesEvent(max(now.time, time), now.tick + 1, changes, messages or {}))
 
-    def say(self, level: Level, message: str) -> None:
+    def log(self, level: Level, message: str) -> None:
         """Publish a line of the log."""
-        self.tell(LogEvent(self.standing.time, level, message, logger=__name__))
+        self.publish(LogEvent(self.standing.time, level, message, logger=__name__))
 
     def end(self, why: str) -> None:
         """End the execution: succeeded or failed like its root's last result, else cancelled."""
         outcome = OUTCOMES.get(self._result, "cancelled")
-        self.say("info" if outcome == "success" else "warning", f"{self.run.task} ends: {outcome}: {why}")
-        self.tell(EndEvent(self.standing.time, outcome, STATUS_NAMES[self._result], why))
+        self.log("info" if outcome == "success" else "warning", f"{self.run.task} ends: {outcome}: {why}")
+        self.publish(EndEvent(self.standing.time, outcome, STATUS_NAMES[self._result], why))
 
     def answer(self, message: Any) -> dict[str, Any]:
         """Carry out one request of the control channel."""

@@ -73,22 +73,22 @@ def read_map(path: str | Path) -> OccupancyGrid:
         file, problems = salvage(document, _MapFile)
     except ConfigurationError as error:
         raise MapFileError(str(error)) from error
-    told = [str(problem) for problem in problems]
+    lines = [str(problem) for problem in problems]
     if file.free_thresh >= file.occupied_thresh:
         free, occupied = f"{file.free_thresh:g}", f"{file.occupied_thresh:g}"
         if "free_thresh" in document.data:
             wrong = _wrong(document, "free_thresh", f"should be less than occupied_thresh, {occupied}, got {free}")
         else:
             wrong = _wrong(document, "occupied_thresh", f"should be more than free_thresh, {free}, got {occupied}")
-        told.append(str(wrong))
+        lines.append(str(wrong))
     try:
         grey, opaque = _pixels(document, path.parent / file.image)
     except MapFileError as error:
-        told.append(str(error))
+        lines.append(str(error))
     except UnreadError:
         pass  # its fault is told
-    if told:
-        raise MapFileError("\n".join(told))
+    if lines:
+        raise MapFileError("\n".join(lines))
     values = _values_of_shades(file)[grey]
     if file.mode == "scale":
         values[~opaque] = UNKNOWN

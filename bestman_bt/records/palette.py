@@ -26,9 +26,9 @@ class Look:
 
 
 def _look(name: str) -> Look:
-    told = PALETTE[name]
-    light, dark = (tuple(bytes.fromhex(told[ground][1:])) for ground in ("light", "dark"))
-    return Look(told["word"], told["icon"], (light[0], light[1], light[2]), (dark[0], dark[1], dark[2]))
+    entry = PALETTE[name]
+    light, dark = (tuple(bytes.fromhex(entry[ground][1:])) for ground in ("light", "dark"))
+    return Look(entry["word"], entry["icon"], (light[0], light[1], light[2]), (dark[0], dark[1], dark[2]))
 
 
 def _past(look: Look, word: str) -> Look:
@@ -60,5 +60,5 @@ def appearance_of(nodes: NodeStates, uid: int) -> Look:
 
 def css_variables() -> str:
     """Return ``--running: #0967c4; …`` for light and dark colour schemes."""
-    light, dark = (" ".join(f"--{name}: {told[g]};" for name, told in PALETTE.items()) for g in ("light", "dark"))
+    light, dark = (" ".join(f"--{name}: {entry[g]};" for name, entry in PALETTE.items()) for g in ("light", "dark"))
     return f":root {{ {light} }}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n"

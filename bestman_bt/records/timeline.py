@@ -95,8 +95,10 @@ def outcomes(changes: Transitions) -> Transitions:
     other actions.
     """
     states = np.where(changes.statuses == NO, FAILURE, changes.statuses).astype(np.uint8)
-    told = np.flatnonzero((states == RUNNING) | (states == SUCCESS) | (states == FAILURE))
-    news = Transitions(changes.times[told], changes.uids[told], states[told]).without_repetitions()
+    merged_spans = np.flatnonzero((states == RUNNING) | (states == SUCCESS) | (states == FAILURE))
+    news = Transitions(
+        changes.times[merged_spans], changes.uids[merged_spans], states[merged_spans]
+    ).without_repetitions()
     returned = news.statuses != RUNNING
     return Transitions(news.times[returned], news.uids[returned], news.statuses[returned])
 
@@ -173,12 +175,12 @@ class Timeline:
         going_on["end"] = np.maximum(going_on["begin"], now)
         spans = np.concatenate([*self._pieces, going_on])
         spans = spans[np.argsort(spans["uid"], kind="stable")]
-        told = [
+        merged_spans = [
             {"uid": uid, "state": state, "from": round(begin, 3), "to": round(end, 3)}
             | ({"merged": True} if is_merged else {})
             for uid, state, is_merged, begin, end in spans.tolist()
         ]
-        return {"spans": told, "marks": sorted(self._marks, key=lambda mark: mark["time"])}
+        return {"spans": merged_spans, "marks": sorted(self._marks, key=lambda mark: mark["time"])}
 
     def _merge(self) -> None:
         """Merge spans of one node that together are shorter than the resolution."""

@@ -222,19 +222,19 @@ def algorithm_problems(tree: Tree, config: RunConfig) -> Iterator[TreeProblem]:
 
     Each problem gives the line in the tree.
     """
-    told: set[tuple[int, str]] = set()
+    reported: set[tuple[int, str]] = set()
     for node in tree.nodes:
         for port, information in tree.info_of(node).ports.items():
             slot = next((bound.slot for bound in information.bounds or () if isinstance(bound, AlgorithmName)), "")
             if not slot or port not in node.attributes:
                 continue
             for place, where, name in literals(node, port, tree):
-                if ":" not in name or (place.uid, where) in told:
+                if ":" not in name or (place.uid, where) in reported:
                     continue
                 try:
                     algorithm_by_name(config, slot, name, node.folders)
                 except UnknownNameError as error:
-                    told.add((place.uid, where))
+                    reported.add((place.uid, where))
                     yield problem_at(place, where, str(error), "")
 
 

@@ -38,8 +38,8 @@ class Confirmation:
         with self._lock:
             self._pending, self._declined = planned, False
         try:
-            for tell in self.asked:
-                tell(planned)
+            for show in self.asked:
+                show(planned)
             swept = [[(round(x, 3), round(y, 3)) for x, y in outline.tolist()] for outline in planned.swept]
             self.executor.hold(PauseReason("confirm", words=str(planned), swept=swept))
             return not self._declined

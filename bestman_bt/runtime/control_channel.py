@@ -70,7 +70,7 @@ class ControlChannel:
         self._speed = speed or OperatorSpeed(lambda share: None)
         self._confirmation = confirmation or Confirmation()
         self._robot_state = robot_state
-        self._breakpoints = Breakpoints(executor, self._tell_breakpoints)
+        self._breakpoints = Breakpoints(executor, self._publish_breakpoints)
 
     def serving(self, run_folder: Path | None = None) -> AbstractContextManager[Path]:
         """Serve until the context ends; ``control.sock`` in ``run_folder`` links to the socket."""
@@ -99,7 +99,7 @@ class ControlChannel:
             "time": self._telemetry.now(),
             "paused": paused,
             "speed": self._speed.share,
-            "held_at": None if held_at is None else _told(held_at),
+            "held_at": None if held_at is None else _pause_document(held_at),
             "root": status_name(executor.tree.root.state),
             "breakpoints": self._breakpoints.documents(),
             **more,
@@ -227,10 +227,10 @@ class ControlChannel:
             asked.cancel()
             raise RequestRefusedError("the execution has ended") from error
 
-    def _tell_breakpoints(self) -> None:
-        self._telemetry.tell(BreakpointsEvent(self._breakpoints.documents()))
+    def _publish_breakpoints(self) -> None:
+        self._telemetry.publish(BreakpointsEvent(self._breakpoints.documents()))
 
 
-def _told(hold: PauseReason) -> dict[str, Any]:
+def _pause_document(hold: PauseReason) -> dict[str, Any]:
     """Return the reason of a pause without empty fields of a planned motion."""
     return {name: value for name, value in asdict(hold).items() if value or name not in ("words", "swept")}

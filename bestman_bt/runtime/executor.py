@@ -277,13 +277,13 @@ class Executor:
                 break
             if not waits:
                 waits = True
-                self._tell(hold)
+                self._notify(hold)
             self._go.wait(PAUSE_POLL)
         if waits:
             self._waited += self.clock.now() - begun
-            self._tell(None)
+            self._notify(None)
 
-    def _tell(self, hold: PauseReason | None) -> None:
+    def _notify(self, hold: PauseReason | None) -> None:
         self._hold = hold
         for watcher in self.watchers:
             watcher.held(hold)

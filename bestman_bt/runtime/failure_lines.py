@@ -53,14 +53,14 @@ class FailureLines:
     ``told``: failures reported by skills, oldest first; it grows during the run.
     """
 
-    def __init__(self, told: Sequence[NodeFailure] = ()) -> None:
-        self._told = told
-        self._read = len(told)
+    def __init__(self, failures: Sequence[NodeFailure] = ()) -> None:
+        self._failures = failures
+        self._read = len(failures)
 
     def of(self, tree: Tree, uids: Iterable[int]) -> list[NodeFailure]:
         """Return the failures of leaves that have just failed, by uid."""
-        new = {failure.node: failure for failure in self._told[self._read :]}
-        self._read = len(self._told)
+        new = {failure.node: failure for failure in self._failures[self._read :]}
+        self._read = len(self._failures)
         lines = []
         for uid in uids:
             node = tree.nodes[uid - 1]

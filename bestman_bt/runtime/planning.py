@@ -94,8 +94,8 @@ class PlanRequest:
             with wrong.step():
                 raise GoalError(f"on({name}, {places[name]}): the robot has seen the {name}, on {seen}")
         wrong.raise_if_any()
-        self.beliefs.told.update(places)
-        self.setup.world_model.told.update(places)
+        self.beliefs.given_places.update(places)
+        self.setup.world_model.given_places.update(places)
 
     def understood(self, goal: str | None) -> PlanningProblem:
         """Return the problem of reaching a goal from the beliefs.
@@ -135,7 +135,7 @@ class PlanRequest:
             raise ConfigurationError([WrongInput("bestman-bt plan", None, "", str(error))]) from error
         return found.problem, found.plan
 
-    def told(self, problem: PlanningProblem) -> dict[str, str]:
+    def given_places(self, problem: PlanningProblem) -> dict[str, str]:
         """Return object → its place, for unseen objects that can be in one place only."""
         places: dict[str, list[str]] = {}
         for fact in problem.state:

@@ -46,7 +46,7 @@ def _own_policy(name: str, folders: tuple[Path, ...]) -> Policy:
 
 def policy_problems(tree: Tree) -> Iterator[TreeProblem]:
     """Yield the policies that a tree names but that are missing or invalid, each with its line in the tree."""
-    told: set[tuple[int, str]] = set()
+    reported: set[tuple[int, str]] = set()
     for node in tree.nodes:
         if not isinstance(node, RunPolicy) or "policy" not in node.attributes:
             continue
@@ -54,6 +54,6 @@ def policy_problems(tree: Tree) -> Iterator[TreeProblem]:
             try:
                 _ = find_policy(name, node.folders).specification
             except (PolicyError, MissingExtraError, WrongResultError) as error:
-                if (place.uid, port) not in told:
-                    told.add((place.uid, port))
+                if (place.uid, port) not in reported:
+                    reported.add((place.uid, port))
                     yield problem_at(place, port, str(error), "")

@@ -109,9 +109,9 @@ class ResolvedConfig(DrawnTask):
         return tuple(goal.goal for goal in self.asked if isinstance(goal, Placed))
 
     @property
-    def told(self) -> dict[str, str]:
+    def given_places(self) -> dict[str, str]:
         """Object → full name of its surface, for places given by the task."""
-        return {name: place for goal in self.asked for name, place in goal.told().items()}
+        return {name: place for goal in self.asked for name, place in goal.given_places().items()}
 
     @property
     def subjects(self) -> list[str]:
@@ -226,7 +226,7 @@ def prepare(  # noqa: C901 - one check after the other
     _prepare_algorithms(setup, faults)
     faults.problems += task_problems(setup)
     if not faults.problems:
-        setup.world_model.told.update(setup.told)
+        setup.world_model.given_places.update(setup.given_places)
     if registry is not None and config.task.tree:
         try:
             _check_tree(setup, all_entries, certain=not faults.problems)

@@ -124,7 +124,7 @@ class RobotSession:
         entries = self.entries_of(setup)
         loaded = self._checked(tree, entries)
         if setup is not self.setup:
-            self.skills.world.told.update(setup.told)
+            self.skills.world.given_places.update(setup.given_places)
         filled = self._filled(loaded, entries if loaded is not tree else _missing(entries, loaded))
         if not self.setup.config.watch:
             return filled
@@ -181,8 +181,8 @@ class RobotSession:
 
     def robot_state(self) -> dict[str, dict[str, str]]:
         """Return ``parts``: name → ``ok``, ``stopped`` or its diagnostics; ``robot``: the driver's diagnostics."""
-        told, usual = self.robot.diagnostics(), "stopped" if self.robot.stopped else "ok"
-        return {"parts": {name: told.get(name, usual) for name in self.robot.parts}, "robot": told}
+        by_part, usual = self.robot.diagnostics(), "stopped" if self.robot.stopped else "ok"
+        return {"parts": {name: by_part.get(name, usual) for name in self.robot.parts}, "robot": by_part}
 
     def check(self, tree: Tree, entries: Mapping[str, Any], known: Iterable[TreeProblem] = ()) -> None:
         """Check a tree as ``load`` does; ``entries``: filled by a task; ``known``: faults found so far. Raises

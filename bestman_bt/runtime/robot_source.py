@@ -46,32 +46,32 @@ class RobotSource:
     def __init__(self, robot: Robot, model: RobotModel, skills: SkillContext, speed: OperatorSpeed) -> None:
         self._skills, self._speed = skills, speed
         self._joints = JointStateSensor(robot.parts, model)
-        self._tell: Publish | None = None
+        self._publish: Publish | None = None
         self._next_robot = self._next_scan = 0.0
         self._path: Path2D | None = None
 
-    def begin(self, tell: Publish) -> None:
+    def begin(self, publish: Publish) -> None:
         """Publish the map."""
-        self._tell = tell
-        tell(partial(_map_events, self._skills.world.map))
+        self._publish = publish
+        publish(partial(_map_events, self._skills.world.map))
 
     def after_tick(self, time: float, tick: int, wanted: frozenset[Topic]) -> None:
         """Publish the events that are due."""
-        tell = self._tell
-        if tell is None:
+        publish = self._publish
+        if publish is None:
             return
         if time >= self._next_robot - EARLY:
             self._next_robot = time + ROBOT_EVERY
-            tell(self._robot_now(time, tick))
+            publish(self._robot_now(time, tick))
         if not self._skills.has("base") or not self._skills.has("lidar"):
             return
         base = self._skills.base
         if base.path is not self._path:
             self._path = base.path
-            tell(partial(_path_events, time, self._path))
+            publish(partial(_path_events, time, self._path))
         if base.last_scan is not None and time >= self._next_scan - EARLY:
             self._next_scan = time + SCAN_EVERY
-            tell(partial(_scan_events, time, base.last_scan, base.lidar.base_from_lidar))
+            publish(partial(_scan_events, time, base.last_scan, base.lidar.base_from_lidar))
 
     def failed(self, time: float, node: str) -> None:
         """Do nothing: all states are published anyway."""
@@ -150,22 +150,22 @@ class PictureSource:
 
     def __init__(self, skills: SkillContext, folder: Path | None) -> None:
         self._skills, self._folder = skills, folder
-        self._tell: Publish | None = None
+        self._publish: Publish | None = None
         self._last: tuple[str, RGBDView] | None = None
         self._untold: dict[str, RGBDView] = {}
         self._kept: dict[tuple[str, float], str] = {}
         for camera in skills.cameras:
             camera.subscribe(partial(self._seen, camera.name))
 
-    def begin(self, tell: Publish) -> None:
+    def begin(self, publish: Publish) -> None:
         """Start publishing to ``tell``."""
-        self._tell = tell
+        self._publish = publish
 
     def after_tick(self, time: float, tick: int, wanted: frozenset[Topic]) -> None:
         """Publish the images of this tick."""
-        if "images" in wanted and self._tell is not None:
+        if "images" in wanted and self._publish is not None:
             for camera, view in self._untold.items():
-                self._tell(partial(_live_events, time, camera, view.image.rgb))
+                self._publish(partial(_live_events, time, camera, view.image.rgb))
         self._untold.clear()
 
     def failed(self, time: float, node: str) -> None:
@@ -182,14 +182,14 @@ class PictureSource:
     def _keep(
         self, time: float, node: str, camera: str, stamp: float, rgb: Callable[[], NDArray[np.uint8]], widest: int
     ) -> None:
-        if self._folder is None or self._tell is None:
+        if self._folder is None or self._publish is None:
             return
         file = self._kept.get((camera, stamp))
         if file is None:
             if len(self._kept) >= MOST_PICTURES:
                 return
             file = self._kept[camera, stamp] = f"{FOLDER}/{len(self._kept) + 1:02}-{camera}.jpg"
-        self._tell(partial(_kept_events, time, camera, rgb, self._folder, file, node, widest))
+        self._publish(partial(_kept_events, time, camera, rgb, self._folder, file, node, widest))
 
     def _drawn(self, obstacle: MotionObstacle) -> Callable[[], NDArray[np.uint8]] | None:
         """Return the scene of the arm that failed, in the pose that was tried last, or None for a

@@ -85,7 +85,7 @@ class Facts(Goal[FactsFields]):
         return {name: getattr(self.asked, name) for name in ("goal", "planner", "builder", "limits", "replans")}
 
     @override
-    def told(self) -> dict[str, str]:
+    def given_places(self) -> dict[str, str]:
         found = {}
         for name, place in self.asked.told.items():
             furniture, surface = self.world_model.map.surface(place)

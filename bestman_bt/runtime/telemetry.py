@@ -43,9 +43,9 @@ _LEVELS: dict[int, Level] = {logging.ERROR: "error", logging.WARNING: "warning",
 class PackageLog(logging.Handler):
     """A context manager that turns log records from INFO on into events. ``now``: returns the time of events."""
 
-    def __init__(self, tell: Callable[[LogEvent], None], now: Callable[[], float]) -> None:
+    def __init__(self, publish: Callable[[LogEvent], None], now: Callable[[], float]) -> None:
         super().__init__(logging.INFO)
-        self._tell, self._now = tell, now
+        self._publish, self._now = publish, now
         self._stack, self._formatter = ExitStack(), logging.Formatter()
 
     def __enter__(self) -> PackageLog:
@@ -71,7 +71,7 @@ class PackageLog(logging.Handler):
             self.handleError(record)
             return
         level: Level = next((name for number, name in _LEVELS.items() if record.levelno >= number), "debug")
-        self._tell(LogEvent(self._now(), level, message, logger=record.name))
+        self._publish(LogEvent(self._now(), level, message, logger=record.name))
 
 
 LOOK_EVERY = 0.2
@@ -86,7 +86,7 @@ OUTCOMES = {TerminationReason.CANCELLED: "cancelled", TerminationReason.ERROR: "
 class Source(Protocol):
     """A source of events besides the tree; called in the executor's thread, with ``time`` and ``tick`` of events."""
 
-    def begin(self, tell: Publish) -> None:
+    def begin(self, publish: Publish) -> None:
         """Begin recording or watching."""
 
     def after_tick(self, time: float, tick: int, wanted: frozenset[Topic]) -> None:
@@ -130,7 +130,7 @@ class Telemetry:
         self._subscribers: set[SubscriberQueue] = set()
         self._attached = False
         self._ended = False
-        self._package_log = PackageLog(self.tell, self.now)
+        self._package_log = PackageLog(self.publish, self.now)
 
     def __enter__(self) -> Telemetry:
         log: RunLogWriter | None = None
@@ -144,7 +144,7 @@ class Telemetry:
         if log is not None:
             self._attach()
         self._package_log.__enter__()
-        self.say("info", f"{self.run.task} begins: tree {self.run.tree}, seed {self.run.seed}")
+        self.log("info", f"{self.run.task} begins: tree {self.run.tree}, seed {self.run.seed}")
         return self
 
     def __exit__(
@@ -166,18 +166,18 @@ class Telemetry:
         """Return seconds of the clock since the start, as in events."""
         return round(self._executor.clock.now() - self._start, TIME_DECIMALS)
 
-    def tell(self, event: Event) -> None:
+    def publish(self, event: Event) -> None:
         """Publish a finished event; thread-safe."""
-        self._stream.tell(lambda: (event,))
+        self._stream.publish(lambda: (event,))
 
-    def say(self, level: Level, message: str) -> None:
+    def log(self, level: Level, message: str) -> None:
         """Publish a line of the log."""
-        self.tell(LogEvent(self.now(), level, message, logger=__name__))
+        self.publish(LogEvent(self.now(), level, message, logger=__name__))
 
     def intervened(self, what: str) -> None:
         """Record a manual intervention, which is logged and listed in the result."""
         self.interventions.append(f"{self.now():.2f} s: {what}")
-        self.say("warning", f"by hand: {what}")
+        self.log("warning", f"by hand: {what}")
 
     def end(self, outcome: str, tree_status: str, why: str = "", time: float | None = None) -> None:
         """Publish the end of the run as judged; without this call, the execution's own end is published.
@@ -188,8 +188,8 @@ class Telemetry:
         time = self.now() if time is None else round(time, TIME_DECIMALS)
         level: Level = "info" if outcome == "success" else "error"
         message = f"{self.run.task} ends: {outcome}" + (f": {why}" if why else "")
-        self.tell(LogEvent(time, level, message, logger=__name__))
-        self.tell(EndEvent(time, outcome, tree_status, why))
+        self.publish(LogEvent(time, level, message, logger=__name__))
+        self.publish(EndEvent(time, outcome, tree_status, why))
 
     def end_as(self, execution: Execution) -> None:
         """Publish the end of a run that is not judged."""
@@ -212,7 +212,7 @@ class Telemetry:
         if not self._attached:
             return
         time, tick = self.now(), self._executor.ticks
-        self._tell_blackboard(time, tick)
+        self._publish_blackboard(time, tick)
         for source in self._sources:
             source.after_tick(time, tick, self._stream.wanted)
         if time - self._looked >= LOOK_EVERY:
@@ -224,30 +224,30 @@ class Telemetry:
     def entries_set(self) -> None:
         """Publish entries written from outside between ticks, even while the execution is paused."""
         if self._attached:
-            self._tell_blackboard(self.now(), self._executor.ticks)
+            self._publish_blackboard(self.now(), self._executor.ticks)
 
     def held(self, hold: PauseReason | None) -> None:
         """Implement ``ExecutionWatcher``."""
         if hold is None:
-            self.tell(ResumedEvent(self.now()))
+            self.publish(ResumedEvent(self.now()))
             return
         time, tick = self.now(), self._executor.ticks + (hold.node is not None)
         if self._attached:
-            self._tell_blackboard(time, tick)
-            self.tell(StatesEvent(time, tick, []))  # a step that changed nothing was a tick, too
-        self.tell(PausedEvent(time, hold.reason, hold.node, hold.when, hold.words, hold.swept))
+            self._publish_blackboard(time, tick)
+            self.publish(StatesEvent(time, tick, []))  # a step that changed nothing was a tick, too
+        self.publish(PausedEvent(time, hold.reason, hold.node, hold.when, hold.words, hold.swept))
 
     def _attach(self) -> None:
         if self._attached:
             return
         self._attached = True
-        self.tell(self.run)
+        self.publish(self.run)
         self._tap(self._tree)
         self._tree.subscribe_to_inner(self._tap)
         for source in self._sources:
-            source.begin(self._stream.tell)
+            source.begin(self._stream.publish)
         self._blackboard = BlackboardChanges(self._tree)
-        self._tell_blackboard(self.now(), self._executor.ticks)
+        self._publish_blackboard(self.now(), self._executor.ticks)
 
     def _detach(self) -> None:
         self._attached = False
@@ -260,7 +260,7 @@ class Telemetry:
 
     def _tap(self, tree: Tree, under: Node | None = None) -> None:
         number = 0 if under is None else self._trees
-        self._taps[tree] = tap = TreeListener(tree, self._stream.tell, self._moment, self._failed, number, under)
+        self._taps[tree] = tap = TreeListener(tree, self._stream.publish, self._moment, self._failed, number, under)
         self._trees += 1
         tap.attach()
 
@@ -274,17 +274,17 @@ class Telemetry:
     def _moment(self, stamp: float) -> tuple[float, int]:
         return round(stamp - self._start, TIME_DECIMALS), self._executor.ticks
 
-    def _tell_blackboard(self, time: float, tick: int) -> None:
+    def _publish_blackboard(self, time: float, tick: int) -> None:
         written = self._blackboard.collect()
         if written:
-            self._stream.tell(lambda: (blackboard_event(time, tick, written),))
+            self._stream.publish(lambda: (blackboard_event(time, tick, written),))
 
     def _failed(self, tree: Tree, uids: list[int]) -> None:
         time = self.now()
         for line in self._failures.of(tree, uids):
             self.last_failure = line
             obstacle = line.obstacle
-            self.tell(
+            self.publish(
                 LogEvent(time, "warning", line.why, line.node, line.error_code, where=line.where, obstacle=obstacle)
             )
             for source in self._sources:

@@ -26,13 +26,13 @@ class TreeListener:
     def __init__(
         self,
         tree: Tree,
-        tell: Publish,
+        publish: Publish,
         moment: Callable[[float], tuple[float, int]],
         failed: Callable[[Tree, list[int]], None],
         number: int = MAIN_TREE,
         under: Node | None = None,
     ) -> None:
-        self._tree, self._tell, self._moment, self._failed = tree, tell, moment, failed
+        self._tree, self._publish, self._moment, self._failed = tree, publish, moment, failed
         self._number, self._under = number, under
         leaves = [node for node in tree.nodes if not node.children]
         self._leaves = leaves
@@ -45,9 +45,9 @@ class TreeListener:
 
     def attach(self) -> None:
         """Start publishing, with the tree and its current state."""
-        self._tell(lambda: (self._described(),))
+        self._publish(lambda: (self._described(),))
         self._tree.subscribe(self._listen)
-        self._tell_all()
+        self._publish_all()
 
     def detach(self) -> None:
         """Stop listening."""
@@ -57,7 +57,7 @@ class TreeListener:
         """Publish new feedback of running leaves, and all states if events were dropped."""
         if self._lost:
             self._lost = False
-            self._tell_all()
+            self._publish_all()
         said, news = self._said, {}
         for node in self._leaves:
             moved = node.tree is not self._tree  # into a tree that has taken the place of this one
@@ -66,7 +66,7 @@ class TreeListener:
         if news:
             self._states(*self._moment(self._tree.clock.now()), (), news)
 
-    def _tell_all(self) -> None:
+    def _publish_all(self) -> None:
         nodes = self._tree.nodes
         codes = [state_code(node.uid, node.state) for node in nodes]
         messages = {node.uid: node.feedback_message for node in nodes if node.feedback_message}
@@ -85,7 +85,7 @@ class TreeListener:
             self._failed(self._tree, [uid_and_state(code)[0] for code in codes if code in self._failures])
 
     def _states(self, time: float, tick: int, codes: Iterable[int], messages: dict[int, str]) -> None:
-        self._lost |= not self._tell(partial(self._event, time, tick, codes, messages))
+        self._lost |= not self._publish(partial(self._event, time, tick, codes, messages))
 
     def _described(self) -> Event:
         return describe_tree(self._tree, self._number, None if self._under is None else self._under.uid)

@@ -195,7 +195,7 @@ class ExecutePlan(_Planning, ErrorReporting, StatefulAction):
 
     _tree: Tree | None = None
     _monitor: PlanMonitor
-    _told: int
+    _failures_before: int
     FAILS: ClassVar = {
         "bad_goal": "correct the goal",
         "unknown_name": "name a registered planner or builder",
@@ -206,7 +206,7 @@ class ExecutePlan(_Planning, ErrorReporting, StatefulAction):
 
     def on_start(self) -> int:
         """Build and check the tree before anything moves."""
-        self._told = len(self.skills.failures)
+        self._failures_before = len(self.skills.failures)
         try:
             domain, problem = self.domain_and_problem()
             plan = self.plan
@@ -259,7 +259,9 @@ class ExecutePlan(_Planning, ErrorReporting, StatefulAction):
     def _why(self) -> str:
         """Return the message of the last failed skill, and the state of the plan."""
         _, problem = self.domain_and_problem()
-        failed = [failure for failure in self.skills.failures[self._told :] if failure.error_code not in ANSWERS]
+        failed = [
+            failure for failure in self.skills.failures[self._failures_before :] if failure.error_code not in ANSWERS
+        ]
         said = [f"{failure.where or failure.node}: {failure.why}" for failure in failed[-1:]]
         return "; ".join([*said, str(self._monitor.assess(problem.state))])
 

@@ -107,7 +107,7 @@ class NodeEvents:
 
     def __init__(self, history: RunHistory) -> None:
         self._history = history
-        self._told: dict[int, tuple[int, str]] = {}
+        self._printed: dict[int, tuple[int, str]] = {}
 
     def of(self, event: StatesEvent) -> list[NodeEvent]:
         """Return the events of a tick's changes, including the result of the tree's root."""
@@ -115,18 +115,18 @@ class NodeEvents:
         offset, _ = self._history.nodes.range_of(event.tree)
         for change in self._history.shown(event):
             node, state = self._history.nodes.node(change.uid), change.status
-            told = self._told.get(node.uid)
+            printed = self._printed.get(node.uid)
             if state in (IDLE, SKIPPED):
-                if state == IDLE and told and told[0] == RUNNING:
-                    del self._told[node.uid]
+                if state == IDLE and printed and printed[0] == RUNNING:
+                    del self._printed[node.uid]
                 continue
             is_result_of_root = node.uid == offset + 1 and state != RUNNING
             if not (node.is_leaf or is_result_of_root):
                 continue
             message = event.messages.get(node.uid - offset, "")
             now = (state, message if state != RUNNING else "")
-            if now != told:
-                self._told[node.uid] = now
+            if now != printed:
+                self._printed[node.uid] = now
                 events.append(NodeEvent(event.time, node, state, message))
         return events
 
@@ -171,7 +171,7 @@ class LiveTree:
         self._recent.extend(events)
         return events
 
-    def tell(self, uid: int, message: str) -> None:
+    def print_message(self, uid: int, message: str) -> None:
         """Replace the message of a node, as when a running leaf reports progress."""
         self._messages[uid] = message
 

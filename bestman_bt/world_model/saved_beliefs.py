@@ -156,7 +156,7 @@ def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
             if piece is not mapped.furniture.get(name)
         },
         "searched": searched,
-        "told": dict(world.told),
+        "told": dict(world.given_places),
         "locked": sorted(world.locked),
         "blocked": sorted(world.blocked),
     }
@@ -199,7 +199,7 @@ def restored(beliefs: SavedBeliefs, document: Document, start: WorldModel) -> Wo
         )
         known = known.with_furniture(believed)
     base = beliefs.base
-    world = WorldModel(known, dict(start.models), start.base, told=dict(beliefs.told))
+    world = WorldModel(known, dict(start.models), start.base, given_places=dict(beliefs.told))
     world.locked, world.blocked = set(beliefs.locked), set(beliefs.blocked)
     world.in_the_way = {(leaf, place) for leaf, places in beliefs.in_the_way.items() for place in places}
     world.brought_about = list(beliefs.brought_about)

@@ -137,7 +137,7 @@ class WorldModel:
     occupancy: VoxelGrid | None = None
     searched: dict[tuple[str, str], float] = field(default_factory=dict)
     searched_in_part: set[tuple[str, str]] = field(default_factory=set)
-    told: dict[str, str] = field(default_factory=dict)
+    given_places: dict[str, str] = field(default_factory=dict)
     locked: set[str] = field(default_factory=set)
     blocked: set[str] = field(default_factory=set)
     in_the_way: set[tuple[str, str]] = field(default_factory=set)
@@ -151,7 +151,7 @@ class WorldModel:
 
     def initial_beliefs(self) -> WorldModel:
         """Return the knowledge before any observation: map, models, given places and the initial base pose."""
-        return WorldModel(map=self.map, models=dict(self.models), base=self.base, told=dict(self.told))
+        return WorldModel(map=self.map, models=dict(self.models), base=self.base, given_places=dict(self.given_places))
 
     def record_effects(self, effects: str) -> None:
         """Record the effects of an ability that has succeeded; ``effects``: as declared, with its parameters filled
@@ -171,8 +171,8 @@ class WorldModel:
         def searched(place: str) -> bool:
             return self.searched.get((name, place), -1.0) >= noticed
 
-        told = self.told.get(name)
-        return not searched(surface) and (told in (None, surface) or searched(str(told)))
+        given = self.given_places.get(name)
+        return not searched(surface) and (given in (None, surface) or searched(str(given)))
 
     def arm_with(self, name: str) -> str | None:
         """Return the arm whose hand holds an object, or None if none does."""

@@ -46,9 +46,9 @@ def a_base_moves_in_its_own_frame(robot: Robot, base: MobileBase) -> None:
             base.set_velocity(0.0, 0.0, 0.0)
             robot.clock.sleep(0.5)
             _require_way(moved, velocity, took)
-            told = (said.vx, said.vy, said.wz)
-            off = max(abs(a - b) for a, b in zip(told, velocity, strict=True))
-            require(off < 0.05 + 0.2 * max(map(abs, velocity)), f"asked for {velocity}, velocity() returns {told}")
+            reported = (said.vx, said.vy, said.wz)
+            off = max(abs(a - b) for a, b in zip(reported, velocity, strict=True))
+            require(off < 0.05 + 0.2 * max(map(abs, velocity)), f"asked for {velocity}, velocity() returns {reported}")
 
 
 @each(MobileBase)

@@ -36,16 +36,20 @@ def joints_have_the_limits_of_the_model(robot: Robot) -> None:
     """Check names, order, and limits in radians or metres; only effort and velocity limits may be lower than the
     model's."""
     for group in parts_of(robot, JointGroup):
-        told, model = group.model, robot.model.of(JointedModel).get(group.name)
+        reported, model = group.model, robot.model.of(JointedModel).get(group.name)
         if model is None:
             raise ConformanceError(f"the model has no joints called {group.name!r}")
         require(group.joint_names == model.joint_names, f"{group.name} has the joints {group.joint_names}")
-        ends = bool(np.allclose([told.lower, told.upper], [model.lower, model.upper], rtol=0.0, atol=1e-6))
-        require(ends, f"{group.name} says [{told.lower}, {told.upper}]; its model [{model.lower}, {model.upper}]")
-        slower = bool(np.all((told.velocity > 0.0) & (told.velocity <= model.velocity + 1e-9)))
-        require(slower, f"{group.name} says {told.velocity} of its speeds; its model {model.velocity}")
-        require(bool(np.all(told.acceleration > 0.0)), f"{group.name} says {told.acceleration} of its accelerations")
-        require(bool(np.all(told.effort > 0.0)), f"{group.name} says {told.effort} of its efforts")
+        ends = bool(np.allclose([reported.lower, reported.upper], [model.lower, model.upper], rtol=0.0, atol=1e-6))
+        require(
+            ends, f"{group.name} says [{reported.lower}, {reported.upper}]; its model [{model.lower}, {model.upper}]"
+        )
+        slower = bool(np.all((reported.velocity > 0.0) & (reported.velocity <= model.velocity + 1e-9)))
+        require(slower, f"{group.name} says {reported.velocity} of its speeds; its model {model.velocity}")
+        require(
+            bool(np.all(reported.acceleration > 0.0)), f"{group.name} says {reported.acceleration} of its accelerations"
+        )
+        require(bool(np.all(reported.effort > 0.0)), f"{group.name} says {reported.effort} of its efforts")
 
 
 def a_base_is_as_the_model_says(robot: Robot) -> None:

@@ -361,8 +361,8 @@ def set_points_are_streamed(robot: Robot, arm: Arm) -> None:
 
 def _due(robot: Robot, arm: Arm, trajectory: JointTrajectory, begin: float) -> NDArray[np.float64]:
     """Return the target position now: by the clock, or by the arm's own report if it may be slower."""
-    told = arm.trajectory_time()
-    return trajectory.sample(robot.clock.now() - begin if told is None else told)[0]
+    reported = arm.trajectory_time()
+    return trajectory.sample(robot.clock.now() - begin if reported is None else reported)[0]
 
 
 def _time_of(robot: Robot, command: Callable[[], object]) -> tuple[float, float]:

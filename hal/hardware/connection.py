@@ -302,9 +302,9 @@ class Connection(ABC):
 
     def _check_serial_number(self) -> None:
         owed = self.model.serial_numbers.get(self.name, "")
-        if owed and (told := self.identity().serial_number) != owed:
+        if owed and (actual := self.identity().serial_number) != owed:
             raise ConnectionFailedError(
-                f"{self.name}: the controller's serial number is {told or 'not reported'}, the bring-up was signed for "
+                f"{self.name}: the controller's serial number is {actual or 'not reported'}, that of the bring-up is "
                 f"{owed} ({self.model.bringup}): bring this robot up (bestman-bt robot bringup {self.model.name})"
             )
 
@@ -314,10 +314,10 @@ class Connection(ABC):
 
         At the first connection only: later the hand may hold an object.
         """
-        told = self.arm_facts() if self._unlike is None else None
-        if told is not None:
+        actual = self.arm_facts() if self._unlike is None else None
+        if actual is not None:
             arm = next(name for name in self.parts if name in self.model.of(ArmModel))
-            found = [comparison for compare in COMPARISONS if (comparison := compare(self.model, arm, told))]
+            found = [comparison for compare in COMPARISONS if (comparison := compare(self.model, arm, actual))]
             unlike = tuple(f"{arm}: {comparison.text}" for comparison in found if not comparison.agrees)
             if unlike and self.model.serial_numbers.get(self.name):
                 why = "this differs from the robot's bring-up"

@@ -58,12 +58,12 @@ class ModelComparison:
     measured: Mapping[str, float]
 
 
-def compare_tool(model: RobotModel, arm: str, told: ArmFacts) -> ModelComparison | None:
+def compare_tool(model: RobotModel, arm: str, facts: ArmFacts) -> ModelComparison | None:
     """Compare the controller's tool with flange and tool of the file; None if it is not reported."""
-    if told.tool_offset is None:
+    if facts.tool_offset is None:
         return None
     ours = _placed(model, model.of(ArmModel)[arm].tool_frame, flange_of(model, arm)).position
-    theirs = told.tool_offset.position
+    theirs = facts.tool_offset.position
     apart, out = float(np.linalg.norm(theirs - ours)), float(np.linalg.norm(theirs))
     if out <= TOOL_TOLERANCE:
         return ModelComparison(True, "the controller's tool is the flange", {"from_flange": out})
@@ -74,27 +74,27 @@ def compare_tool(model: RobotModel, arm: str, told: ArmFacts) -> ModelComparison
     return ModelComparison(apart <= TOOL_TOLERANCE, text, {"from_flange": out, "apart": apart})
 
 
-def compare_payload(model: RobotModel, arm: str, told: ArmFacts) -> ModelComparison | None:
+def compare_payload(model: RobotModel, arm: str, facts: ArmFacts) -> ModelComparison | None:
     """Compare the controller's payload with the mass of the file's hand; None if it is not reported."""
-    if told.payload is None:
+    if facts.payload is None:
         return None
     ours = payload(model, flange_of(model, arm)).mass
-    text = f"the controller counts on {told.payload:.2f} kg at the flange, the file's hand has {ours:.2f} kg"
-    agrees = abs(told.payload - ours) <= PAYLOAD_TOLERANCE
+    text = f"the controller counts on {facts.payload:.2f} kg at the flange, the file's hand has {ours:.2f} kg"
+    agrees = abs(facts.payload - ours) <= PAYLOAD_TOLERANCE
     if not agrees:
         text += ": set it at the controller, or by the option 'payload'"
-    return ModelComparison(agrees, text, {"controller_kg": told.payload, "model_kg": ours})
+    return ModelComparison(agrees, text, {"controller_kg": facts.payload, "model_kg": ours})
 
 
-def compare_mounting(model: RobotModel, arm: str, told: ArmFacts) -> ModelComparison | None:
+def compare_mounting(model: RobotModel, arm: str, facts: ArmFacts) -> ModelComparison | None:
     """Compare the controller's direction of gravity with that of the file; None if it is not reported."""
-    if told.gravity is None:
+    if facts.gravity is None:
         return None
     base = _placed(model, model.of(ArmModel)[arm].base_frame, model.base_frame)
     ours = base.rotation.T @ np.array([0.0, 0.0, -1.0])
-    angle = math.acos(float(np.clip(ours @ told.gravity / max(np.linalg.norm(told.gravity), 1e-9), -1.0, 1.0)))
+    angle = math.acos(float(np.clip(ours @ facts.gravity / max(np.linalg.norm(facts.gravity), 1e-9), -1.0, 1.0)))
     text = (
-        f"gravity pulls along {np.round(told.gravity, 2).tolist()} by the controller, {np.round(ours, 2).tolist()} by "
+        f"gravity pulls along {np.round(facts.gravity, 2).tolist()} by the controller, {np.round(ours, 2).tolist()} by "
         f"the file: {math.degrees(angle):.1f}° apart"
     )
     return ModelComparison(angle <= MOUNTING_TOLERANCE, text, {"apart_deg": math.degrees(angle)})

@@ -24,13 +24,13 @@ OTHER_LENS = 0.1
 """Share of the focal length from which on it is another camera."""
 
 
-def lens_differences(told: CameraIntrinsics, file: CameraIntrinsics) -> tuple[str, ...]:
+def lens_differences(reported: CameraIntrinsics, file: CameraIntrinsics) -> tuple[str, ...]:
     """Return the lens parameters (pixels) of a camera that differ from the robot file's by more than 1 %."""
     pairs = {
-        "fx": (told.fx, file.fx, file.fx),
-        "fy": (told.fy, file.fy, file.fy),
-        "cx": (told.cx, file.cx, file.width),
-        "cy": (told.cy, file.cy, file.height),
+        "fx": (reported.fx, file.fx, file.fx),
+        "fy": (reported.fy, file.fy, file.fy),
+        "cx": (reported.cx, file.cx, file.width),
+        "cy": (reported.cy, file.cy, file.height),
     }
     return tuple(
         f"{name} {its:.1f} ({written:.1f} in the robot file)"
@@ -39,11 +39,13 @@ def lens_differences(told: CameraIntrinsics, file: CameraIntrinsics) -> tuple[st
     )
 
 
-def is_another_camera(told: CameraIntrinsics, file: CameraIntrinsics) -> str:
+def is_another_camera(reported: CameraIntrinsics, file: CameraIntrinsics) -> str:
     """Return why the camera does not match the robot file; empty if it does."""
-    if (told.width, told.height) != (file.width, file.height):
-        return f"reports images of {told.width} x {told.height}, the robot model says {file.width} x {file.height}"
-    for name, its, written in (("", told.fx, file.fx), ("vertical ", told.fy, file.fy)):
+    if (reported.width, reported.height) != (file.width, file.height):
+        return (
+            f"reports images of {reported.width} x {reported.height}, the robot model says {file.width} x {file.height}"
+        )
+    for name, its, written in (("", reported.fx, file.fx), ("vertical ", reported.fy, file.fy)):
         if abs(its - written) > OTHER_LENS * written:
             return f"reports a {name}focal length of {its:.1f} pixels, the robot model says {written:.1f}"
     return ""

@@ -69,7 +69,7 @@ class DrivenBase(ControlledPart, MobileBase):
         self._share = 1.0  # of the wanted velocity, on the way to ``speed_share``
         self._profile: MotionProfile | None = None
         self._silent_after = 0
-        self._told: BaseReading | None = None
+        self._reading: BaseReading | None = None
 
     def odometry(self) -> Pose2D:
         """Return the pose in the odom frame, as reported by the base."""
@@ -169,13 +169,13 @@ class DrivenBase(ControlledPart, MobileBase):
     def _record(self) -> None:
         row = None if self.trace is None else self.trace.row()
         if row is not None:
-            wanted, sent, told = self._wanted, self._sent, self._told
+            wanted, sent, reading = self._wanted, self._sent, self._reading
             row[:6] = wanted.vx, wanted.vy, wanted.wz, sent.vx, sent.vy, sent.wz
-            row[6:] = (*astuple(told.velocity), *astuple(told.odometry)) if told is not None else np.nan
+            row[6:] = (*astuple(reading.velocity), *astuple(reading.odometry)) if reading is not None else np.nan
 
     def _read(self) -> BaseReading:
-        self._told = self._channel.read()
-        return self._told
+        self._reading = self._channel.read()
+        return self._reading
 
     def _go(self, command: str, distance: float, direction: float) -> Motion[None]:
         with self._connection.lock:

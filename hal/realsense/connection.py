@@ -95,14 +95,16 @@ class RealSenseConnection(Connection):
         except RuntimeError as error:
             raise ConnectionFailedError(f"{self.name}: the camera does not start: {error}") from error
         self._pipeline, self._align = pipeline, rs.align(rs.stream.color)
-        told = profile.get_stream(rs.stream.color).as_video_stream_profile().get_intrinsics()
-        self._lens = CameraIntrinsics(told.width, told.height, told.fx, told.fy, told.ppx, told.ppy, k.distortion)
+        reported = profile.get_stream(rs.stream.color).as_video_stream_profile().get_intrinsics()
+        self._lens = CameraIntrinsics(
+            reported.width, reported.height, reported.fx, reported.fy, reported.ppx, reported.ppy, k.distortion
+        )
         if other := is_another_camera(self._lens, k):
             raise ConnectionFailedError(f"{self.name}: {self._camera} {other}")
         self._part.intrinsics = self._lens
         remarks = [f"{self._camera} reports {number}, which is used" for number in lens_differences(self._lens, k)]
-        if max(map(abs, told.coeffs), default=0.0) > LEAST_DISTORTION:
-            remarks.append(f"{self._camera} reports a distortion of {told.coeffs}, which is not removed")
+        if max(map(abs, reported.coeffs), default=0.0) > LEAST_DISTORTION:
+            remarks.append(f"{self._camera} reports a distortion of {reported.coeffs}, which is not removed")
         self.remarks = tuple(remarks)
         self._newest = None
         self._camera_times.clear()
@@ -154,12 +156,12 @@ class RealSenseConnection(Connection):
 
     def _here(self, color: Any, now: float) -> float:
         """Convert a time stamp to this clock; each domain is a clock of its own."""
-        told, domain = 1e-3 * color.get_timestamp(), color.get_frame_timestamp_domain()
+        reported, domain = 1e-3 * color.get_timestamp(), color.get_frame_timestamp_domain()
         remote, order = self._camera_times.setdefault(domain, (RemoteTime(), StampOrder()))
-        if order.set_back(told):
+        if order.set_back(reported):
             remote.forget()
-        order.note(told)
-        return remote.here(told, now)
+        order.note(reported)
+        return remote.here(reported, now)
 
     def _take(self) -> RGBDImage:
         asked, deadline = self.clock.now(), time.monotonic() + self.options.image_time

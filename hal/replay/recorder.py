@@ -114,8 +114,8 @@ class RecordedRobot(Robot):
             interface = interface_of(type(part))
             if interface.kind is Sensor:
                 continue  # of a plug-in: its content is unknown here
-            told = {name: to_json(getattr(part, name)) for name in interface.attributes}
-            parts[name] = {"kind": interface.kind.__name__, "description": told}
+            document = {name: to_json(getattr(part, name)) for name in interface.attributes}
+            parts[name] = {"kind": interface.kind.__name__, "description": document}
         return parts
 
     def _seen_through(self, part: Part) -> Part:
@@ -150,8 +150,8 @@ class RecordedRobot(Robot):
             self._read(part, name)
 
     def _command(self, part: Part, name: str, arguments: tuple[Any, ...], keywords: dict[str, Any]) -> Any:
-        told = {"arguments": to_json(list(arguments)), "keywords": {k: to_json(v) for k, v in keywords.items()}}
-        note = functools.partial(self._note, command=name, part=part.name, **told)
+        document = {"arguments": to_json(list(arguments)), "keywords": {k: to_json(v) for k, v in keywords.items()}}
+        note = functools.partial(self._note, command=name, part=part.name, **document)
         try:
             answer = getattr(part, name)(*arguments, **keywords)
         except RobotError as error:

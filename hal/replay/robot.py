@@ -160,7 +160,7 @@ class ReplayRobot(Robot):
         if what == "capture":
             self._go_on_to_image(part, found)
         moment = self.moment()
-        taken, told = found.at(moment, SAME_MOMENT)
+        taken, entry = found.at(moment, SAME_MOMENT)
         if what == "trajectory_time" and part in self._motions and not self._motions[part].holds(taken):
             return None  # it is that of the motion before
         if abs(taken - moment) > LONGEST_GAP:
@@ -168,9 +168,9 @@ class ReplayRobot(Robot):
             raise NoDataError(
                 f"{part}: the recording has no {what}() near {moment:.2f} s, the nearest is at {taken:.2f} s{end}", part
             )
-        if "error" in told:
-            raise error_from_json(told)
-        value = from_json(told["value"])
+        if "error" in entry:
+            raise error_from_json(entry)
+        value = from_json(entry["value"])
         shift = self.clock.now() - taken
         if abs(shift) > SAME_MOMENT and hasattr(value, "stamp"):
             return dataclasses.replace(value, stamp=value.stamp + shift)
@@ -270,8 +270,8 @@ def same_target(asked: tuple[Any, ...], recorded: tuple[Any, ...]) -> bool:
 
 def describe_command(name: str, arguments: tuple[Any, ...], keywords: Mapping[str, Any]) -> str:
     """Return a command as readable text."""
-    told = [_short(value) for value in arguments] + [f"{key}={_short(value)}" for key, value in keywords.items()]
-    return f"{name}({', '.join(told)})"
+    entry = [_short(value) for value in arguments] + [f"{key}={_short(value)}" for key, value in keywords.items()]
+    return f"{name}({', '.join(entry)})"
 
 
 def _target(value: Any) -> Any:

@@ -129,16 +129,16 @@ class RobotiqChannel(GripperChannel):
         """
         self._asked = None
         deadline = time.monotonic() + ACTIVATION_TIME
-        if fault_of(self._told()) is not None:
+        if fault_of(self._last_status()) is not None:
             if self._may_hold and not self._options.activate_holding:
                 raise ConnectionFailedError(
                     f"{self._name}: the Robotiq gripper has to be activated again, and would drop what it may hold: "
                     "take that out of the hand, then allow it by options.activate_holding: true"
                 )
-            self._await(lambda: self._told().activation == RESET, deadline, lambda wire: wire.reset())
+            self._await(lambda: self._last_status().activation == RESET, deadline, lambda wire: wire.reset())
             time.sleep(RESET_TIME)  # an activation that still comes too early is not taken, so it is repeated
-            self._await(lambda: self._told().activation != RESET, deadline, lambda wire: wire.activate())
-        self._await(lambda: fault_of(self._told()) is None, deadline)
+            self._await(lambda: self._last_status().activation != RESET, deadline, lambda wire: wire.activate())
+        self._await(lambda: fault_of(self._last_status()) is None, deadline)
 
     def refresh(self) -> None:
         """Read the status in one round trip; without a reply the last one stays valid."""
@@ -190,7 +190,7 @@ class RobotiqChannel(GripperChannel):
         """Stop the fingers at their current position."""
         self._exchange(lambda wire: wire.halt())
 
-    def _told(self) -> RobotiqStatus:
+    def _last_status(self) -> RobotiqStatus:
         self.refresh()
         if self._status is None:
             raise ConnectionFailedError(f"{self._name}: the Robotiq gripper does not answer")

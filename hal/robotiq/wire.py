@@ -115,8 +115,8 @@ class URCapWire(RobotiqWire):
 
     def _value(self, name: str) -> int:
         line = self._line()
-        told, _, value = line.partition(" ")
-        if told != name or not value.strip().isdigit():
+        key, _, value = line.partition(" ")
+        if key != name or not value.strip().isdigit():
             raise OSError(f"asked for {name}, the gripper answered {line!r}")
         return int(value)
 

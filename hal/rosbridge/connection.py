@@ -67,10 +67,10 @@ class RosCamera:
     def check(self) -> tuple[str, ...]:
         """Return the lens differences from the robot file. Raises ConnectionFailedError if it is another camera."""
         file = self._model.intrinsics
-        told = self.lens = replace(self.info.latest(), distortion=file.distortion)
-        if other := is_another_camera(told, file):
+        reported = self.lens = replace(self.info.latest(), distortion=file.distortion)
+        if other := is_another_camera(reported, file):
             raise ConnectionFailedError(f"{self._name} {other}")
-        return tuple(f"{self._name} reports {number}, which is used" for number in lens_differences(told, file))
+        return tuple(f"{self._name} reports {number}, which is used" for number in lens_differences(reported, file))
 
     def take(self) -> RGBDImage:
         """Return an image whose colour and depth were both captured after the call.
@@ -399,11 +399,11 @@ class TransformOdometry:
         found = decoding.transform(message, *self._frames)
         if found is None:
             return None
-        told, pose = found
-        if self._last is None or told < self._last[0]:
+        stamp, pose = found
+        if self._last is None or stamp < self._last[0]:
             self._last, self._velocity = found, Twist2D(0.0, 0.0, 0.0)
-        elif told - self._last[0] >= self.SHORTEST:
-            elapsed, moved = told - self._last[0], self._last[1].inverse() @ pose
+        elif stamp - self._last[0] >= self.SHORTEST:
+            elapsed, moved = stamp - self._last[0], self._last[1].inverse() @ pose
             self._velocity = Twist2D(moved.x / elapsed, moved.y / elapsed, wrap_angle(moved.theta) / elapsed)
             self._last = found
         return BaseReading(pose, self._velocity)

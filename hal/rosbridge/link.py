@@ -52,17 +52,17 @@ class TopicStream(Generic[Value]):
         header = self._header(message)
         if header is None:
             return
-        told = stamp(header)
-        set_back = self._order.set_back(told)
-        at = self._ros_time.tried(told, received) if told > 0.0 and not set_back else received
+        stamped = stamp(header)
+        set_back = self._order.set_back(stamped)
+        at = self._ros_time.tried(stamped, received) if stamped > 0.0 and not set_back else received
         value = self._decode(message, at)
         if value is None:
             return
-        if told > 0.0:
+        if stamped > 0.0:
             if set_back:
                 self._ros_time.forget()
-            self._order.note(told)
-            at = self._ros_time.here(told, received)
+            self._order.note(stamped)
+            at = self._ros_time.here(stamped, received)
         self.frame = str(header.get("frame_id", ""))
         with self._arrived:
             self._lateness.lag = received - at

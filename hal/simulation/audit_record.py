@@ -111,7 +111,7 @@ class DisturbanceLog:
         """Add an intervention that begins now."""
         self.events += (event,)
 
-    def tell(self, event: Finding) -> None:
+    def record(self, event: Finding) -> None:
         """Report the effect of an event."""
         self.log += (event,)
 

@@ -131,8 +131,8 @@ class DisturbanceInjector:
         """As the monitor's stamps: seconds since the scene was built."""
         return self._simulation.elapsed
 
-    def _tell(self, text: str) -> None:
-        self._log.tell(Finding(self._now, text))
+    def _record(self, text: str) -> None:
+        self._log.record(Finding(self._now, text))
 
     def _update(self) -> None:
         """Update the events, before each control period."""
@@ -149,7 +149,7 @@ class DisturbanceInjector:
                 self._engine.set_friction(body, *slip.friction)
                 del self._slips[body]
                 self._falls[body] = (slip.event, self._now + FALL_TIME)
-                self._tell(f"the {slip.event.name} is {'out of' if out else 'still in'} the hand")
+                self._record(f"the {slip.event.name} is {'out of' if out else 'still in'} the hand")
 
     def _push_ends(self, running: _Push) -> bool:
         """Push on, or wait where the robot is near; whether that was the last of it."""
@@ -159,7 +159,7 @@ class DisturbanceInjector:
             self._log.rest(event)
         elif self._hand.push(push):
             self._log.rest(event)
-            self._tell(f"a person has shut {event.name}")
+            self._record(f"a person has shut {event.name}")
             return True
         else:
             self._log.resume(event)
@@ -167,7 +167,7 @@ class DisturbanceInjector:
             return False
         self._hand.rest(push)
         self._log.rest(event)
-        self._tell(f"a person releases {event.name}")
+        self._record(f"a person releases {event.name}")
         return True
 
     def _touched(self, body: int) -> bool:

@@ -21,8 +21,8 @@ class MachineWatch:
     ``tell``: receives the text. ``given_up``: total seconds by which the world fell behind real time. Thread-safe.
     """
 
-    def __init__(self, tell: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
-        self.tell = tell
+    def __init__(self, report: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
+        self.report = report
         self.given_up = 0.0
         self._clock, self._lock = clock, threading.Lock()
         self._begun, self._before = clock(), 0.0
@@ -50,7 +50,7 @@ class MachineWatch:
             if age > limit
         ]
         if late:
-            self.tell(
+            self.report(
                 f"this machine is too slow for the twins: in the last {passed:.0f} s {', '.join(late)}; what fails "
                 "against them meanwhile may fail for that"
             )

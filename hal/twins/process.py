@@ -45,7 +45,7 @@ class TwinProcess:
         self._command += [word for setting in settings for word in ("--set", setting)]
         self._start_timeout = start_timeout
         self._process: subprocess.Popen[str] | None = None
-        self._told: dict[str, Any] = {}
+        self._announced: dict[str, Any] = {}
 
     @property
     def process(self) -> subprocess.Popen[str]:
@@ -57,24 +57,24 @@ class TwinProcess:
     @property
     def addresses(self) -> Mapping[str, str]:
         """Connection → address."""
-        addresses: dict[str, str] = self._told["addresses"]
+        addresses: dict[str, str] = self._announced["addresses"]
         return addresses
 
     @property
     def settings(self) -> dict[str, str]:
         """For ``load_robot_model(name, settings)``."""
-        settings = (setting.removeprefix("robot.").partition("=") for setting in self._told["settings"])
+        settings = (setting.removeprefix("robot.").partition("=") for setting in self._announced["settings"])
         return {key: value for key, _, value in settings}
 
     def fault(self, connection: str, name: str, value: float | None = None) -> None:
         """Trigger a fault of a controller."""
         question = {"connection": connection, "fault": name}
-        ask(Path(self._told["faults"]), question if value is None else {**question, "value": value})
+        ask(Path(self._announced["faults"]), question if value is None else {**question, "value": value})
 
     @property
     def judge_socket(self) -> Path:
         """Return the address for ``RemoteTruth``."""
-        return Path(self._told["judge"])
+        return Path(self._announced["judge"])
 
     def judge(self, question: str, name: str = "") -> Any:
         """Return the judge's answer to a question about the ground truth."""
@@ -102,7 +102,7 @@ class TwinProcess:
             process.wait()
             relay.join()
             raise TwinError(f"the twins did not start: {(said or ['no output'])[-1]}")
-        self._told = json.loads(line)
+        self._announced = json.loads(line)
 
     def close(self) -> None:
         """End the process; idempotent."""

@@ -202,9 +202,16 @@ class RobotiqTwin(TcpTwin):
         if address != (self._options.status_register if reads else self._options.command_register) or count > 3:
             return bytes([function | 0x80, ILLEGAL_ADDRESS])
         if reads:
-            told = self.gripper.variables
-            state = told["ACT"] | told["GTO"] << 3 | told["STA"] << 4 | told["OBJ"] << 6
-            values = bytes([state, 0, told["FLT"], told["PRE"], told["POS"], 0])[: 2 * count]
+            gripper_variables = self.gripper.variables
+            state = (
+                gripper_variables["ACT"]
+                | gripper_variables["GTO"] << 3
+                | gripper_variables["STA"] << 4
+                | gripper_variables["OBJ"] << 6
+            )
+            values = bytes([state, 0, gripper_variables["FLT"], gripper_variables["PRE"], gripper_variables["POS"], 0])[
+                : 2 * count
+            ]
             return bytes([function, len(values)]) + values
         action, _, _, position, speed, force = data[5:11].ljust(6, b"\0")
         values_by_name = {"ACT": action & 1, "GTO": action >> 3 & 1, "SPE": speed, "FOR": force}

@@ -78,36 +78,36 @@ def laser_scan(header: Message, scan: LaserScan) -> Message:
     }
 
 
-def wrench(header: Message, told: Wrench) -> Message:
+def wrench(header: Message, reading: Wrench) -> Message:
     """Return a ``geometry_msgs/WrenchStamped``."""
-    both = {"force": told.force, "torque": told.torque}
+    both = {"force": reading.force, "torque": reading.torque}
     return {"header": header, "wrench": {n: dict(zip("xyz", v.tolist(), strict=True)) for n, v in both.items()}}
 
 
-def imu(header: Message, told: ImuReading) -> Message:
+def imu(header: Message, reading: ImuReading) -> Message:
     """Return a ``sensor_msgs/Imu`` without orientation."""
     unknown = [-1.0] + [0.0] * 8
     return {
         "header": header,
         "orientation": _yaw(0.0),
         "orientation_covariance": unknown,
-        "angular_velocity": dict(zip("xyz", told.angular_velocity.tolist(), strict=True)),
+        "angular_velocity": dict(zip("xyz", reading.angular_velocity.tolist(), strict=True)),
         "angular_velocity_covariance": [0.0] * 9,
-        "linear_acceleration": dict(zip("xyz", told.linear_acceleration.tolist(), strict=True)),
+        "linear_acceleration": dict(zip("xyz", reading.linear_acceleration.tolist(), strict=True)),
         "linear_acceleration_covariance": [0.0] * 9,
     }
 
 
-def battery(header: Message, told: BatteryReading) -> Message:
+def battery(header: Message, reading: BatteryReading) -> Message:
     """Return a ``sensor_msgs/BatteryState``: current is negative when discharging; unmeasured values are null."""
     unknown = dict.fromkeys(("temperature", "charge", "capacity", "design_capacity"))
     return {
         "header": header,
         **unknown,
-        "percentage": told.charge,
-        "voltage": told.voltage,
-        "current": -told.current,
-        "power_supply_status": CHARGING if told.charging else DISCHARGING,
+        "percentage": reading.charge,
+        "voltage": reading.voltage,
+        "current": -reading.current,
+        "power_supply_status": CHARGING if reading.charging else DISCHARGING,
         "present": True,
     }
 

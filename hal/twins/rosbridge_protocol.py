@@ -209,9 +209,9 @@ class RosbridgeServer:
 
     def _check_type(self, asked: Mapping[str, Any]) -> None:
         """Check that a topic has one type; both versions of ROS accept types without ``msg``."""
-        told, known = asked.get("type"), self._types.get(asked["topic"])
-        if told and known and told.replace("/msg/", "/") != known.replace("/msg/", "/"):
-            raise ValueError(f"{asked['topic']} is of type {known}, not {told}")
+        requested, known = asked.get("type"), self._types.get(asked["topic"])
+        if requested and known and requested.replace("/msg/", "/") != known.replace("/msg/", "/"):
+            raise ValueError(f"{asked['topic']} is of type {known}, not {requested}")
 
     def _subscribe(self, client: Client, asked: Mapping[str, Any]) -> None:
         if asked.get("compression", "none") != "none":

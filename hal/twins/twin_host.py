@@ -202,9 +202,9 @@ class TwinHost:
     def _sign(self) -> BringUpFile:
         """Sign the bring-up: twins match the robot's file."""
         serial_numbers = {name: getattr(twin, "serial_number", "") for name, twin in self.twins.items()}
-        told = {name: number for name, number in serial_numbers.items() if number}
+        numbers = {name: number for name, number in serial_numbers.items() if number}
         signature = Signature("bestman-bt twin", time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()))
-        return BringUpFile(self._model.name, self._model.content, told, twin=True, signed=signature)
+        return BringUpFile(self._model.name, self._model.content, numbers, twin=True, signed=signature)
 
     def _place(self, connection: ConnectionConfig, free: Any) -> tuple[Twin, str]:
         """Return a twin on the first loopback address whose ports are free."""

@@ -251,7 +251,7 @@ class URController:
             self._stop_for(SafetyMode.PROTECTIVE_STOP, "the program asked for it")
 
     def _stop_for(self, mode: SafetyMode, reason: str) -> None:
-        self._world.watch.tell(f"{self._arm.name}: {mode.name.lower().replace('_', ' ')}: {reason}")
+        self._world.watch.report(f"{self._arm.name}: {mode.name.lower().replace('_', ' ')}: {reason}")
         self.trip(mode)
 
     def _as_told(self, wrench: Wrench) -> tuple[float, ...]:

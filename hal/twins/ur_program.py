@@ -131,7 +131,7 @@ class URProgram:
         self._arm.stop()
         self.follower, self._motion, self._drift, self._next_drift = None, None, None, None
         self._moves = []
-        self._tell_running(False)
+        self._report_running(False)
 
     def pause(self) -> None:
         """Hold the arm at its current position."""
@@ -170,7 +170,7 @@ class URProgram:
         self._go_on(dt)
         if self._stopping and float(np.max(np.abs(self._arm.velocities()))) < AT_REST:
             self._stopping = False
-            self._tell_running(False)
+            self._report_running(False)
         waits = (self._motion is not None or self._stopping) and not self._asynchronous
         if self._executing and not self._acknowledged and not waits and not self.ended:
             self._acknowledged = True
@@ -213,7 +213,7 @@ class URProgram:
             self.halt()
             self._stopping = True
             if asynchronous:
-                self._tell_running(True)
+                self._report_running(True)
         elif command == Command.SET_WATCHDOG:
             self.watchdog_frequency = numbers[0]
         elif command == Command.SET_PAYLOAD:
@@ -226,20 +226,20 @@ class URProgram:
             self.halt()
             self.ended = True
 
-    def _tell_running(self, running: bool) -> None:
+    def _report_running(self, running: bool) -> None:
         self.outputs["output_int_register_2"] = RUNNING_BIT if running else 0
 
     def _next_move(self) -> None:
         if not self._moves:
             self._motion = None
-            self._tell_running(False)
+            self._report_running(False)
             return
         move = self._move = self._moves.pop(0)
         if not self._reachable(move.positions):
             return
         share = float(np.clip(self._slider * move.speed / float(np.max(self._speed)), 0.01, 1.0))
         self._motion = self._arm.move_to(np.clip(move.positions, self._lower, self._upper), share)
-        self._tell_running(True)
+        self._report_running(True)
 
     def _reachable(self, positions: Array) -> bool:
         """Return whether the joints' limits allow these positions; else the safety system is to stop the robot."""

@@ -198,7 +198,7 @@ class URConnection(Connection):
         options: UROptions = self.options
         tool, joints = ToolLimits(self.model, name, self.limits), URJoints(self._link, options.reduced_scaling)
         self._arm = URArm(name, model, joints, self.latch, 1.0 / options.rate, tool, self._link)
-        self._arm.tell_load = self._tell_load
+        self._arm.tell_load = self._set_load
         return self._arm
 
     def _make_force_torque(self, name: str, model: MountedForceTorque) -> URForceTorque:
@@ -213,11 +213,11 @@ class URConnection(Connection):
         self.sdk("rtde_control")  # here only for the words where it is missing
         options: UROptions = self.options
         self._link.open(self.settings.address, self._settings(), options.connect_timeout + READY_TIME)
-        told = URIdentity(*self._link.call("identity", timeout=READY_TIME))
-        mismatch = told.mismatch(self.model, self._arm.name, options.model)
+        reported = URIdentity(*self._link.call("identity", timeout=READY_TIME))
+        mismatch = reported.mismatch(self.model, self._arm.name, options.model)
         if mismatch is not None:
             raise ConnectionFailedError(f"{self.name}: {mismatch}")
-        self._told = told
+        self._identity = reported
         self.add_loop("set-points", options.rate, self._cycle)
 
     def close(self) -> None:
@@ -227,12 +227,12 @@ class URConnection(Connection):
     def identity(self) -> Identity:
         """Return the identity from the dashboard."""
         firmware = str(self._link.call("firmware", timeout=READY_TIME)).removeprefix("URSoftware ").split(" ")[0]
-        return Identity(self._told.model, self._told.serial_number, firmware)
+        return Identity(self._identity.model, self._identity.serial_number, firmware)
 
     def arm_facts(self) -> ArmFacts | None:
         """Return the facts from RTDE; the tool offset is that at connection."""
         joints, tool, payload = self._link.call("arm", timeout=READY_TIME)
-        return replace(self._told, joints=joints, tool_pose=tool, payload=payload).arm_facts()
+        return replace(self._identity, joints=joints, tool_pose=tool, payload=payload).arm_facts()
 
     def heard(self) -> float:
         """Return the time at which the controller took the newest reading."""
@@ -282,7 +282,7 @@ class URConnection(Connection):
         else:
             self._arm.give_way()
 
-    def _tell_load(self, mass: float, centre: ArrayLike) -> None:
+    def _set_load(self, mass: float, centre: ArrayLike) -> None:
         options: UROptions = self.options
         hand = None if options.payload is None else Payload(options.payload, np.array(options.payload_center))
         whole = arm_payload(self.model, self._arm.name, mass, centre, hand)
@@ -391,14 +391,14 @@ class URIdentity:
 
     def mismatch(self, robot: RobotModel, arm: str, model: str | None) -> str | None:
         """Return the difference from the arm of the robot file, whose option ``model`` may name it, or None."""
-        told = f"the controller calls its arm {self.model}, serial number {self.serial_number}"
+        reported = f"the controller calls its arm {self.model}, serial number {self.serial_number}"
         if model is not None and _family(self.model) != _family(model):
-            return f"{told}; the option 'model' says {model}"
+            return f"{reported}; the option 'model' says {model}"
         apart = self._flange_apart(robot, arm)
         if apart > FLANGE_TOLERANCE:
             return (
                 f"the controller's flange is {1000 * apart:.0f} mm from that of the robot file's arm: it moves "
-                f"another arm, or one that is calibrated otherwise ({told}). ur3e_arm, ur5e_arm and ur10e_arm are the "
+                f"another arm, or one with another calibration ({reported}). ur3e_arm, ur5e_arm and ur10e_arm are the "
                 "e-series; ur5_arm and ur10_arm are the arms before it"
             )
         weighed = compare_payload(robot, arm, self.arm_facts())

@@ -56,7 +56,7 @@ class XArmJoints(JointChannel):
 
     def send(self, positions: Array, velocities: Array) -> None:
         """Send one set-point, radians, in one round trip."""
-        self._wire.tell("set-point", lambda arm: arm.set_servo_angle_j(positions.tolist(), is_radian=True))
+        self._wire.send("set-point", lambda arm: arm.set_servo_angle_j(positions.tolist(), is_radian=True))
 
 
 class XArmGripper(GripperChannel):
@@ -84,7 +84,7 @@ class XArmGripper(GripperChannel):
         pulses = round((width - self._model.part.min_width) * self._pulses_per_metre)
         share = speed / self._model.part.max_speed
         turns = int(np.clip(FASTEST * share, SLOWEST, FASTEST))
-        self._wire.tell("gripper", lambda arm: _set_position(arm, pulses, turns))
+        self._wire.send("gripper", lambda arm: _set_position(arm, pulses, turns))
 
     def halt(self) -> None:
         """Make the current width the target; it is held with the gripper's fixed force."""
@@ -136,7 +136,7 @@ class XArmConnection(Connection):
         self._joints = XArmJoints(self._wire, len(model.joint_names))
         tool, period = ToolLimits(self.model, name, self.limits), 1.0 / self.options.rate
         self._arm = StreamedArm(name, model, self._joints, self.latch, period, tool)
-        self._arm.tell_load = self._tell_load
+        self._arm.tell_load = self._set_load
         return self._arm
 
     def _make_gripper(self, name: str, model: GripperModel) -> CommandedGripper:
@@ -185,16 +185,16 @@ class XArmConnection(Connection):
 
     def identity(self) -> Identity:
         """Return the identity from the SDK."""
-        return self._wire.told()
+        return self._wire.read_identity()
 
     def arm_facts(self) -> ArmFacts | None:
         """Return the facts from the control box's report; joint ranges are those that the SDK lists for its type."""
-        told = read_report(self.settings.address, self.options.connect_timeout)
-        if told is None:
+        reported = read_report(self.settings.address, self.options.connect_timeout)
+        if reported is None:
             return None
         limits = np.array(self._wire.identity.limits)
         axes = len(self._arm.joint_names)
-        return replace(told, positions=told.positions[:axes], joint_limits=limits if len(limits) else None)
+        return replace(reported, positions=reported.positions[:axes], joint_limits=limits if len(limits) else None)
 
     def recover(self) -> None:
         """Enter servo mode again."""
@@ -224,12 +224,12 @@ class XArmConnection(Connection):
         else:
             self._arm.cycle(elapsed)
 
-    def _tell_load(self, mass: float, centre: ArrayLike) -> None:
+    def _set_load(self, mass: float, centre: ArrayLike) -> None:
         options: XArmOptions = self.options
         hand = None if options.payload is None else Payload(options.payload, np.array(options.payload_center))
         whole = arm_payload(self.model, self._arm.name, mass, centre, hand)
         millimetres = (1e3 * whole.centre).tolist()
-        self._wire.tell("payload", lambda arm: arm.set_tcp_load(whole.mass, millimetres, wait=False))
+        self._wire.send("payload", lambda arm: arm.set_tcp_load(whole.mass, millimetres, wait=False))
         words = self._other_payload(whole.mass)
         others = tuple(remark for remark in self.remarks if not remark.startswith(COUNTS))
         self.remarks = (*others, words) if words else others
@@ -237,8 +237,8 @@ class XArmConnection(Connection):
     def _other_payload(self, mass: float) -> str:
         """Return the controller's payload if it differs from ``mass``; empty if it does not, or is not reported."""
         for _ in range(REPORTS):
-            told = read_report(self.settings.address, self.options.connect_timeout)
-            counted = None if told is None else told.payload
+            reported = read_report(self.settings.address, self.options.connect_timeout)
+            counted = None if reported is None else reported.payload
             if counted is None or abs(counted - mass) <= PAYLOAD_STEP:
                 return ""
             time.sleep(REPORT_PERIOD)

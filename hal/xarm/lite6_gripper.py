@@ -37,14 +37,14 @@ class Lite6GripperWire(GripperChannel):
         opens = width >= self._model.max_width - AT_END
         self._begin(self._model.max_width if opens else self._model.part.min_width)
         if opens:
-            self._wire.tell("gripper", lambda arm: arm.open_lite6_gripper(sync=False))
+            self._wire.send("gripper", lambda arm: arm.open_lite6_gripper(sync=False))
         else:
-            self._wire.tell("gripper", lambda arm: arm.close_lite6_gripper(sync=False))
+            self._wire.send("gripper", lambda arm: arm.close_lite6_gripper(sync=False))
 
     def halt(self) -> None:
         """Cut the gripper's power; it may drop a held object."""
         self._begin(self.read().width)
-        self._wire.tell("gripper", lambda arm: arm.stop_lite6_gripper(sync=False))
+        self._wire.send("gripper", lambda arm: arm.stop_lite6_gripper(sync=False))
 
     def _begin(self, goal: float) -> None:
         self._from, self._to, self._since = self.read().width, goal, self._clock.now()

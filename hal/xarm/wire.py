@@ -54,9 +54,9 @@ class ArmIdentity:
         """Return the difference from the arm of the robot file, or None."""
         if self.axes != len(model.joint_names):
             return f"the controller has {self.axes} joints, the robot file's arm has {len(model.joint_names)}"
-        told: ArmKind = "lite6" if self.device_type == LITE6 else "xarm"
-        if told != kind:
-            return f"the controller moves an arm of the kind {told!r}, the option 'arm' says {kind!r}"
+        identity: ArmKind = "lite6" if self.device_type == LITE6 else "xarm"
+        if identity != kind:
+            return f"the controller moves an arm of the kind {identity!r}, the option 'arm' says {kind!r}"
         if not self.limits:  # a type that the SDK's table lacks
             return None
         for joint, (low, high), lower, upper in zip(
@@ -226,7 +226,7 @@ class XArmWire:
         fault = self._fault
         return fault is not None and not fault.vendor_code.startswith("G")
 
-    def told(self) -> Identity:
+    def read_identity(self) -> Identity:
         """Return the serial number of the arm and the firmware of the control box."""
         arm = self._arm
         kind = "Lite" if arm.device_type == LITE6 else "xArm"
@@ -279,7 +279,7 @@ class XArmWire:
         self._note(code)
         return answer if code == 0 else None
 
-    def tell(self, what: str, command: Callable[[Any], int]) -> None:
+    def send(self, what: str, command: Callable[[Any], int]) -> None:
         """Send a command; a refusal sets the controller's reported fault."""
         if self._arm is None:
             return

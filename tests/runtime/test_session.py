@@ -56,7 +56,7 @@ def test_without_a_task_a_shipped_tree_brings_the_goal_of_its_own() -> None:
         board = opened.load("fetch_cup").blackboard
         assert board["object"] == "cup"
         assert board["goal"] is opened.setup.world.goals["place"]
-        assert opened.skills.world.told == {"cup": "table/top"}
+        assert opened.skills.world.given_places == {"cup": "table/top"}
         assert "object" not in opened.load(HEAD).blackboard
 
 
@@ -64,7 +64,7 @@ def test_a_refused_tree_leaves_no_facts_behind_and_all_that_is_wrong_with_it_is_
     with session(robot="turtle", scene="kitchen", seed=3) as opened:
         with pytest.raises(TreeLoadError, match="arm"):
             opened.load("fetch_cup")
-        assert opened.skills.world.told == {}
+        assert opened.skills.world.given_places == {}
         wrong = (
             '<NavigateTo goal="1;2"/>\n<FindStandPose surface="countr" stand="{stand}"/>\n<NavigateTo gaol="1;2;0"/>'
         )

@@ -196,15 +196,15 @@ def test_who_reads_too_slowly_is_told_what_was_dropped_and_then_how_all_stands()
     stream.add(SubscriberQueue(ours, backlog=20_000), frozenset({"states"}))
     run = RunEvent("slow", "Plan", "", "", 0, "", 1, 0.0, 20.0, "simulated")
     nodes = TreeEvent([], "", tree.tree_id)
-    stream.tell(lambda: (run, nodes))
+    stream.publish(lambda: (run, nodes))
     for tick in range(5000):
-        stream.tell(lambda tick=tick: (StatesEvent(tick * 0.05, tick, [(1, 1 + tick % 2)], {1: f"tick {tick}"}),))
+        stream.publish(lambda tick=tick: (StatesEvent(tick * 0.05, tick, [(1, 1 + tick % 2)], {1: f"tick {tick}"}),))
     time.sleep(0.5)
     lines = theirs.makefile("rb")
     told: list[Event] = []
     while not (told and isinstance(told[-1], DroppedEvent)):
         told.append(from_line(lines.readline()))
-        stream.tell(lambda: (StatesEvent(251.0, 5001, [], {1: "now"}),))
+        stream.publish(lambda: (StatesEvent(251.0, 5001, [], {1: "now"}),))
     assert len(told) < 1000
     assert told[-1].count > 4000
     after = [from_line(lines.readline()) for _ in range(3)]
@@ -222,7 +222,7 @@ def test_an_event_that_cannot_be_made_is_told_and_the_others_still_come(tmp_path
         raise RuntimeError("of somebody's type")
 
     with Telemetry(executor, run, tmp_path) as telemetry:
-        telemetry._stream.tell(make)
+        telemetry._stream.publish(make)
         telemetry.end_as(executor.run())
     assert any("RuntimeError: of somebody's type" in line.message for line in read_log(tmp_path))
     assert isinstance(list(read_events(tmp_path))[-1], EndEvent)

@@ -159,7 +159,7 @@ def test_a_thing_may_be_where_it_was_not_looked_for_since_it_was_lost(mapped, sc
     for stamp, may in ((4.9, True), (5.0, False), (8.0, False)):
         world.searched["cup", "table/top"] = stamp
         assert world.may_be_on("cup", "table/top") is may
-    world.told["cup"] = DRAWER
+    world.given_places["cup"] = DRAWER
     assert world.may_be_on("cup", DRAWER)
     assert not world.may_be_on("cup", "counter/top")
     world.searched["cup", DRAWER] = 4.0
@@ -173,14 +173,14 @@ def test_a_thing_may_be_where_it_was_not_looked_for_since_it_was_lost(mapped, sc
 
 
 def test_a_new_start_knows_what_was_known_at_the_first_and_shares_nothing(mapped, scene) -> None:
-    world = WorldModel(mapped, models=dict(scene.models), told={"cup": DRAWER})
+    world = WorldModel(mapped, models=dict(scene.models), given_places={"cup": DRAWER})
     world.locked.add(DRAWER)
     world.objects["cup"] = cup_on(world, "table/top")
     again = world.initial_beliefs()
-    assert (again.objects, again.locked, again.told, again.base) == ({}, set(), {"cup": DRAWER}, world.base)
-    again.told["cup"] = "table/top"
+    assert (again.objects, again.locked, again.given_places, again.base) == ({}, set(), {"cup": DRAWER}, world.base)
+    again.given_places["cup"] = "table/top"
     again.models.clear()
-    assert world.told == {"cup": DRAWER}
+    assert world.given_places == {"cup": DRAWER}
     assert world.models
 
 

@@ -51,7 +51,7 @@ def world(setup: ResolvedConfig) -> WorldModel:
     world.articulations["drawer_chest/drawer_2"] = 0.28
     world.searched = {("cup", "table/top"): 30.0, ("cup", "shelf/top"): 5.0, ("mug", "shelf/top"): 3.0}
     world.changes.append(ObjectChange("removed", "cup", 10.0))
-    world.told["bowl"] = "drawer_chest/drawer_3"
+    world.given_places["bowl"] = "drawer_chest/drawer_3"
     world.locked.add("fridge/upper_door")
     world.in_the_way |= {("drawer_chest/drawer_2", "drawer_chest/top"), ("drawer_chest/drawer_2", "shelf/top")}
     return world

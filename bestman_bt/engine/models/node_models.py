@@ -81,12 +81,12 @@ def model_info(element: Element, file: str) -> NodeInfo | None:
 
 def guessed_info(name: str, uses: list[Element]) -> NodeInfo:
     """Return a description guessed from the elements that use a node."""
-    told = [element.tag for element in uses if element.tag in KINDS]
+    kinds = [element.tag for element in uses if element.tag in KINDS]
     most = max(len(element.children) for element in uses)
     if most:
-        kind = told[0] if told and told[0] in ("Control", "Decorator") else "Decorator" if most == 1 else "Control"
-    elif told:
-        kind = told[0]
+        kind = kinds[0] if kinds and kinds[0] in ("Control", "Decorator") else "Decorator" if most == 1 else "Control"
+    elif kinds:
+        kind = kinds[0]
     else:
         kind = "Condition" if name.startswith(LIKE_CONDITIONS) else "Action"
     return placeholder(name, kind, seen_ports(uses), GUESS)

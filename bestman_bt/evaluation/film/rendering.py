@@ -164,7 +164,7 @@ class RenderOptions:
     samples: int = 32
 
 
-def render(run: FilmedRun, out: Path, options: RenderOptions, tell: Callable[[str], None]) -> list[Path]:
+def render(run: FilmedRun, out: Path, options: RenderOptions, report: Callable[[str], None]) -> list[Path]:
     """Write ``still-<seconds>.jpg`` and, if requested, ``film.mp4`` into ``out``; returns the written files.
 
     Raises FilmError or BlenderError, before rendering if something is missing.
@@ -180,15 +180,15 @@ def render(run: FilmedRun, out: Path, options: RenderOptions, tell: Callable[[st
     with _written_into(out):
         out.mkdir(parents=True, exist_ok=True)
     with ReplayScene(run) as stage:
-        tell("choosing the camera position")
+        report("choosing the camera position")
         shot = plan_shot(run, stage)
         stills = options.at or (shot.times[best_frame(run, shot, stage)],)
         times = [*stills, *(shot.times if options.film else ())]
         frames = [(run.motion.at(time), shot.view_at(time)) for time in times]
         if python is not None:
-            pictures = _painted(run, frames, options, python, tell)
+            pictures = _painted(run, frames, options, python, report)
         else:
-            pictures = _photographed(stage, frames, options, tell)
+            pictures = _photographed(stage, frames, options, report)
     written = []
     with _written_into(out):
         for time, picture in zip(stills, pictures, strict=False):
@@ -196,8 +196,8 @@ def render(run: FilmedRun, out: Path, options: RenderOptions, tell: Callable[[st
             write_still(picture, written[-1], LARGEST_STILL)
         if options.film:
             written.append(out / "film.mp4")
-            told = [caption(run, shot, time) for time in shot.times]
-            film = [captioned(picture, text) for picture, text in zip(pictures[len(stills) :], told, strict=True)]
+            captions = [caption(run, shot, time) for time in shot.times]
+            film = [captioned(picture, text) for picture, text in zip(pictures[len(stills) :], captions, strict=True)]
             write_film(film, written[-1], LARGEST_FILM)
     return written
 
@@ -214,19 +214,19 @@ Frame = tuple[RobotSnapshot, Viewpoint]
 
 
 def _photographed(
-    stage: ReplayScene, frames: Sequence[Frame], options: RenderOptions, tell: Callable[[str], None]
+    stage: ReplayScene, frames: Sequence[Frame], options: RenderOptions, report: Callable[[str], None]
 ) -> list[NDArray[np.uint8]]:
     """Render with the simulator's renderer: a few seconds for a picture of 960×720."""
     pictures = []
     for snapshot, view in frames:
         stage.set(snapshot)
         pictures.append(stage.picture(view, *options.size, oversampling=2))
-        tell(f"picture {len(pictures)} of {len(frames)}")
+        report(f"picture {len(pictures)} of {len(frames)}")
     return pictures
 
 
 def _painted(
-    run: FilmedRun, frames: Sequence[Frame], options: RenderOptions, python: Path, tell: Callable[[str], None]
+    run: FilmedRun, frames: Sequence[Frame], options: RenderOptions, python: Path, report: Callable[[str], None]
 ) -> list[NDArray[np.uint8]]:
     """Render with Blender: many seconds for a picture."""
     with TemporaryDirectory() as name:
@@ -236,7 +236,7 @@ def _painted(
 
         def on_frame(file: Path) -> None:
             done.append(file)
-            tell(f"picture {len(done)} of {len(frames)}")
+            report(f"picture {len(done)} of {len(frames)}")
 
         paint(job, python, on_frame)
         return [np.asarray(Image.open(file).convert("RGB")) for file in files]

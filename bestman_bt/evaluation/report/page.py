@@ -278,7 +278,7 @@ def report_page(stories: Sequence[RunReport], now: datetime) -> str:
         "data_url": _data_url,
         "moment": _moment,
         "number": _number,
-        "told": _told,
+        "told": _value_text,
         "words": lambda name: str(name).replace("_", " "),
     }
     many = len(stories) > 1
@@ -328,9 +328,9 @@ def _number(value: Any) -> str:
     return f"{value:.0f}" if float(value).is_integer() else f"{value:.3g}" if abs(value) < 1 else f"{value:.1f}"
 
 
-def _told(value: Any) -> str:
+def _value_text(value: Any) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{key} {_told(v)}" for key, v in value.items())
+        return ", ".join(f"{key} {_value_text(v)}" for key, v in value.items())
     if isinstance(value, list | tuple):
-        return " and ".join(_told(v) for v in value)
+        return " and ".join(_value_text(v) for v in value)
     return _number(value) if isinstance(value, float) else str(value)

@@ -68,7 +68,7 @@ class Goal(ABC, Generic[Asked]):
     def entries(self) -> dict[str, Any]:
         """Return the root blackboard entries for the tree."""
 
-    def told(self) -> dict[str, str]:
+    def given_places(self) -> dict[str, str]:
         """Return object → full name of its surface, as given by the task."""
         return {}
 

@@ -127,7 +127,7 @@ class Placed(Goal[PlacedFields]):
         """Return the object, or all objects that the seed may choose."""
         return [self.asked.object] if isinstance(self.asked.object, str) else list(self.asked.object)
 
-    def told(self) -> dict[str, str]:
+    def given_places(self) -> dict[str, str]:
         """Return the source surface of the object."""
         furniture, surface = self.world_model.map.surface(self.goal.source)
         return {self.goal.object: f"{furniture.name}/{surface.name}"}

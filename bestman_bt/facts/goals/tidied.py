@@ -88,6 +88,6 @@ class Tidied(Goal[TidiedFields]):
             faults += tilt_fault(evidence, pose)
             faults += rest_faults(evidence, name, tidy.surface)
             verdicts.append(Verdict.on(name, faults))
-        told = joined(verdicts)
+        joint = joined(verdicts)
         share = sum(verdict.holds for verdict in verdicts) / len(verdicts)
-        return Verdict(told.holds, told.why, {"outside_mm": max(outside), "tidied_share": share})
+        return Verdict(joint.holds, joint.why, {"outside_mm": max(outside), "tidied_share": share})

@@ -94,12 +94,12 @@ class Groot2Client:
         """Start to record transitions. Returns the time in the process, seconds since the epoch, at which the record
         starts.
         """
-        told = self.ask(RequestKind.TOGGLE_RECORDING, b"start")
+        reply = self.ask(RequestKind.TOGGLE_RECORDING, b"start")
         try:
-            return min(max(0.0, int(told) * 1e-6), 1e11)
+            return min(max(0.0, int(reply) * 1e-6), 1e11)
         except ValueError as error:
             raise Groot2Error(
-                f"{self._address} reports a recording since {told[:40]!r}, which is not a time"
+                f"{self._address} reports a recording since {reply[:40]!r}, which is not a time"
             ) from error
 
     def stop_recording(self) -> None:
@@ -119,10 +119,10 @@ class Groot2Client:
 
         content = self.ask(RequestKind.BLACKBOARD, ";".join(names).encode())
         try:
-            told = msgpack.unpackb(content) if content else None
+            reply = msgpack.unpackb(content) if content else None
         except (ValueError, TypeError, RecursionError) as error:
             raise Groot2Error(f"{self._address} sends blackboards that are no MessagePack: {error!r}") from error
-        boards = told if isinstance(told, dict) else {}
+        boards = reply if isinstance(reply, dict) else {}
         return {str(name): entries for name, entries in boards.items() if isinstance(entries, dict)}
 
     def insert_hook(self, uid: int, position: int, mode: int, once: bool, result: str = "SKIPPED") -> None:
@@ -142,10 +142,10 @@ class Groot2Client:
     def hooks(self) -> list[dict[str, Any]]:
         """Return the hooks that are set, including those of other clients."""
         try:
-            told = json.loads(self.ask(RequestKind.DUMP_HOOKS) or b"[]")
+            reply = json.loads(self.ask(RequestKind.DUMP_HOOKS) or b"[]")
         except (ValueError, RecursionError) as error:
             raise Groot2Error(f"{self._address} sends hooks that are no JSON: {error}") from error
-        return [hook for hook in told if isinstance(hook, dict)] if isinstance(told, list) else []
+        return [hook for hook in reply if isinstance(hook, dict)] if isinstance(reply, list) else []
 
     def listen(self) -> None:
         """Receive breakpoint notifications from now on, on the next port."""
@@ -156,8 +156,8 @@ class Groot2Client:
         if self._breakpoints is None or not select.select([self._breakpoints], [], [], 0)[0]:
             return None
         parts = self._breakpoints.receive()
-        told = parts[-1]
-        return int(told) if len(parts) == 2 and told.isdigit() and len(told) < 6 else 0
+        reply = parts[-1]
+        return int(reply) if len(parts) == 2 and reply.isdigit() and len(reply) < 6 else 0
 
     def _records(self, content: bytes, form: np.dtype[Any]) -> np.ndarray[Any, np.dtype[Any]]:
         if len(content) % form.itemsize:

@@ -127,7 +127,7 @@ class Groot2Publisher:
         self._states: ObservedStates
         self._uuid = uuid.uuid4().bytes
         self._xml = b""
-        self._hooks = Groot2Hooks(self.tree, self._tell_of_breakpoint, self.intervened)
+        self._hooks = Groot2Hooks(self.tree, self._notify_breakpoint, self.intervened)
         self._identifiers = itertools.count(1)
         self._telling = threading.Lock()
         self._closing = threading.Event()
@@ -219,7 +219,7 @@ class Groot2Publisher:
                 return self._hooks.answer(request)
         return None
 
-    def _tell_of_breakpoint(self, uid: int) -> None:
+    def _notify_breakpoint(self, uid: int) -> None:
         import zmq
 
         with self._telling:

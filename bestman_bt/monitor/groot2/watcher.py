@@ -66,8 +66,8 @@ class Groot2Watcher:
     with each problem, once while it lasts.
     """
 
-    def __init__(self, host: str, port: int, runs: Path | None, say: Callable[[str], None] = _print) -> None:
-        self._host, self._port, self._runs, self._say = host, port, runs, say
+    def __init__(self, host: str, port: int, runs: Path | None, log: Callable[[str], None] = _print) -> None:
+        self._host, self._port, self._runs, self._log = host, port, runs, log
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._watch, name=f"groot2 {host}:{port}", daemon=True)
 
@@ -97,7 +97,7 @@ class Groot2Watcher:
             except (Error, OSError) as error:
                 if str(error) != said or time.monotonic() - began > WAS_FINE:
                     said = str(error)
-                    self._say(f"{'' if place in said else f'{address}: '}{said}; trying again")
+                    self._log(f"{'' if place in said else f'{address}: '}{said}; trying again")
             self._stopping.wait(RETRY)
 
 
@@ -121,12 +121,12 @@ class _Session:
         self._points = _Breakpoints(client, self._nodes, runs and runs / f"{file_name(tree.id)}.breakpoints.json")
         run = RunEvent(tree.id, tree.id, "", "", 0, "", 0, started, 0.0, "real", source=address)
         self._shown = WatchedExecution(run, tree, runs, self._control)
-        self._points.tell = self._shown.tell
+        self._points.publish = self._shown.publish
 
     def follow(self) -> None:
         """Follow the process until it is gone, has another tree, or the watching ends; raises the reason."""
         with self._shown as shown:
-            shown.say("info", f"watching {shown.run.source}: {len(self._nodes)} nodes")
+            shown.log("info", f"watching {shown.run.source}: {len(self._nodes)} nodes")
             why = "the watching ended"
             try:
                 self._listen()
@@ -147,10 +147,10 @@ class _Session:
         try:
             self._client.listen()
         except Groot2Error as error:
-            self._shown.say("warning", f"breakpoints cannot be followed: {error}")
+            self._shown.log("warning", f"breakpoints cannot be followed: {error}")
         self._points.restore(self._client.hooks())
         if not self._recorded:
-            self._shown.say("warning", "this process records no transitions: what is short is not seen")
+            self._shown.log("warning", "this process records no transitions: what is short is not seen")
 
     def _now(self) -> float:
         return time.monotonic() - self._began
@@ -160,34 +160,34 @@ class _Session:
         transitions.
         """
         if not self._recorded:
-            self._tell_standing(self._client.states(), set())
+            self._publish_states(self._client.states(), set())
             return
         news = self._client.transitions()
         while len(news) >= MOST_TRANSITIONS and not self._stopping.is_set():
-            self._shown.say(
+            self._shown.log(
                 "warning", f"a gap: {len(news)} changes at once, as many as the process keeps; some are lost"
             )
-            self._tell_changes(news)
+            self._publish_changes(news)
             self._standing = self._client.states()
             news = self._client.transitions()
         if self._standing is not None:
             standing, self._standing = self._standing, None
-            self._tell_standing(standing, set(news.uids.tolist()))
-        self._tell_changes(news)
+            self._publish_states(standing, set(news.uids.tolist()))
+        self._publish_changes(news)
 
-    def _tell_standing(self, standing: dict[int, int], but: set[int]) -> None:
+    def _publish_states(self, standing: dict[int, int], but: set[int]) -> None:
         """Publish all states, ``but`` those whose changes follow."""
         shown = self._shown.standing.states
         changes = [(uid, state) for uid, state in standing.items() if uid not in but and shown.get(uid, state) != state]
         if changes:
-            self._shown.tell_states(self._now(), changes)
+            self._shown.publish_states(self._now(), changes)
 
-    def _tell_changes(self, news: Transitions) -> None:
+    def _publish_changes(self, news: Transitions) -> None:
         begin, moment = 0, list(zip(news.uids.tolist(), news.statuses.tolist(), strict=True))
         times = news.times.tolist()
         for end in range(1, len(times) + 1):
             if end == len(times) or times[end] - times[begin] > ONE_MOMENT:
-                self._shown.tell_states(times[begin], moment[begin:end])
+                self._shown.publish_states(times[begin], moment[begin:end])
                 begin = end
 
     def _take_breakpoints(self) -> None:
@@ -214,7 +214,7 @@ class _Session:
             boards.setdefault(scope, {})[key] = entry
         if boards:
             shown = self._shown.standing
-            self._shown.tell(BlackboardEvent(max(shown.time, self._now()), shown.tick, boards))
+            self._shown.publish(BlackboardEvent(max(shown.time, self._now()), shown.tick, boards))
 
     def _control(self, asked: Request) -> None:
         """Carry out a request for the execution, from any thread."""
@@ -237,7 +237,7 @@ class _Session:
                 self._points.clear(uid, None if asked.get("when") is None else _position(when))
             case "force":
                 self._points.force(self._found(node), str(asked.get("result")))
-                self._shown.say("warning", f"by hand: {node} was forced to return {asked.get('result')}")
+                self._shown.log("warning", f"by hand: {node} was forced to return {asked.get('result')}")
             case what:
                 raise RequestRefusedError(f"Groot2's protocol has no {what!r}; use the process itself")
 
@@ -275,7 +275,7 @@ class _Breakpoints:
         self._last: dict[int, Position] = {}
         self._pausing = False
         self._lock = threading.RLock()
-        self.tell: Callable[[Any], Any] = lambda event: None
+        self.publish: Callable[[Any], Any] = lambda event: None
         self._time = 0.0
 
     def restore(self, standing: Iterable[dict[str, Any]]) -> None:
@@ -362,7 +362,7 @@ class _Breakpoints:
             asked = self._pausing and place == (ROOT, Position.BEFORE)
             node = self._nodes[uid]
             held = PausedEvent(now, "breakpoint", node.path, _WHEN[place[1]])
-            self.tell(PausedEvent(now, "asked") if asked else held)
+            self.publish(PausedEvent(now, "asked") if asked else held)
             if self._set.get(place):  # once
                 del self._set[place]
                 self._changed()
@@ -370,7 +370,7 @@ class _Breakpoints:
     def forget_pause(self) -> None:
         """Clear the pause: the process is gone."""
         if self._holding:
-            self.tell(ResumedEvent(self._time))
+            self.publish(ResumedEvent(self._time))
 
     def _unlock(self) -> None:
         for uid, position in list(self._holding):
@@ -380,14 +380,14 @@ class _Breakpoints:
     def _let_go(self, place: tuple[int, Position]) -> None:
         if place in self._holding:
             self._holding.remove(place)
-            self.tell(ResumedEvent(self._time))
+            self.publish(ResumedEvent(self._time))
 
     def _changed(self) -> None:
         told = [
             {"node": uid, "path": self._nodes[uid].path, "when": _WHEN[position], "condition": None, "once": once}
             for (uid, position), once in self._set.items()
         ]
-        self.tell(BreakpointsEvent(told))
+        self.publish(BreakpointsEvent(told))
         if self._file is not None:
             kept = [[point["path"], point["when"], point["once"]] for point in told]
             self._file.write_text(json.dumps(kept, ensure_ascii=False) + "\n", encoding="utf-8")

@@ -78,11 +78,11 @@ class BeamModel:
         )
         likelihood[~hit & seen] = self.lost
         likelihood[~hit & ~seen] = 1.0
-        told = visible & (hit | seen)
-        if not told.any():
+        informative = visible & (hit | seen)
+        if not informative.any():
             return Agreement(float(np.log(by_chance)), 0.0)
         fits = hit & seen & (np.abs(np.where(hit & seen, error, np.inf)) < self.explained_within)
-        return Agreement(float(np.log(likelihood[told]).mean()), float(fits.sum() / max(hit.sum(), 1)))
+        return Agreement(float(np.log(likelihood[informative]).mean()), float(fits.sum() / max(hit.sum(), 1)))
 
 
 @dataclass(frozen=True)

@@ -229,7 +229,7 @@ class PoseGraphSlam(Slam):
         self._map_from_local = Pose2D()
         self._covariance = self._error(self.position_std, self.heading_std)
         self._drawing, self._drawn = replace(self.occupancy), np.zeros((0, 3))
-        return self._tell(None)
+        return self._report(None)
 
     @property
     def estimate(self) -> SlamEstimate:
@@ -246,7 +246,7 @@ class PoseGraphSlam(Slam):
         if moved == Pose2D():
             return estimate
         self._local, self._covariance = driven_on(self._local, self._covariance, moved, self)
-        return self._tell(estimate.match)
+        return self._report(estimate.match)
 
     def add(self, odometry: Pose2D, scan: LaserScan, base_from_lidar: Pose2D) -> SlamEstimate:
         """Implement ``Slam.add``."""
@@ -258,14 +258,14 @@ class PoseGraphSlam(Slam):
         self.predict(odometry)
         hits = oriented_points(scan, base_from_lidar)
         if len(hits) < self.min_hits:
-            return self._tell(ScanMatch(False, 0.0, math.inf, f"only {len(hits)} hits lie on lines"))
+            return self._report(ScanMatch(False, 0.0, math.inf, f"only {len(hits)} hits lie on lines"))
         if not self._active:
             self._insert(Keyframe(self._graph.add_pose(self._local), self._local, scan, base_from_lidar, hits))
-            return self._tell(ScanMatch(True, 1.0, 0.0))
+            return self._report(ScanMatch(True, 1.0, 0.0))
         match = self._match(hits)
         if match.accepted and self._is_new_place():
             self._add_keyframe(scan, base_from_lidar, hits)
-        return self._tell(match)
+        return self._report(match)
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -367,7 +367,7 @@ class PoseGraphSlam(Slam):
         if closures:
             self._graph.move_to(poses)
             self._map_from_local = self._graph.pose(keyframe.node) @ keyframe.local.inverse()
-            self._tell(self.estimate.match)
+            self._report(self.estimate.match)
 
     def _insert(self, keyframe: Keyframe) -> None:
         self._keyframes.append(keyframe)
@@ -383,7 +383,7 @@ class PoseGraphSlam(Slam):
     def _error(self, position: float, heading: float) -> NDArray[np.float64]:
         return np.diag([position**2, position**2, heading**2])
 
-    def _tell(self, match: ScanMatch | None) -> SlamEstimate:
+    def _report(self, match: ScanMatch | None) -> SlamEstimate:
         covariance = turned(self._covariance, self._map_from_local.theta)
         self._estimate = SlamEstimate(self._map_from_local @ self._local, covariance, match, len(self._loops))
         return self._estimate

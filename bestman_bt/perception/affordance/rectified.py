@@ -235,13 +235,13 @@ class BorderSearch:
         shown, telling = self._evidence(front)["lying" if level else "upright"]
         rows = slice(max(0, round(front.row_of(high[1]))), max(0, round(front.row_of(low[1])) + 1))
         columns = slice(max(0, round(front.column_of(low[0]))), max(0, round(front.column_of(high[0])) + 1))
-        part, told = shown[rows, columns], telling[rows, columns]
+        part, informative = shown[rows, columns], telling[rows, columns]
         if not level:
-            part, told = part.T, told.T
+            part, informative = part.T, informative.T
         if not part.size:
             return []
-        counts = told.sum(axis=1)
-        seen = (part & told).sum(axis=1) >= self.share[1] * np.maximum(counts, 1)
+        counts = informative.sum(axis=1)
+        seen = (part & informative).sum(axis=1) >= self.share[1] * np.maximum(counts, 1)
         hits = np.flatnonzero(seen & (counts >= 0.5 * part.shape[1]))
         first = rows.start if level else columns.start
         groups = np.split(hits, np.flatnonzero(np.diff(hits) > 2) + 1) if len(hits) else []

@@ -59,7 +59,7 @@ class Board(ABC):
 
     @property
     @abstractmethod
-    def tells_orientation(self) -> bool:
+    def shows_orientation(self) -> bool:
         """Return whether an image determines the board's orientation; calibrations of poses need it."""
 
     @abstractmethod
@@ -101,7 +101,7 @@ class CharucoBoard(Board):
         return self.columns * self.square, self.rows * self.square
 
     @property
-    def tells_orientation(self) -> bool:
+    def shows_orientation(self) -> bool:
         """Return True: the markers determine the orientation."""
         return True
 
@@ -152,7 +152,7 @@ class Checkerboard(Board):
         return self.columns * self.square, self.rows * self.square
 
     @property
-    def tells_orientation(self) -> bool:
+    def shows_orientation(self) -> bool:
         """Return False: the board looks the same after half a turn."""
         return False
 

@@ -43,14 +43,16 @@ class DepthCalibration:
             raise CalibrationError(
                 f"{len(usable)} of {len(views)} views have depth on the board, at least 3 are needed"
             )
-        told, true = usable.T
+        measured, true = usable.T
         if np.ptp(true) < self.min_range:
             raise DegenerateMotionError(
                 f"all views are from {true.min():.2f} to {true.max():.2f} m: scale and offset of the depth cannot be "
                 f"told apart; record views at least {self.min_range:g} m nearer and farther"
             )
-        solved = least_squares(lambda x: x[0] * true + x[1] - told, [1.0, 0.0], loss="soft_l1", f_scale=self.outlier)
-        residuals = solved.x[0] * true + solved.x[1] - told
+        solved = least_squares(
+            lambda x: x[0] * true + x[1] - measured, [1.0, 0.0], loss="soft_l1", f_scale=self.outlier
+        )
+        residuals = solved.x[0] * true + solved.x[1] - measured
         variance = float(np.sum(residuals**2)) / max(len(true) - 2, 1)
         covariance = variance * np.linalg.inv(solved.jac.T @ solved.jac)
         scale, offset = (float(value) for value in solved.x)

@@ -87,7 +87,7 @@ def solve_head(dataset: Dataset, progress: Progress) -> CalibrationResult:
 
     Raises CalibrationError or ConfigurationError.
     """
-    if not dataset.board.tells_orientation:
+    if not dataset.board.shows_orientation:
         raise CalibrationError("a checkerboard looks the same after half a turn; poses need a ChArUco board")
     chain = chain_of(dataset)
     head = chain.head if chain is not None else None
@@ -144,7 +144,7 @@ def solve_hand_eye(dataset: Dataset, method: str, progress: Progress) -> Calibra
 
     Raises CalibrationError.
     """
-    if not dataset.board.tells_orientation:
+    if not dataset.board.shows_orientation:
         raise CalibrationError("a checkerboard looks the same after half a turn; poses need a ChArUco board")
     chain = chain_of(dataset)
     seen = seen_views(dataset, chain, progress)

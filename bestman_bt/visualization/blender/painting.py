@@ -242,7 +242,7 @@ def blender_python() -> Path:
     raise BlenderError(f"Blender is not installed for bestman-bt; {SIZE}, GPL-3.0, once: {INSTALL_COMMAND}")
 
 
-def install_blender(tell: Callable[[str], None]) -> Path:
+def install_blender(report: Callable[[str], None]) -> Path:
     """Create the environment and install Blender into it from the Python package index. Returns its Python.
 
     Raises BlenderError; nothing is left behind then.
@@ -256,7 +256,7 @@ def install_blender(tell: Callable[[str], None]) -> Path:
     }
     folder.parent.mkdir(parents=True, exist_ok=True)
     for what, command in steps.items():
-        tell(what)
+        report(what)
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             shutil.rmtree(folder, ignore_errors=True)
@@ -309,8 +309,8 @@ def paint(job: BlenderJob, python: Path, on_frame: Callable[[Path], None]) -> No
                 blender.kill()
                 raise
         if blender.returncode != 0:
-            told = last_lines(errors.read_text(encoding="utf-8", errors="replace") or said)
-            raise BlenderError(f"Blender has failed ({blender.returncode}):\n{told}")
+            output = last_lines(errors.read_text(encoding="utf-8", errors="replace") or said)
+            raise BlenderError(f"Blender has failed ({blender.returncode}):\n{output}")
     missing = [frame.file for frame in job.frames if not frame.file.is_file()]
     if missing:
         raise BlenderError(f"Blender has not painted {missing[0]}")

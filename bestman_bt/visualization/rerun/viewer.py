@@ -205,7 +205,7 @@ class RerunViewer:
             os.killpg(self._process.pid, signal.SIGKILL)
             self._process.wait()
 
-    def said(self) -> str:
+    def output(self) -> str:
         """Return the output of a failed viewer: from its panic on, else the end."""
         self._output.seek(0)
         text = self._output.read()
@@ -218,7 +218,7 @@ class RerunViewer:
         deadline = time.monotonic() + timeout
         while time.monotonic() < deadline:
             if self._process.poll() is not None:
-                raise ViewerError(f"the viewer stopped with code {self._process.returncode}: {self.said()}")
+                raise ViewerError(f"the viewer stopped with code {self._process.returncode}: {self.output()}")
             if all(_answers(port) for port in ports):
                 return
             time.sleep(0.1)

@@ -93,5 +93,5 @@ def test_a_run_with_another_controller_than_was_signed_is_refused_before_anythin
         finally:
             twin.fault("arm_controller", "as_built")
     assert done.returncode == 2, done.stderr
-    assert "serial number is XI130400000099, the bring-up was signed for XI130400000000" in done.stderr
+    assert "serial number is XI130400000099, that of the bring-up is XI130400000000" in done.stderr
     assert twin.judge("joints", "arm")["positions"] == pytest.approx(before, abs=2e-3)

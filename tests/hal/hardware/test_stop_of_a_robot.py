@@ -172,7 +172,7 @@ def test_a_controller_that_tells_no_serial_number_is_not_the_one_that_was_brough
         serial_numbers={"hand": "G7"},
         bringup="hand.yaml",
     )
-    with pytest.raises(ConnectionFailedError, match="serial number is not reported, the bring-up was signed for G7"):
+    with pytest.raises(ConnectionFailedError, match="serial number is not reported, that of the bring-up is G7"):
         HardwareRobot(model).connect()
 
 

@@ -166,7 +166,7 @@ def test_a_base_that_does_not_get_there_in_time_says_what_is_left(base: DrivenBa
         base.cycle(PERIOD)  # the wheels are blocked
     assert motion.failure is not None
     assert motion.failure.code is MotionErrorCode.TIMEOUT
-    assert "0.500 m are left" in motion.failure.text
+    assert "0.500 m remain" in motion.failure.text
     assert channel.sent[-1] == Twist2D(0.0, 0.0, 0.0)
     assert base.resting
 

@@ -109,7 +109,7 @@ def test_only_what_is_answered_is_a_sign_of_life(wire: XArmWire, clock: Clock, c
     assert wire.ask(lambda arm: (code, [1.0])) == ([1.0] if code == 0 else None)
     assert wire.heard == (5.0 if heard else 0.0)
     clock.time = 6.0
-    wire.tell("set-point", lambda arm: code)
+    wire.send("set-point", lambda arm: code)
     assert wire.heard == (6.0 if heard else 0.0)
     assert (wire.fault is not None) is (code in (-1, 9))
     assert wire.stopped is (wire.fault is not None)
@@ -139,21 +139,21 @@ def test_an_error_that_any_reply_flags_is_the_fault_with_its_number(
     wire.ask(lambda _: (1, None))
     assert wire.fault is not None
     assert (wire.fault.code, wire.fault.vendor_code, wire.fault.text) == (code, f"C{number}", f"title {number}")
-    wire.tell("set-point", lambda _: 9)  # of which a later refusal is only the consequence
+    wire.send("set-point", lambda _: 9)  # of which a later refusal is only the consequence
     assert wire.fault.vendor_code == f"C{number}"
 
 
 def test_a_refusal_without_an_error_is_a_fault_of_its_own(wire: XArmWire) -> None:
     for code, words in ((9, "not ready to move"), (77, "refused a set-point")):
         wire.make_ready(gripper=False)
-        wire.tell("set-point", lambda _, code=code: code)
+        wire.send("set-point", lambda _, code=code: code)
         assert wire.fault is not None
         assert words in wire.fault.text
         assert wire.fault.vendor_code == f"SDK {code}"
 
 
 def test_a_fault_of_the_gripper_has_the_grippers_number(wire: XArmWire, arm: Arm) -> None:
-    wire.tell("gripper", lambda _: 102)
+    wire.send("gripper", lambda _: 102)
     assert wire.fault is None
     arm.gripper_error = 34
     wire.ask(lambda _: 102)
@@ -209,7 +209,7 @@ def test_a_closed_wire_asks_and_tells_nothing(wire: XArmWire, arm: Arm) -> None:
     wire.close()
     assert arm.calls.count("disconnect") == 1
     assert wire.ask(lambda _: (0, 1)) is None
-    wire.tell("set-point", lambda _: 77)
+    wire.send("set-point", lambda _: 77)
     assert wire.fault is None
 
 
@@ -219,9 +219,9 @@ def test_an_arm_whose_limits_go_beyond_the_controller_s_at_either_end_is_another
     robot_model: RobotModel, end: str, beyond: float, refused: bool
 ) -> None:
     arm = robot_model.of(ArmModel)["arm"]
-    told = [[low, high] for low, high in zip(arm.lower.tolist(), arm.upper.tolist(), strict=True)]
-    told[3][0 if end == "lower" else 1] += beyond if end == "lower" else -beyond
-    identity = ArmIdentity(len(told), 7, tuple((low, high) for low, high in told))
+    ranges = [[low, high] for low, high in zip(arm.lower.tolist(), arm.upper.tolist(), strict=True)]
+    ranges[3][0 if end == "lower" else 1] += beyond if end == "lower" else -beyond
+    identity = ArmIdentity(len(ranges), 7, tuple((low, high) for low, high in ranges))
     mismatch = identity.mismatch("xarm", arm)
     assert (mismatch is not None) is refused
     assert mismatch is None or arm.joint_names[3] in mismatch
@@ -244,7 +244,7 @@ def test_the_controller_is_told_its_limits_in_its_own_units(
     assert ("set_collision_sensitivity", 2) in arm.calls
     load = "set_tcp_load", 1.2, [10.0, -20.0, 30.0]
     assert load in arm.calls
-    connection._tell_load(0.0, (0.0, 0.0, 0.0))  # the hand holds nothing any more
+    connection._set_load(0.0, (0.0, 0.0, 0.0))  # the hand holds nothing any more
     assert arm.calls.count(load) == 2
     assert ("set_reduced_max_joint_speed", max(robot_model.of(ArmModel)["arm"].velocity)) in arm.calls
     assert ("set_reduced_max_tcp_speed", 250.0) in arm.calls

@@ -227,12 +227,12 @@ class PickingExpert:
         return Pose.from_xyz_rpy((x, y, z + self.picked.rise), (math.pi, 0.0, yaw))
 
     def _ahead(self, state: PickState, goal: Pose) -> tuple[list[PickState], list[float]]:
-        states, told = [state], []
+        states, commands = [state], []
         for _ in range(self.horizon):
             state, gripper = self.step(state, goal)
             states.append(state)
-            told.append(gripper)
-        return states, told
+            commands.append(gripper)
+        return states, commands
 
     def _moved(self, state: PickState, target: Array, gripper: float) -> PickState:
         velocity, acceleration, jerk = self._limits

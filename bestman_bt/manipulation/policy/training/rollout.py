@@ -32,20 +32,20 @@ def roll_out(
     kinematics: InverseKinematics,
     arm: ArmModel,
     start: NDArray[np.float64],
-    told: Pose,
+    goal: Pose,
     judged: Pose | None = None,
     chunks: int = 16,
 ) -> Rollout:
     """Run a policy from ``start`` (n,), radians, with the goal ``told``. Errors are relative to ``judged`` (default:
     ``told``).
     """
-    judged = judged or told
+    judged = judged or goal
     path, errors = [start], []
     velocities = np.zeros(len(start))
     policy.reset()
     for _ in range(chunks):
         tool = kinematics.tool_pose(path[-1])
-        chunk = policy.act(Observation(path[-1], tool, pose_vector(told), joint_velocities=velocities))
+        chunk = policy.act(Observation(path[-1], tool, pose_vector(goal), joint_velocities=velocities))
         steps = chunk_path(chunk, path[-1], kinematics, arm)
         done = policy.specification.executed or max(1, (len(steps) - 1) // 2)
         path.extend(steps[1 : done + 1])
