@@ -193,6 +193,14 @@ class JointChannel(ABC):
         """Apply ``efforts`` (n,), N m or N, until a set-point is sent; only if ``takes_efforts`` is set."""
         raise NotImplementedError  # a channel that takes efforts overrides it; the law asks no other
 
+    def halt(self) -> None:
+        """Brake joints that efforts have moved, as hard as their drives can; only if ``takes_efforts`` is set.
+
+        Called every control period until they are at rest: set-points within the limits cannot brake joints that are
+        faster than the limits.
+        """
+        raise NotImplementedError
+
     @abstractmethod
     def send(self, positions: Array, velocities: Array) -> None:
         """Send one set-point (n,); called every control period while joints move; may take a round trip."""

@@ -251,11 +251,12 @@ class SetpointGate:
         return chased
 
     def _braked(self, dt: float) -> Array:
-        """Return the next set-point on the way to rest."""
-        middle = self._before / 2
+        """Return the next set-point on the way to rest; a joint that moves too fast for it stops at its limit."""
+        middle, limits = self._before / 2, self._model
         times = self._braking_times(self.position, self.rate, middle)
         way = _way(middle + dt, times) - _way(middle, times)
-        braked: Array = self.position + self.rate * way
+        lower, upper = np.minimum(limits.lower, self.position), np.maximum(limits.upper, self.position)
+        braked: Array = np.clip(self.position + self.rate * way, lower, upper)
         return braked
 
     def _braking_times(self, position: Array, rate: Array, middle: float) -> Array:

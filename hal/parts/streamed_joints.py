@@ -197,6 +197,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         self._astray = self._waiting = self._slip = self._held = 0.0
         self._lapses_in = 0.0
         self._efforts: Array | None = None
+        self._halting = False  # joints that efforts have moved
         self._gave_way = False  # with a motion under way, which has not been informed
         self.comes_into_limits = False
 
@@ -235,7 +236,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
                     why = "its controller accepts only positions and velocities, not efforts"
                     raise self._connection.refuse("command", why)
                 self._take_over(Hold(self._position), None)
-                self._efforts = torques
+                self._efforts, self._halting = torques, False
                 self._channel.exert(torques)
                 return
             self._leave_effort_mode()
@@ -272,8 +273,9 @@ class StreamedJointGroup(StoppablePart, JointGroup):
     @override
     def brake(self) -> None:
         with self._connection.lock:
-            self._leave_effort_mode()
-            if not self._settled and not isinstance(self._setpoints, Brake):
+            if self._efforts is not None:
+                self._halting = True
+            elif not self._settled and not isinstance(self._setpoints, Brake):
                 self._setpoints = self._braking()
 
     def attach(self) -> None:
@@ -312,8 +314,9 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     def cycle(self, elapsed: float) -> None:
         """Run one control period, ``elapsed`` seconds after the last one: send the next set-point if one is due."""
-        due = self._next_setpoint(elapsed)
-        if due is not None:
+        if self._must_halt():
+            self._channel.halt()
+        elif (due := self._next_setpoint(elapsed)) is not None:
             self._channel.send(*due)
         self.record()
 
@@ -331,6 +334,16 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         row[:n], row[n : 2 * n], row[2 * n : 3 * n] = self._wanted, self._position, self._velocity
         row[3 * n : 4 * n], row[4 * n : 5 * n], row[5 * n :] = reading.positions, reading.velocities, reading.efforts
         self.trace.note(self._gate.reason)
+
+    def _must_halt(self) -> bool:
+        """Return whether joints that efforts have moved are still to be braked; once at rest, set-points hold them."""
+        with self._connection.lock:
+            if self._efforts is None or not self._halting:
+                return False
+            speeds = np.abs(self._channel.read().velocities)
+            if np.max(speeds) < self.model.part.constraints.stopped_velocity:
+                self._leave_effort_mode()
+            return self._efforts is not None
 
     def _next_setpoint(self, elapsed: float) -> tuple[Array, Array] | None:
         """Return the position and velocity to send, or None."""

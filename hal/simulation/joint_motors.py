@@ -150,9 +150,7 @@ class JointMotors(SimulatedChannel, JointChannel):
         Steps at the control rate would shake a held object out of the fingers.
         """
         if self._torques is not None:
-            self._torques = None
-            self.simulation.torques[self._slots] = np.nan
-            self._sent_to = self._measured(0)
+            self._end_torques()
         self._steps_left = self._parameters.control_every
         self._step = (positions - self._sent_to) / self._steps_left
         self._sent_to = positions
@@ -164,6 +162,17 @@ class JointMotors(SimulatedChannel, JointChannel):
             simulation.release(self._indices)
         self._torques, self._steps_left = efforts, 0
         simulation.torques[self._slots] = efforts
+
+    def halt(self) -> None:
+        """Brake with the drives' full efforts."""
+        self._end_torques()
+        efforts = self._model.effort.tolist()
+        self.motors.turn(self.simulation.built.robot, self._indices, [0.0] * len(efforts), efforts)
+
+    def _end_torques(self) -> None:
+        self._torques = None
+        self.simulation.torques[self._slots] = np.nan
+        self._sent_to = self._measured(0)
 
     def _interpolate(self) -> None:
         if self._steps_left:

@@ -17,6 +17,7 @@ from bestman_bt.robot_model.model import ArmModel
 from hal.api import CommandRefusedError, MotionErrorCode
 from hal.parts.channels import JointChannel, JointReading
 from hal.parts.gate import SetpointGate, ToolLimits
+from hal.parts.setpoints import Brake
 from hal.parts.stop_latch import StopLatch
 from hal.parts.streamed_arm import StreamedArm
 
@@ -219,6 +220,22 @@ def test_a_joint_comes_to_rest_within_its_range_whichever_way_it_is_sent_out(sig
     edge = joints.upper[0] if sign > 0.0 else joints.lower[0]
     assert -2e-6 < sign * (edge - gate.position[0]) < 0.01
     assert gate.reason == f"{joints.joint_names[0]} would leave its range"
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_joint_that_cannot_brake_within_its_range_stops_at_its_end(sign: float) -> None:
+    joints = Rig().joints
+    edge = joints.upper if sign > 0.0 else joints.lower
+    place, speed = edge - sign * 0.01 * TURN, sign * joints.velocity * TURN
+    place[1:] = 0.0
+    gate, brake = SetpointGate(joints, PERIOD), Brake(place, speed, joints.acceleration, joints.lower, joints.upper)
+    gate.start(place, speed)
+    for _ in range(round(0.1 / PERIOD)):
+        gate.admit(*brake.advance(PERIOD), PERIOD, PERIOD, braking=True)
+        brake.continue_from(gate.position, gate.rate)
+        assert sign * (edge - gate.position)[0] >= 0.0
+    assert gate.position[0] == pytest.approx(edge[0])
+    assert not gate.moving
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -615,6 +615,11 @@ class Torques(Joints):
     def __init__(self, count: int) -> None:
         super().__init__(count)
         self.exerted: list[np.ndarray] = []
+        self.halts = 0
+
+    def halt(self) -> None:
+        self.halts += 1
+        self.tremble *= 0.9
 
     def exert(self, efforts: np.ndarray) -> None:
         self.exerted.append(efforts.copy())
@@ -641,12 +646,30 @@ def test_efforts_act_at_once_and_end_with_a_stop_from_where_the_joints_are(latch
     assert len(channel.sent) == sent
     here = channel.read().positions
     group.stop()
-    channel.off, channel.tremble = np.zeros(2), 0.0
+    run(group, 5 * PERIOD)
+    assert len(channel.sent) == sent
+    assert channel.halts == 5  # no set-point before the drives have brought the joints to rest
+    assert not group.resting
+    channel.off, channel.tremble = np.zeros(2), 0.01
     channel.at = here
     run(group, 0.01)
     assert np.max(np.abs(channel.sent[-1][0] - here)) < 0.01
     run(group, 0.6)
+    assert channel.halts == 5
     assert group.resting
+
+
+def test_efforts_that_are_commanded_anew_end_the_halt_of_earlier_ones(latch: StopLatch) -> None:
+    channel = Torques(2)
+    group = StreamedJointGroup("head", MODEL, channel, latch, PERIOD)
+    group.attach()
+    channel.tremble = 0.5
+    group.command(efforts=[3.0, -2.0])
+    group.stop()
+    run(group, 2 * PERIOD)
+    group.command(efforts=[1.0, 0.0])
+    run(group, 2 * PERIOD)
+    assert channel.halts == 2
 
 
 def test_a_controller_that_connects_anew_holds_the_joints_where_efforts_have_left_them(latch: StopLatch) -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.scene.scene import World
 from hal.api import Arm, CommandRefusedError, Gripper, MotionErrorCode, MotionStatus
@@ -21,9 +22,12 @@ SLOW = 0.4
 
 @pytest.fixture(scope="module")
 def robot(robot_model: RobotModel, empty_world: World) -> Iterator[SimulatedRobot]:
-    arm = with_limits(robot_model.of(ArmModel)["arm"], acceleration=SLOW)
-    with DefaultRobot(replace(robot_model, parts={**robot_model.parts, "arm": arm}), empty_world, seed=2) as robot:
+    with DefaultRobot(slow(robot_model), empty_world, seed=2) as robot:
         yield robot
+
+
+def slow(model: RobotModel) -> RobotModel:
+    return replace(model, parts={**model.parts, "arm": with_limits(model.of(ArmModel)["arm"], acceleration=SLOW)})
 
 
 @pytest.mark.parametrize("end", ["robot", "part", "cancel"])
@@ -62,16 +66,28 @@ def test_stopped_fingers_halt_and_go_on_only_when_they_are_told_to(robot: Simula
     assert gripper.width() == pytest.approx(width, abs=0.002)
 
 
-def test_a_stop_ends_efforts_and_the_arm_holds(robot: SimulatedRobot) -> None:
-    arm = robot.part("arm", Arm)
-    holding = arm.efforts()  # without them it falls onto the end of a joint's range
-    arm.command(efforts=holding + np.array([5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    robot.clock.sleep(0.1)
-    assert arm.velocities()[0] > 0.3
-    robot.stop()
-    robot.clock.sleep(0.5)
-    assert np.max(np.abs(arm.velocities())) < 0.01
-    there = arm.positions()
-    robot.clear_stop()
-    robot.clock.sleep(0.5)
-    assert arm.positions() == pytest.approx(there, abs=0.005)
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["pybullet", "mujoco"])
+def test_a_stop_ends_efforts_and_the_arm_holds(robot_model: RobotModel, empty_world: World, engine: str) -> None:
+    pytest.importorskip(engine, reason=f"{engine} is not installed")
+    with DRIVERS.resolve(engine)(slow(robot_model), empty_world, seed=2) as robot:
+        arm = robot.part("arm", Arm)
+        home, limits = arm.positions(), arm.model
+        pushes = np.array([0.0, 0.0, 0.0, 0.0, 3.0, 3.0, -3.0])
+        for falling, efforts in ((0.1, 0.0 * pushes), (0.2, 0.0 * pushes), (0.9, 0.0 * pushes), (0.4, pushes)):
+            arm.command(efforts=efforts)
+            robot.clock.sleep(falling)
+            fastest = np.max(np.abs(arm.velocities()) / limits.velocity)
+            assert fastest > 0.3, "the arm falls, onto the end of a joint's range or faster than its limits"
+            robot.stop()
+            robot.clock.sleep(0.5)
+            assert np.max(np.abs(arm.velocities())) < 0.01
+            there = arm.positions()
+            assert np.all((there > limits.lower - 0.01) & (there < limits.upper + 0.01))
+            robot.clear_stop()
+            robot.clock.sleep(0.5)
+            assert arm.positions() == pytest.approx(there, abs=0.005)
+            back = arm.move_to(home)
+            while not back.done:
+                robot.clock.sleep(0.1)
+            assert back.status is MotionStatus.SUCCEEDED
