@@ -52,7 +52,7 @@ def test_the_old_name_says_the_new_one() -> None:
         bt.sesion  # noqa: B018 - reading it raises
 
 
-def test_a_session_that_is_not_open_says_how_to_open_it() -> None:
+def test_a_session_that_is_not_open_reports_how_to_open_it() -> None:
     with pytest.raises(NotConnectedError, match=r"with bestman_bt\.Session"):
         bt.Session(scene="kitchen").run("fetch_cup")
     with pytest.raises(bt.Error, match=r"robot='nope': unknown robot"), bt.Session(robot="nope"):

@@ -141,7 +141,7 @@ def test_what_was_seen_on_the_way_elsewhere_is_not_found_here_but_known(skills: 
 
 
 @pytest.mark.parametrize("container", [DRAWER, "fridge/upper_door"])
-def test_of_a_container_its_furniture_and_what_open_and_shut_mean_are_told(
+def test_of_a_container_its_furniture_and_what_open_and_shut_mean_are_reported(
     skills: Any, library: NodeRegistry, container: str
 ) -> None:
     ports = 'furniture="{furniture}" opening="{opening}" shut="{shut}"'
@@ -164,7 +164,7 @@ def test_a_container_that_did_not_open_is_believed_locked(skills: Any, library: 
 
 
 @pytest.mark.parametrize("leaf", ["TakeContainer", "BelieveLocked"])
-def test_a_container_that_there_is_not_is_told_with_those_that_there_are(
+def test_a_container_that_there_is_not_is_reported_with_those_that_there_are(
     skills: Any, library: NodeRegistry, leaf: str
 ) -> None:
     status, (said,), _ = ticked(skills, library, f'<{leaf} container="drawer_chest/drawer_9"/>')

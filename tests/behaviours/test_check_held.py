@@ -108,7 +108,7 @@ def test_an_empty_hand_is_noticed_by_sight_where_its_width_is_as_expected(taken,
     assert session.skills.held is None
 
 
-def test_a_camera_that_delivers_nothing_is_told_and_the_object_stays_in_the_hand(taken) -> None:
+def test_a_camera_that_delivers_nothing_is_reported_and_the_object_stays_in_the_hand(taken) -> None:
     session, _, held = taken
     session.skills.held = replace(held, width=session.skills.gripper.width())
     camera = session.robot.parts["wrist_camera"]

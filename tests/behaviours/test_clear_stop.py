@@ -86,7 +86,7 @@ def test_it_waits_between_attempts_and_clears_as_soon_as_that_is_possible(
 
 
 @pytest.mark.slow
-def test_a_stop_that_cannot_be_cleared_is_told_with_its_reason(
+def test_a_stop_that_cannot_be_cleared_is_reported_with_its_reason(
     at_table: RobotSession, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = refusing(at_table, 99, monkeypatch)

@@ -57,7 +57,7 @@ def test_what_is_believed_to_stand_open_is_pushed_shut_by_the_fingers_alone(
         assert touched <= {"panda_leftfinger", "panda_rightfinger", leaf.partition("/")[0]}
 
 
-def test_a_drawer_that_jams_on_its_way_is_told_with_how_far_it_is_open() -> None:
+def test_a_drawer_that_jams_on_its_way_is_reported_with_how_far_it_is_open() -> None:
     with standing_open("open_drawer", DRAWER, "22 cm", (0.36, 0.33, -16.0)) as (session, truth):
         session.skills.world.articulations[DRAWER] = 0.30  # the front is felt earlier
         simulation = session.robot.simulation
@@ -83,7 +83,7 @@ def test_a_drawer_that_jams_just_before_it_is_shut_is_seen_to_be_open() -> None:
         assert succeeds(session, look)
 
 
-def test_a_drawer_that_is_not_where_it_is_believed_to_be_is_told() -> None:
+def test_a_drawer_that_is_not_where_it_is_believed_to_be_is_reported() -> None:
     with standing_open("open_drawer", DRAWER, "2 cm", (0.36, 0.33, -16.0)) as (session, _):
         session.skills.world.articulations[DRAWER] = 0.22
         code, words = why_not(session, '<Close articulation="{articulation}"/>')

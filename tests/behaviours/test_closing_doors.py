@@ -45,7 +45,7 @@ def belief_error(session: RobotSession, truth: GroundTruth) -> float:
     return session.skills.world.base.pose.distance_to(truth.base_pose().to_pose2d())
 
 
-def test_it_stops_before_a_door_that_stays_shut_and_says_why(kitchen_with) -> None:
+def test_it_stops_before_a_door_that_stays_shut_and_reports_why(kitchen_with) -> None:
     session, truth = kitchen_with(DOOR, SOMEBODY_SHUTS)
     code, why = why_not(session, to(BEHIND_THE_DOORWAY, replans=0))
     assert truth.articulation_position(LEAF) < math.radians(3.0)

@@ -43,7 +43,7 @@ def test_every_code_that_a_skill_fails_with_is_declared_and_only_those(name: str
     assert set(own_failures(LEAVES[name])) <= raised | OF_ENUMERATIONS
 
 
-def test_the_codes_of_motions_cameras_and_planners_are_declared_where_they_are_told() -> None:
+def test_the_codes_of_motions_cameras_and_planners_are_declared_where_they_are_reported() -> None:
     assert set(MOTION_FAILS) == set(MotionErrorCode)
     assert set(SEEING_FAILS) == set(CameraErrorCode)
     assert {*ARM_PLANNING_FAILS, "timeout"} == set(PlanningErrorCode)
@@ -66,7 +66,7 @@ def test_the_more_special_advice_counts() -> None:
 
 
 @pytest.mark.parametrize("name", sorted({"Grasp", "PlaceOn", "PlaceIn", "Push", "Open", "Close"}))
-def test_skills_that_act_on_things_say_what_they_need_and_bring_about(name: str) -> None:
+def test_skills_that_act_on_things_report_what_they_need_and_bring_about(name: str) -> None:
     declared = LEAVES[name].DECLARATION  # type: ignore[attr-defined]  # these are skills, LEAVES holds nodes
     assert declared.pre
     assert declared.effects

@@ -60,7 +60,7 @@ def test_how_far_a_drawer_is_open_is_told_from_beliefs(before_the_drawer) -> Non
     assert why_not(session, '<IsOpen articulation="drawer_chest/drawer_7"/>')[0] == "unknown_articulation"
 
 
-def test_what_cannot_be_done_is_told(before_the_drawer) -> None:
+def test_what_cannot_be_done_is_reported(before_the_drawer) -> None:
     session, _ = before_the_drawer
     assert why_not(session, '<LookInto surface="drawer_chest/drawer_9"/>')[0] == "unknown_surface"
     assert why_not(session, '<GoalOnSurface goal="0;0;0" surface="drawer_9" now="{now}"/>')[0] == "unknown_surface"

@@ -147,7 +147,9 @@ def test_it_waits_a_while_for_a_path_and_takes_a_long_one_then(skills: Any) -> N
     assert tree.blackboard.get("path").length == 9.0
 
 
-def test_where_only_what_the_map_lacks_is_in_the_way_it_waits_and_says_so_else_it_says_why_at_once(skills: Any) -> None:
+def test_where_only_what_the_map_lacks_is_in_the_way_it_waits_and_reports_it_else_it_reports_why_at_once(
+    skills: Any,
+) -> None:
     skills.plans = [NO_PATH, path_of(2.0), *[NO_PATH] * 99]
     begin = skills.clock.now()
     assert run(skills, to_goal(skills, replans=0), 600) == FAILURE

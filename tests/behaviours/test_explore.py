@@ -76,7 +76,7 @@ def test_halted_on_the_way_it_stops_and_gives_the_old_localisation_back() -> Non
         assert not isinstance(opened.skills.base.localisation.estimate, SlamEstimate)
 
 
-def test_time_that_is_up_is_told_and_the_map_is_saved_all_the_same(tmp_path: Path) -> None:
+def test_time_that_is_up_is_reported_and_the_map_is_saved_all_the_same(tmp_path: Path) -> None:
     with session(seed=2) as opened:
         file = tmp_path / "part.yaml"
         execution = opened.run(tree_of(f'<ExploreAndMap file="{file}" max_time="2"/>'))
@@ -88,7 +88,7 @@ def test_time_that_is_up_is_told_and_the_map_is_saved_all_the_same(tmp_path: Pat
 @pytest.mark.parametrize(
     ("range_max", "words"), [("70 cm", "not seen anything"), ("1.5 m", "too little known free space")]
 )
-def test_a_lidar_that_sees_too_little_to_drive_is_told_and_no_finished_map(range_max: str, words: str) -> None:
+def test_a_lidar_that_sees_too_little_to_drive_is_reported_and_no_finished_map(range_max: str, words: str) -> None:
     with session(seed=2, settings=[f"robot.parts.lidar.set.range_max={range_max}"]) as opened:
         execution = opened.run(tree_of("<ExploreAndMap/>"))
         assert execution.tree_status == "FAILURE"

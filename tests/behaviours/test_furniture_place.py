@@ -102,7 +102,7 @@ LOWER = FRONT[2] - 0.261
 
 
 @pytest.mark.parametrize("off", [(0.10, 0.0), (-0.10, 0.0), (0.0, 0.10), (0.0, -0.10), (-0.10, 0.09)])
-def test_two_fronts_in_one_plane_tell_where_a_piece_stands_however_wrong_the_map_is(believed, off) -> None:
+def test_two_fronts_in_one_plane_report_where_a_piece_stands_however_wrong_the_map_is(believed, off) -> None:
     true = believed.map.furniture["drawer_chest"].pose @ Pose2D(*off, 0.02)
     believe_shut_fronts(believed, "drawer_chest", [handle_on(true), handle_on(true, LOWER)])
     piece = believed.map.furniture["drawer_chest"]
@@ -137,7 +137,7 @@ def test_what_does_not_show_that_the_map_is_wrong_leaves_it_as_it_is(believed, p
 
 
 @pytest.mark.parametrize("off", [0.0, -0.02, 0.03])
-def test_of_two_fronts_the_one_farther_back_tells_the_place_that_the_maps_error_explains(believed, off) -> None:
+def test_of_two_fronts_the_one_farther_back_reports_the_place_that_the_maps_error_explains(believed, off) -> None:
     true = believed.map.furniture["drawer_chest"].pose @ Pose2D(off, 0.01, 0.0)
     out = true @ Pose2D(-0.09, 0.0, 0.0)
     believe_shut_fronts(believed, "drawer_chest", [handle_on(out), handle_on(true, LOWER)], explained_too=True)

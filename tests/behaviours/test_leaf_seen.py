@@ -80,7 +80,7 @@ def test_what_is_beside_the_leaf_or_at_its_hinge_is_no_handle_of_it() -> None:
         ("drawer_chest", "drawer_2", 0.3, 0.12),
     ],
 )
-def test_a_handle_that_was_seen_before_tells_how_far_a_leaf_has_moved_whatever_the_map_is_wrong_by(
+def test_a_handle_that_was_seen_before_reports_how_far_a_leaf_has_moved_whatever_the_map_is_wrong_by(
     name: str, part: str, before: float, now: float
 ) -> None:
     leaf, known = leaf_and_handle(name, part, before)
@@ -88,7 +88,7 @@ def test_a_handle_that_was_seen_before_tells_how_far_a_leaf_has_moved_whatever_t
     assert opening_since(leaf, before, known, seen) == pytest.approx(now, abs=1e-4)
 
 
-def test_another_handle_does_not_tell_how_far_a_leaf_has_moved() -> None:
+def test_another_handle_does_not_report_how_far_a_leaf_has_moved() -> None:
     leaf, known = leaf_and_handle("drawer_chest", "drawer_2", 0.0)
     _, other = leaf_and_handle("drawer_chest", "drawer_3", 0.2)
     assert opening_since(leaf, 0.0, known, other) is None
@@ -122,19 +122,19 @@ def board_seen(
 @pytest.mark.parametrize("part", ["upper_door", "lower_door"])
 @pytest.mark.parametrize("degrees", [10.0, 55.0, 90.0])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_the_front_and_the_back_of_a_door_tell_how_far_it_is_open(part: str, degrees: float, side: float) -> None:
+def test_the_front_and_the_back_of_a_door_report_how_far_it_is_open(part: str, degrees: float, side: float) -> None:
     leaf, plane = board_seen("fridge", part, math.radians(degrees), (side, 0.0, 0.0), share=0.5)
     assert opening_by_board(leaf, plane) == pytest.approx(math.radians(degrees), abs=math.radians(2.0))
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_the_front_and_the_back_of_a_drawer_front_tell_how_far_it_is_out(side: float) -> None:
+def test_the_front_and_the_back_of_a_drawer_front_report_how_far_it_is_out(side: float) -> None:
     leaf, plane = board_seen("drawer_chest", "drawer_2", 0.22, (side, 0.0, 0.0))
     assert opening_by_board(leaf, plane) == pytest.approx(0.22, abs=0.045)
 
 
 @pytest.mark.parametrize(("name", "part"), [("fridge", "upper_door"), ("drawer_chest", "drawer_2")])
-def test_the_board_of_a_shut_leaf_tells_that_it_is_shut(name: str, part: str) -> None:
+def test_the_board_of_a_shut_leaf_reports_that_it_is_shut(name: str, part: str) -> None:
     assert opening_by_board(*board_seen(name, part, 0.0)) == 0.0
 
 

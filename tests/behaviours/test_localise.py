@@ -115,7 +115,7 @@ def test_it_does_not_turn_where_something_is_too_near(anywhere, monkeypatch) -> 
     assert abs(wrap_angle(truth.base_pose().to_pose2d().theta - before.theta)) < 0.01
 
 
-def test_a_building_that_is_not_on_the_map_is_told(anywhere, monkeypatch) -> None:
+def test_a_building_that_is_not_on_the_map_is_reported(anywhere, monkeypatch) -> None:
     session, _ = anywhere()
     corners = 1.2 * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
     elsewhere = SemanticMap(np.hstack([corners, np.roll(corners, -1, axis=0)]), {})

@@ -34,7 +34,7 @@ def test_somebody_who_crosses_the_way_is_not_touched(kitchen_with) -> None:
     assert audited(session).collisions == ()
 
 
-def test_a_door_that_stays_shut_is_told_after_the_recoveries(kitchen_with) -> None:
+def test_a_door_that_stays_shut_is_reported_after_the_recoveries(kitchen_with) -> None:
     session, truth = kitchen_with(DOOR)
     code, why = why_not(session, to(BEHIND_THE_DOORWAY, replans=1))
     assert code == "path_blocked"
@@ -89,7 +89,7 @@ def test_a_lidar_that_fails_for_good_stops_the_base_and_is_named(kitchen_with, f
     assert fastest(session) < 0.01
 
 
-def test_wheels_that_do_not_turn_are_told_and_not_taken_for_an_obstacle(kitchen_with, monkeypatch) -> None:
+def test_wheels_that_do_not_turn_are_reported_and_not_taken_for_an_obstacle(kitchen_with, monkeypatch) -> None:
     session, truth = kitchen_with()
     before = truth.base_pose().to_pose2d()
     monkeypatch.setattr(WheelMotors, "drive", lambda motors, speeds: motors.park())

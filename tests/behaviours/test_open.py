@@ -126,7 +126,7 @@ def test_a_drawer_that_slid_back_is_seen_to_be_open_less_than_it_was_felt(opened
     assert session.skills.world.articulations[DRAWER] == pytest.approx(truth.articulation_position(DRAWER), abs=0.012)
 
 
-def test_a_drawer_that_does_not_move_is_said_to_be_locked_and_is_let_go(tmp_path) -> None:
+def test_a_drawer_that_does_not_move_is_reported_to_be_locked_and_is_let_go(tmp_path) -> None:
     chest = (ROOT / "assets/furniture/drawer_chest.yaml").read_text()
     (tmp_path / "stiff_chest.yaml").write_text(chest.replace("friction: 15 N", "friction: 400 N"))
     (tmp_path / "stiff.yaml").write_text(STIFF.replace("CHEST", str(tmp_path / "stiff_chest.yaml")))
@@ -176,7 +176,9 @@ def with_chest_mapped(session: RobotSession, x: float) -> Pose2D:
     return true
 
 
-def test_a_drawer_of_a_chest_that_stands_ten_centimetres_nearer_is_opened_as_far_as_asked_and_that_is_told() -> None:
+def test_a_drawer_of_a_chest_that_stands_ten_centimetres_nearer_is_opened_as_far_as_asked_and_that_is_reported() -> (
+    None
+):
     with drawer_session(start=BEFORE_IT) as (session, truth):
         with_chest_mapped(session, 0.10)
         tree = session.load(tree_of(OPEN.replace("<Open ", '<Open opened="{opened}" ')))

@@ -76,7 +76,7 @@ def test_an_object_without_a_model_that_was_never_seen_is_unknown_and_one_with_a
     assert codes(skills) == ["unknown_object", "not_found", "not_found"]
 
 
-def test_a_camera_that_the_robot_does_not_have_is_told(skills: Any) -> None:
+def test_a_camera_that_the_robot_does_not_have_is_reported(skills: Any) -> None:
     for name in ("wrist", "ceiling"):
         assert run(skills, load(skills, f'<DetectObject object="cup" surface="table" camera="{name}"/>')) == FAILURE
     assert codes(skills) == ["no_camera", "no_camera"]
@@ -126,7 +126,7 @@ def test_a_named_thing_that_its_model_does_not_fit_has_no_confidence_and_one_wit
         assert tree.root.feedback_message == "banana by its measured box, no model fits, score 0.60"
 
 
-def test_the_score_of_a_detector_is_told_beside_the_confidence(skills: Any) -> None:
+def test_the_score_of_a_detector_is_reported_beside_the_confidence(skills: Any) -> None:
     detect = DETECT.replace("<DetectObject", '<DetectObject score="{score}"')
     seen = belief(skills, skills.clock.now())
     skills.after_view = replace(seen, score=0.8)

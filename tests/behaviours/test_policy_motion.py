@@ -55,7 +55,7 @@ def test_cancelled_neither_the_arm_nor_the_fingers_go_on(skills: Any, motion: Po
     assert (skills.arm.under_way, skills.gripper.under_way) == ([], [])
 
 
-def test_the_gripper_is_told_each_width_at_its_time_and_only_where_it_is_another_one(
+def test_the_gripper_is_reported_each_width_at_its_time_and_only_where_it_is_another_one(
     skills: Any, motion: PolicyMotion
 ) -> None:
     """It is open by 80 mm at first; widths beyond what it can open to are cut."""
@@ -107,7 +107,7 @@ def test_the_arm_is_watched_by_the_clock_and_by_the_box(
     assert words is None or words in objection
 
 
-def test_an_arm_that_the_clock_has_stopped_is_told_as_time_that_is_up(skills: Any, motion: PolicyMotion) -> None:
+def test_an_arm_that_the_clock_has_stopped_is_reported_as_time_that_is_up(skills: Any, motion: PolicyMotion) -> None:
     steps = motion.carry_out(chunk(0.08), skills.clock.now(), 1)
     next(steps)
     skills.clock.advance(DEADLINE + 0.05)

@@ -47,7 +47,7 @@ def test_a_thing_stands_upright_at_its_goal_after_the_push(tmp_path, model, yaw,
 
 
 @pytest.mark.slow
-def test_what_stands_against_a_wall_that_nobody_saw_is_told_as_blocked(tmp_path) -> None:
+def test_what_stands_against_a_wall_that_nobody_saw_is_reported_as_blocked(tmp_path) -> None:
     """Three soup cans in a row, which weigh more than the wrist allows, come into the way after the look."""
     things = {f"heavy{i}": ("soup_can", 0.2, 0.25 + 0.08 * i, 0.0) for i in range(3)}
     with known_world(table_with(tmp_path, can=("can", -0.2, 0.0, 0.0), **things)) as (session, truth):

@@ -99,7 +99,7 @@ def test_what_was_pushed_is_believed_as_far_on_in_the_map_as_the_hand_went_with_
     assert asked[2:] == (0.04, GAP + DISTANCE, 9.0)
 
 
-def test_a_resistance_is_told_after_the_hand_is_back_and_how_far_it_went_is_believed(skills: Any) -> None:
+def test_a_resistance_is_reported_after_the_hand_is_back_and_how_far_it_went_is_believed(skills: Any) -> None:
     skills.arm.ends["move_until"] = [outcome(GAP + 0.05, touched=True)]
     assert run(skills, push(skills, goal=goal_of(skills))) == FAILURE
     assert codes(skills) == ["blocked"]

@@ -183,7 +183,7 @@ def test_a_policy_that_gives_nan_or_jumps_moves_nothing(robot: RobotSession) -> 
     assert "jumps" in why
 
 
-def test_a_server_that_is_gone_is_told_by_its_code(robot: RobotSession) -> None:
+def test_a_server_that_is_gone_is_reported_by_its_code(robot: RobotSession) -> None:
     def lost(observation: Observation) -> ActionChunk:
         raise PolicyUnreachableError("ws://robot:8000 gave no answer")
 

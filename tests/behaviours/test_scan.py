@@ -150,5 +150,5 @@ def test_a_scan_without_any_picture_fails_and_changes_no_belief(table) -> None:
     assert session.skills.world.objects == before
 
 
-def test_a_scan_of_a_surface_that_is_not_there_says_why(table) -> None:
+def test_a_scan_of_a_surface_that_is_not_there_reports_why(table) -> None:
     assert why_not(table[0], '<ScanScene surface="piano"/>')[0] == "unknown_surface"

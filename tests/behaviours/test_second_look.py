@@ -48,7 +48,7 @@ def test_what_was_never_seen_cannot_be_looked_at_again(crowded) -> None:
     assert (code, words) == ("not_found", "the duck has not been seen; detect it first")
 
 
-def test_one_view_leaves_the_yaw_open_and_says_so(crowded) -> None:
+def test_one_view_leaves_the_yaw_open_and_reports_it(crowded) -> None:
     session, truth = crowded
     session.skills.world.objects.clear()
     session.skills.observations.clear()

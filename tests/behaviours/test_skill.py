@@ -299,7 +299,7 @@ def test_a_skill_may_go_on_after_a_controller_that_fails(bystander: RobotSession
     assert leaf_of(tree, TryTwice).feedback_message == "not there: unreachable"
 
 
-def test_skills_say_what_context_they_need(bystander: RobotSession) -> None:
+def test_skills_report_what_context_they_need(bystander: RobotSession) -> None:
     tree = load_tree(tree_of('<MoveArm posture="carry"/>'), bystander.setup.registry, context="no robot")
     with pytest.raises(NodeError, match="skills need a SkillContext as the tree's context, not str"):
         tree.tick_once()
@@ -341,7 +341,7 @@ class HoldsTrue(SkillCondition):
         (HoldsTrue, HoldsTrue.check, "HoldsTrue.check should return None if it is true, else (code, why); got True"),
     ],
 )
-def test_mistakes_of_a_skills_author_are_told_with_the_remedy_and_their_line(
+def test_mistakes_of_a_skills_author_are_reported_with_the_remedy_and_their_line(
     leaf: type[Node], method: Any, words: str
 ) -> None:
     tree = build_tree(leaf("mine"))

@@ -30,7 +30,7 @@ def grease(session: RobotSession, name: str) -> None:
     simulation.engine.set_friction(simulation.built.objects[name], 0.0, 0.0)
 
 
-def test_a_cup_that_slips_out_of_the_hand_mid_way_stops_the_robot_which_says_so(tmp_path) -> None:
+def test_a_cup_that_slips_out_of_the_hand_mid_way_stops_the_robot_which_reports_it(tmp_path) -> None:
     with known_world(table_with(tmp_path, heading=0.0, cup=("cup", -0.2, 0.0, 0.0))) as (session, truth):
         assert succeeds(session, TAKE), session.skills.failures
         tree = session.load(tree_of(CARRY))

@@ -29,7 +29,7 @@ INTRINSICS = CameraIntrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
         '<ScanScene surface="counter/top" views="1"/>',
     ],
 )
-def test_a_surface_that_is_not_in_view_has_a_code_of_its_own_and_the_message_says_where_to_go(leaf: str) -> None:
+def test_a_surface_that_is_not_in_view_has_a_code_of_its_own_and_the_message_reports_where_to_go(leaf: str) -> None:
     skills = scripted_skills()
     pose = Pose(map_from(ASKEW, 0.7, 0.0, 0.8))
     skills.world.objects["cup"] = ObjectBelief("cup", skills.world.models["cup"], pose, 0.9, 0.002, 40.0)

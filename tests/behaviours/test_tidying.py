@@ -141,7 +141,7 @@ def test_how_an_object_is_turned_counts_where_a_tolerance_is_given(table, order,
         session.skills.world.objects["cup"] = belief
 
 
-def test_a_hand_that_does_not_let_go_says_so_and_keeps_the_object(table, monkeypatch) -> None:
+def test_a_hand_that_does_not_let_go_reports_it_and_keeps_the_object(table, monkeypatch) -> None:
     session, _ = table
     skills = session.skills
     held = HeldObject("can", skills.world.objects["cup"].model, Pose(), skills.gripper.width())

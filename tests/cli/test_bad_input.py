@@ -125,7 +125,7 @@ def test_an_unknown_node_that_a_file_beside_the_tree_defines_is_brought_as_a_plu
     assert "unknown node 'Nothing_like_it'" in refused("run", "t.xml", "--plugin", "skills.py")
 
 
-def test_all_errors_of_a_task_and_its_tree_are_told_at_once_in_the_order_of_lines(refused, folder: Path) -> None:
+def test_all_errors_of_a_task_and_its_tree_are_reported_at_once_in_the_order_of_lines(refused, folder: Path) -> None:
     (folder / "mine.yaml").write_text("""\
 tree: t.xml
 scene: kitchen
@@ -165,7 +165,7 @@ algorithms:
     ("options", "others"),
     [((), 0), (("--set", "tick_rat=3"), 1), (("--scene", "kichen"), 1), (("--robot", "dif_panda"), 1)],
 )
-def test_an_entry_that_nothing_writes_is_told_with_all_other_faults(
+def test_an_entry_that_nothing_writes_is_reported_with_all_other_faults(
     refused, folder: Path, options: tuple[str, ...], others: int
 ) -> None:
     nodes = (
@@ -181,7 +181,7 @@ def test_an_entry_that_nothing_writes_is_told_with_all_other_faults(
         assert last == "t.xml:8: warning: <NavigateTo> port 'goal': reads '{stand}', which nothing in the tree writes"
 
 
-def test_faults_of_a_python_tree_and_names_that_nothing_bears_are_told_at_once(refused, folder: Path) -> None:
+def test_faults_of_a_python_tree_and_names_that_nothing_bears_are_reported_at_once(refused, folder: Path) -> None:
     (folder / "t.py").write_text(
         "from behaviours.manipulation.move_arm import MoveArm\n"
         "from bestman_bt.engine import Sequence\n\n\ndef build():\n"
@@ -191,7 +191,7 @@ def test_faults_of_a_python_tree_and_names_that_nothing_bears_are_told_at_once(r
     assert [line.partition(": ")[0] for line in told] == ["t.py:7", "t.py:7", "t.py:8"]
 
 
-def test_run_and_validate_tell_the_same_errors_of_a_tree(refused, folder: Path) -> None:
+def test_run_and_validate_report_the_same_errors_of_a_tree(refused, folder: Path) -> None:
     nodes = (
         '<Timeout><AlwaysSuccess/></Timeout>\n<Sleep msec="2 s"/>\n<Parallel success_count="7"><AlwaysSuccess/>'
         '</Parallel>\n<SubTree ID="Nix"/>\n<NavigateTo sped="3"/>\n<Script code="a := := 2"/>\n<LookAt/>\n<Grab/>\n'
@@ -210,7 +210,7 @@ def test_run_and_validate_tell_the_same_errors_of_a_tree(refused, folder: Path) 
     assert len(errors) == 14
 
 
-def test_all_errors_of_a_tree_are_told_at_once(refused, folder: Path) -> None:
+def test_all_errors_of_a_tree_are_reported_at_once(refused, folder: Path) -> None:
     (folder / "t.xml").write_text(tree("<Sequence>\n<NavigateTo/>\n<Grap/>\n</Sequence>"))
     told = refused("run", "t.xml").splitlines()
     assert told[0] == "bestman-bt: 2 errors, nothing was started:"
@@ -301,7 +301,7 @@ def test_a_setting_that_is_wrong_is_refused(refused, setting: str, message: str)
     assert told.count("\n") == 1
 
 
-def test_a_network_that_is_not_there_is_told_before_anything_starts(refused) -> None:
+def test_a_network_that_is_not_there_is_reported_before_anything_starts(refused) -> None:
     told = refused(
         "run",
         "fetch_cup",
@@ -454,13 +454,13 @@ def test_the_program_itself_refuses_alike(folder: Path) -> None:
     assert sorted(path.name for path in folder.iterdir()) == ["t.xml"]
 
 
-def test_a_suite_that_is_misspelt_is_told_as_a_task_is(refused: Callable[..., str]) -> None:
+def test_a_suite_that_is_misspelt_is_reported_as_a_task_is(refused: Callable[..., str]) -> None:
     assert "manipulatoin: unknown; did you mean the suite 'manipulation'?" in refused("eval", "manipulatoin")
     assert "unknown task 'fetch_cpu'; did you mean 'fetch_cup'?" in refused("eval", "fetch_cpu")
 
 
 @pytest.mark.slow
-def test_a_planner_that_is_not_installed_is_told_with_what_installs_it(
+def test_a_planner_that_is_not_installed_is_reported_with_what_installs_it(
     refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "up_fast_downward", None)
@@ -473,7 +473,7 @@ def test_a_replay_without_a_recording_and_a_recording_without_a_replay(refused: 
     )
 
 
-def test_entries_whose_names_are_no_keys_are_told_beside_other_faults(refused, folder: Path) -> None:
+def test_entries_whose_names_are_no_keys_are_reported_beside_other_faults(refused, folder: Path) -> None:
     nodes = '<SetBlackboard value="3" output_key=""/>\n<UnsetBlackboard key="@@k"/>\n<Sleep msec="x"/>'
     body = f'<BehaviorTree ID="M"><Sequence>\n{nodes}</Sequence></BehaviorTree>'
     (folder / "t.xml").write_text(f'<root BTCPP_format="4" main_tree_to_execute="M">{body}</root>')

@@ -36,7 +36,7 @@ connections:
         ),
     ],
 )
-def test_wrong_input_is_told_and_nothing_is_signed(
+def test_wrong_input_is_reported_and_nothing_is_signed(
     bestman_bt: Callable[..., Answer],
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,

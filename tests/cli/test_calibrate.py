@@ -51,7 +51,7 @@ def test_a_head_is_calibrated_with_a_board_in_the_hand(bestman_bt: Command) -> N
     assert answer.document["file"] == "calibration-head-4/calibration.yaml"
 
 
-def test_wrong_input_is_told_before_anything_starts(bestman_bt: Command) -> None:
+def test_wrong_input_is_reported_before_anything_starts(bestman_bt: Command) -> None:
     for arguments, words in (
         (("hand-eye",), "give a dataset, or --simulate ROBOT"),
         (("hand-eye", "views", "--simulate", "diff_panda"), "and not both"),

@@ -54,7 +54,7 @@ def evaluations(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["mine:bit", "later:bit"], "no seed is in both"),
     ],
 )
-def test_what_cannot_be_compared_is_told(
+def test_what_cannot_be_compared_is_reported(
     bestman_bt: Command, evaluations: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], words: str
 ) -> None:
     monkeypatch.chdir(evaluations)

@@ -15,7 +15,7 @@ TASK = ("--task", "fetch_from_drawer")
 GOAL = "on(cup, table) and closed(drawer_3)"
 
 
-def test_abilities_predicates_things_and_beliefs_are_told(bestman_bt: Command) -> None:
+def test_abilities_predicates_things_and_beliefs_are_reported(bestman_bt: Command) -> None:
     answer = bestman_bt("domain", *TASK)
     assert answer.code == 0, answer.err
     for line in (
@@ -35,7 +35,7 @@ def test_without_a_scene_only_the_domain_is_listed(bestman_bt: Command) -> None:
     assert "--scene, --task or --world" in hint
 
 
-def test_the_document_has_what_was_told(bestman_bt: Command) -> None:
+def test_the_document_has_what_was_reported(bestman_bt: Command) -> None:
     document = bestman_bt("domain", *TASK, "--goal", GOAL, "--json").document
     assert document["goal"] == ["on(cup, table/top)", "closed(drawer_chest/drawer_3)"]
     assert document["objects"]["drawer_chest/drawer_3"] == "drawer"

@@ -29,7 +29,9 @@ def failed_run(folder: Path) -> Path:
     return folder
 
 
-def test_a_failure_is_told_with_what_was_in_the_way_the_pose_and_the_picture(bestman_bt: Command, folder: Path) -> None:
+def test_a_failure_is_reported_with_what_was_in_the_way_the_pose_and_the_picture(
+    bestman_bt: Command, folder: Path
+) -> None:
     answer = bestman_bt("explain", failed_run(folder / "run"))
     assert answer.code == 0
     for said in (
@@ -52,7 +54,7 @@ def test_a_result_with_what_a_motion_met_is_read_as_it_was_written(folder: Path)
     assert RunResult.from_document(document).failure.obstacle == MET
 
 
-def test_a_run_without_failure_and_one_that_was_killed_say_so(bestman_bt: Command, folder: Path) -> None:
+def test_a_run_without_failure_and_one_that_was_killed_report_it(bestman_bt: Command, folder: Path) -> None:
     write_run(folder / "good")
     answer = bestman_bt("explain", folder / "good")
     assert (answer.code, "nothing failed" in answer.out) == (0, True)

@@ -33,7 +33,7 @@ def test_a_run_and_its_log_alone_are_exported_alike(bestman_bt: Command, folder:
         (("run", "--format", "sqlite", "-o", "other.txt"), "cannot be written: file is not a database"),
     ],
 )
-def test_what_cannot_be_exported_is_told(
+def test_what_cannot_be_exported_is_reported(
     bestman_bt: Command, folder: Path, arguments: tuple[str, ...], words: str
 ) -> None:
     write_run(folder / "run")

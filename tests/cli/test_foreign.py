@@ -26,7 +26,7 @@ def written(path: Path, body: str, tree_id: str = "Main") -> None:
     path.write_text(f'<root BTCPP_format="4">\n<BehaviorTree ID="{tree_id}">\n{body}\n</BehaviorTree>\n</root>')
 
 
-def test_show_draws_what_is_not_here_and_says_where_it_is_known_from(bestman_bt: Command, folder: Path) -> None:
+def test_show_draws_what_is_not_here_and_reports_where_it_is_known_from(bestman_bt: Command, folder: Path) -> None:
     written(folder / "t.xml", '<Sequence><OpenLid side="{s}"/><SubTree ID="Pour"/></Sequence>')
     answer = bestman_bt("show", "t.xml")
     assert answer.code == 0
@@ -94,7 +94,7 @@ def test_validate_of_a_folder_sums_up(bestman_bt: Command, folder: Path) -> None
     assert "1 trees that no other uses: Main" in answer.out
 
 
-def test_simulate_tells_the_outcome_and_what_was_not_tried(bestman_bt: Command, folder: Path) -> None:
+def test_simulate_reports_the_outcome_and_what_was_not_tried(bestman_bt: Command, folder: Path) -> None:
     written(folder / "t.xml", '<Fallback><OpenLid side="{s}"/><CallForHelp/></Fallback>')
     (folder / "s.yaml").write_text("nodes: {OpenLid: {result: SUCCESS, duration: 2}, Opn: FAILURE}")
     answer = bestman_bt("simulate", "t.xml", "--scenario", "s.yaml", "--svg", "t.svg")
@@ -147,7 +147,7 @@ def test_diff_tells_and_draws_what_changed(bestman_bt: Command, folder: Path) ->
     assert bestman_bt("diff", "a.xml", "c.xml").code == 2
 
 
-def test_convert_writes_version_4_and_tells_what_to_look_at(bestman_bt: Command, folder: Path) -> None:
+def test_convert_writes_version_4_and_reports_what_to_look_at(bestman_bt: Command, folder: Path) -> None:
     tree = '<root>\n<BehaviorTree ID="A"><SubTree ID="B" __shared_blackboard="true"/></BehaviorTree></root>'
     (folder / "old.xml").write_text(tree)
     assert bestman_bt("validate", "old.xml").code == 2

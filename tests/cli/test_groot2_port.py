@@ -17,7 +17,7 @@ XML = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Sleep name="nap" msec="60
 
 
 @pytest.mark.parametrize("taken", [0, 1])
-def test_a_port_that_is_taken_is_told_before_anything_starts(taken: int) -> None:
+def test_a_port_that_is_taken_is_reported_before_anything_starts(taken: int) -> None:
     port = free_ports()
     with socket.socket() as other:
         other.bind(("127.0.0.1", port + taken))

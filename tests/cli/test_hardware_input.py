@@ -15,7 +15,7 @@ RUN = ("run", "pick_place_table", "--robot", "diff_xarm6", "--driver", "hardware
 NOBODY = "127.9.9.9"
 
 
-def test_all_missing_addresses_are_told_before_anything_connects(bestman_bt: Command, folder: Path) -> None:
+def test_all_missing_addresses_are_reported_before_anything_connects(bestman_bt: Command, folder: Path) -> None:
     answer = bestman_bt(*RUN)
     assert answer.code == 2
     assert "connections.arm_controller.address: is missing" in answer.err
@@ -23,7 +23,7 @@ def test_all_missing_addresses_are_told_before_anything_connects(bestman_bt: Com
     assert not list(folder.iterdir())
 
 
-def test_a_robot_without_connections_is_told_once(bestman_bt: Command, folder: Path) -> None:
+def test_a_robot_without_connections_is_reported_once(bestman_bt: Command, folder: Path) -> None:
     answer = bestman_bt("run", "pick_place_table", "--robot", "diff_panda", "--driver", "hardware")
     assert answer.code == 2
     told = "started: diff_panda: connections: is missing, so the driver hardware has no part of diff_panda"
@@ -32,7 +32,7 @@ def test_a_robot_without_connections_is_told_once(bestman_bt: Command, folder: P
     assert not list(folder.iterdir())
 
 
-def test_a_vendors_package_that_is_missing_is_told_with_all_other_faults(
+def test_a_vendors_package_that_is_missing_is_reported_with_all_other_faults(
     bestman_bt: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "xarm", None)
@@ -44,7 +44,7 @@ def test_a_vendors_package_that_is_missing_is_told_with_all_other_faults(
 
 
 @pytest.mark.slow
-def test_a_controller_that_does_not_answer_is_told_in_words_and_leaves_no_run(
+def test_a_controller_that_does_not_answer_is_reported_in_words_and_leaves_no_run(
     bestman_bt: Command, folder: Path
 ) -> None:
     settings = (
@@ -65,7 +65,7 @@ def test_a_controller_that_does_not_answer_is_told_in_words_and_leaves_no_run(
     assert not list((folder / "runs").iterdir())
 
 
-def test_a_judge_that_is_not_there_is_told_first(bestman_bt: Command, folder: Path) -> None:
+def test_a_judge_that_is_not_there_is_reported_first(bestman_bt: Command, folder: Path) -> None:
     answer = bestman_bt(*RUN, "--judge", "/nowhere")
     assert answer.code == 2
     assert "--judge /nowhere: no judge of twins answers there" in answer.err
@@ -77,7 +77,9 @@ def test_a_judge_of_a_simulated_robot_is_refused(bestman_bt: Command, folder: Pa
     assert "needs --driver hardware" in answer.err
 
 
-def test_a_release_tells_what_is_wrong_with_the_robot_before_it_asks_anybody(bestman_bt: Command, folder: Path) -> None:
+def test_a_release_reports_what_is_wrong_with_the_robot_before_it_asks_anybody(
+    bestman_bt: Command, folder: Path
+) -> None:
     for name, setting, words in (
         ("diff_panda", "robot.name=x", "name"),
         ("diff_panda", "scene.x=1", "should begin with robot."),

@@ -84,7 +84,7 @@ def refused(bestman_bt: Command, folder: Path, monkeypatch: pytest.MonkeyPatch) 
     return refuse
 
 
-def test_the_document_tells_what_stands_where_with_its_uncertainty(looked: Looked) -> None:
+def test_the_document_reports_what_stands_where_with_its_uncertainty(looked: Looked) -> None:
     assert looked.answer.code == 0
     assert looked.answer.document["seed"] == 2
     look = looked.look
@@ -105,7 +105,7 @@ def test_the_document_tells_what_stands_where_with_its_uncertainty(looked: Looke
     assert np.dot(handle["axis"], handle["opening_direction"]) == pytest.approx(0.0, abs=0.05)
 
 
-def test_the_document_tells_the_best_grasp_of_each_thing_and_the_surfaces(looked: Looked) -> None:
+def test_the_document_reports_the_best_grasp_of_each_thing_and_the_surfaces(looked: Looked) -> None:
     grasps = {grasp["target"]: grasp for grasp in looked.look["grasps"]}
     assert set(grasps) == {"can", "microwave/handle_1"}
     assert 0.0 < grasps["can"]["width"] < 0.08
@@ -196,7 +196,7 @@ def test_furniture_that_is_asked_for_and_has_no_room_before_it_is_refused(refuse
     assert "no room for the robot in front of the counter" in told
 
 
-def test_without_being_asked_for_it_is_left_out_and_told(bestman_bt: Command, towards_the_wall: str) -> None:
+def test_without_being_asked_for_it_is_left_out_and_reported(bestman_bt: Command, towards_the_wall: str) -> None:
     answer = bestman_bt("look", "--scene", towards_the_wall, "--json")
     assert answer.code == 0
     looks = answer.document["looks"]

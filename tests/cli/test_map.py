@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 Command = Callable[..., Answer]
 
 
-def test_a_map_is_told_and_drawn(bestman_bt: Command, folder: Path) -> None:
+def test_a_map_is_reported_and_drawn(bestman_bt: Command, folder: Path) -> None:
     data = np.zeros((40, 80), dtype=np.int8)
     data[:, :20], data[:, 40] = -1, 100
     write_map(OccupancyGrid(data, 0.05, np.array([-1.0, 0.5])), folder / "hall.yaml")

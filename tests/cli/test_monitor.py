@@ -68,7 +68,7 @@ def address_of(program: Program) -> str:
 
 
 @pytest.mark.slow
-def test_what_cannot_be_shown_is_told_before_anything_starts(tmp_path: Path, free_port: int) -> None:
+def test_what_cannot_be_shown_is_reported_before_anything_starts(tmp_path: Path, free_port: int) -> None:
     assert "is not a run folder or log, and contains none" in refusal(tmp_path, tmp_path / "nothing")
     assert "at least 16 characters" in refusal(tmp_path, "--token", "short")
     with socket.socket() as other:
@@ -129,7 +129,7 @@ def test_a_monitor_with_a_token_is_found_by_who_knows_it_and_told_to_who_does_no
         show_in_monitor(free_port)
 
 
-def test_a_port_that_another_program_has_is_told(free_port: int) -> None:
+def test_a_port_that_another_program_has_is_reported(free_port: int) -> None:
     with socket.socket() as other:
         other.bind(("127.0.0.1", free_port))
         other.listen()

@@ -119,7 +119,7 @@ def test_a_goal_may_be_the_name_of_a_problem_file(bestman_bt: Command, folder: P
     assert (answer.code, "bad.pddl:2: or is not supported here" in answer.err) == (2, True), answer.err
 
 
-def test_a_task_with_a_plan_gives_the_goal_and_what_was_told(bestman_bt: Command) -> None:
+def test_a_task_with_a_plan_gives_the_goal_and_what_was_reported(bestman_bt: Command) -> None:
     answer = bestman_bt("plan", "--task", "plan_fetch_from_drawer", "--json")
     assert answer.code == 0, answer.err
     assert [step["ability"] for step in answer.document["plan"]] == [
@@ -140,7 +140,7 @@ def test_a_goal_that_holds_needs_no_actions(bestman_bt: Command) -> None:
     assert (answer.code, "nothing to do" in answer.out) == (0, True)
 
 
-def test_without_a_plan_it_says_what_is_missing(bestman_bt: Command, folder: Path) -> None:
+def test_without_a_plan_it_reports_what_is_missing(bestman_bt: Command, folder: Path) -> None:
     (folder / "holding.yaml").write_text(HOLDING)
     answer = bestman_bt("plan", "--goal", GOAL, "--world", "holding.yaml", "--limits", "only=PickUp", "--json")
     assert answer.code == 1
@@ -150,7 +150,7 @@ def test_without_a_plan_it_says_what_is_missing(bestman_bt: Command, folder: Pat
     assert "on(cup, counter/top)" in answer.err
 
 
-def test_unknown_names_are_told_with_the_closest(bestman_bt: Command) -> None:
+def test_unknown_names_are_reported_with_the_closest(bestman_bt: Command) -> None:
     for goal, words in (
         ("on(cupp, counter)", "unknown object 'cupp'; did you mean 'cup'?"),
         ("onn(cup, counter)", "unknown predicate 'onn'; did you mean 'on'?"),
@@ -175,7 +175,7 @@ def test_unknown_planners_builders_and_missing_goals_are_refused(bestman_bt: Com
         assert (answer.code, words in answer.err) == (2, True), answer.err
 
 
-def test_all_that_is_wrong_with_the_options_of_a_plan_is_told_at_once(bestman_bt: Command) -> None:
+def test_all_that_is_wrong_with_the_options_of_a_plan_is_reported_at_once(bestman_bt: Command) -> None:
     wrong = ("--planner", "symbolik", "--builder", "reactiv", "--limits", "stepz=2")
     told = ["--limits: ", "--planner: unknown", "--builder: unknown"]
     for goal, more, words in (
@@ -188,7 +188,9 @@ def test_all_that_is_wrong_with_the_options_of_a_plan_is_told_at_once(bestman_bt
         assert [one for one in (*told, *words) if one not in answer.err] == []
 
 
-def test_what_is_wrong_in_a_saved_world_is_told_with_its_line_all_at_once(bestman_bt: Command, folder: Path) -> None:
+def test_what_is_wrong_in_a_saved_world_is_reported_with_its_line_all_at_once(
+    bestman_bt: Command, folder: Path
+) -> None:
     (folder / "world.yaml").write_text(SEEN.replace("model: cup", "model: cupp").replace("table/top", "tabel/top"))
     answer = bestman_bt("plan", "--goal", GOAL, "--world", "world.yaml")
     assert answer.code == 2
@@ -221,7 +223,7 @@ def test_an_empty_goal_is_refused_and_a_slip_in_one_before_a_world_is_built(best
     assert "column" in answer.err
 
 
-def test_what_cannot_be_written_is_told_before_anything_is_planned(bestman_bt: Command, folder: Path) -> None:
+def test_what_cannot_be_written_is_reported_before_anything_is_planned(bestman_bt: Command, folder: Path) -> None:
     (folder / "file").write_text("")
     for arguments, words in (
         (("-o", "nowhere/tree.xml"), "the folder 'nowhere' does not exist"),

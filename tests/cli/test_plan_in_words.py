@@ -61,7 +61,7 @@ def test_words_become_a_checked_tree_with_cost_and_goal_told_and_the_key_nowhere
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("planner", "answered"), [("language", PROPOSED), ("symbolic", {**PROPOSED, "plan": None})])
-def test_a_mug_is_looked_for_where_the_instruction_says_that_it_is(
+def test_a_mug_is_looked_for_where_the_instruction_reports_that_it_is(
     bestman_bt: Callable[..., Answer], at: Callable[[Server], None], planner: str, answered: dict[str, object]
 ) -> None:
     told = {name: value for name, value in answered.items() if value is not None or name == "refusal"}
@@ -139,7 +139,7 @@ def test_a_plan_beyond_the_limits_gives_no_tree(
         (("--replay", "nothing.jsonl"), "nothing.jsonl"),
     ],
 )
-def test_wrong_input_is_told_before_anything_is_asked(
+def test_wrong_input_is_reported_before_anything_is_asked(
     bestman_bt: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], words: str
 ) -> None:
     for name in ("BESTMAN_LLM_BASE_URL", "BESTMAN_LLM_MODEL"):

@@ -30,7 +30,7 @@ def test_a_run_without_motion_is_refused_with_the_reason(bestman_bt: Command, fo
         (["nowhere", "--size", f"{'9' * 5000}x720"], "a size is WIDTHxHEIGHT"),
     ],
 )
-def test_wrong_input_is_told(bestman_bt: Command, arguments: list[str], words: str) -> None:
+def test_wrong_input_is_reported(bestman_bt: Command, arguments: list[str], words: str) -> None:
     answer = bestman_bt("render", *arguments)
 
     assert answer.code == 2

@@ -14,19 +14,19 @@ from bestman_bt.configuration.errors import ConfigurationError
 from tests.cli.command_line import Program
 
 
-def test_a_folder_without_a_recording_is_told_with_what_shows_it(tmp_path: Path) -> None:
+def test_a_folder_without_a_recording_is_reported_with_what_shows_it(tmp_path: Path) -> None:
     with pytest.raises(
         ConfigurationError, match=r"has no recording\.rrd; simulated runs with --record .*bestman-bt monitor"
     ):
         command([tmp_path])
 
 
-def test_a_folder_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_is_not_there_is_reported(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"nothing: there is no such run folder or file"):
         command([tmp_path / "nothing"])
 
 
-def test_a_damaged_recording_is_told(tmp_path: Path) -> None:
+def test_a_damaged_recording_is_reported(tmp_path: Path) -> None:
     (tmp_path / "recording.rrd").write_bytes(b"<script>" * 100)
     with pytest.raises(ConfigurationError, match=r"recording\.rrd: is not a Rerun recording"):
         command([tmp_path], browser=True)

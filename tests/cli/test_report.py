@@ -52,7 +52,7 @@ def test_runs_below_a_folder_come_into_one_report(bestman_bt: Command, folder: P
     assert "2 of 3" in (folder / "report.html").read_text()
 
 
-def test_what_is_damaged_is_told_on_standard_error_too(bestman_bt: Command, folder: Path) -> None:
+def test_what_is_damaged_is_reported_on_standard_error_too(bestman_bt: Command, folder: Path) -> None:
     (write_run(folder / "run") / "transitions.btlog").write_bytes(b"\x7fELF")
 
     answer = bestman_bt("report", "run")
@@ -70,7 +70,7 @@ def test_what_is_damaged_is_told_on_standard_error_too(bestman_bt: Command, fold
         ([".", "-o", "not/there.html"], "does not exist"),
     ],
 )
-def test_wrong_input_is_told_and_nothing_is_written(
+def test_wrong_input_is_reported_and_nothing_is_written(
     bestman_bt: Command, folder: Path, arguments: list[str], words: str
 ) -> None:
     answer = bestman_bt("report", *arguments)
@@ -80,7 +80,7 @@ def test_wrong_input_is_told_and_nothing_is_written(
     assert not list(folder.iterdir())
 
 
-def test_a_page_that_cannot_be_written_is_told(bestman_bt: Command, folder: Path) -> None:
+def test_a_page_that_cannot_be_written_is_reported(bestman_bt: Command, folder: Path) -> None:
     write_run(folder / "run")
     (folder / "full.html").symlink_to("/dev/full")
 

@@ -75,7 +75,7 @@ def test_a_node_is_shown_with_the_parts_that_it_requires(bestman_bt) -> None:
 
 
 @pytest.mark.slow
-def test_show_tells_what_a_combination_can_do_and_draws_it(bestman_bt, folder) -> None:
+def test_show_reports_what_a_combination_can_do_and_draws_it(bestman_bt, folder) -> None:
     answer = bestman_bt("robot", "show", "omni_base+xarm6_arm+xarm_gripper", "--png", "robot.png", "--json")
     assert answer.code == 0
     told = json.loads(answer.out)
@@ -104,7 +104,7 @@ def test_an_import_under_a_name_that_no_part_can_have_is_refused(bestman_bt, fol
     assert "--name: 'a/b c' cannot be a part's name" in answer.err
 
 
-def test_all_faults_of_an_import_are_told_each_with_the_file_once(bestman_bt, folder) -> None:
+def test_all_faults_of_an_import_are_reported_each_with_the_file_once(bestman_bt, folder) -> None:
     written(folder, arm_urdf().replace('effort="30"', 'effort="sixty"'))
     answer = bestman_bt("robot", "import", "small.urdf", "--into", folder)
     assert answer.code == 2
@@ -138,7 +138,7 @@ def test_an_import_replaces_nothing_unasked(bestman_bt, folder) -> None:
     assert bestman_bt("robot", "import", "small.urdf", "--into", folder, "--force").code == 0
 
 
-def test_an_import_tells_what_is_wrong_with_the_file(bestman_bt, folder) -> None:
+def test_an_import_reports_what_is_wrong_with_the_file(bestman_bt, folder) -> None:
     written(folder, "<robot/>")
     answer = bestman_bt("robot", "import", "small.urdf", "--into", folder)
     assert answer.code == 2

@@ -329,7 +329,7 @@ class _Plans(StatefulAction):
         return self.inner.tick_once()
 
 
-def test_the_terminal_tells_what_a_tree_within_a_leaf_does_in_seconds_of_the_run(
+def test_the_terminal_reports_what_a_tree_within_a_leaf_does_in_seconds_of_the_run(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     registry, clock = NodeRegistry(), ManualClock()
@@ -347,7 +347,7 @@ def test_the_terminal_tells_what_a_tree_within_a_leaf_does_in_seconds_of_the_run
     assert told == ["[   0.00 s] ▶ plans running", "[   0.25 s] ✓ open success", "[   0.25 s] ✓ plans success"]
 
 
-def test_the_summary_tells_what_was_measured_every_cheat_and_whose_success_it_is(
+def test_the_summary_reports_what_was_measured_every_cheat_and_whose_success_it_is(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("bestman_bt.cli.run_view.RESULTS", Console(width=200))

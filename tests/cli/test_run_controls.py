@@ -148,7 +148,7 @@ def test_a_run_waits_at_a_breakpoint_until_it_is_cleared(bestman_bt: Command, st
     assert executor.paused
 
 
-def test_status_and_step_tell_the_node_at_which_a_run_waits(
+def test_status_and_step_report_the_node_at_which_a_run_waits(
     bestman_bt: Command, start: Callable[[str], Executor]
 ) -> None:
     executor = start("fetch")

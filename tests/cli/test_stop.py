@@ -13,7 +13,7 @@ from tests.cli.command_line import Answer
 
 
 @pytest.mark.parametrize("refusing", [0, 1, 2])
-def test_an_executor_that_does_not_obey_is_told_and_the_others_are_stopped_all_the_same(
+def test_an_executor_that_does_not_obey_is_reported_and_the_others_are_stopped_all_the_same(
     bestman_bt: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch, refusing: int
 ) -> None:
     executors = [Path(f"{name}.sock") for name in "abc"]

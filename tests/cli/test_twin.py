@@ -27,7 +27,7 @@ def refused(*arguments: str) -> str:
 
 
 @pytest.mark.slow
-def test_twins_tell_where_they_are_take_faults_and_end_with_ctrl_c() -> None:
+def test_twins_report_where_they_are_take_faults_and_end_with_ctrl_c() -> None:
     arguments = [*COMMAND, "--robot", str(ROBOT), "--scene", "pick_place_table", "--json"]
     with (
         subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as twins,
@@ -71,7 +71,7 @@ def test_twins_tell_where_they_are_take_faults_and_end_with_ctrl_c() -> None:
         (("--fault", "arm_controller:delay:soon", "--at", "/nope"), "got 'soon'"),
     ],
 )
-def test_wrong_input_is_told(bestman_bt: Callable[..., Answer], arguments: tuple[str, ...], words: str) -> None:
+def test_wrong_input_is_reported(bestman_bt: Callable[..., Answer], arguments: tuple[str, ...], words: str) -> None:
     answer = bestman_bt("twin", *arguments)
     assert (answer.code, answer.out) == (2, "")
     assert words in answer.err

@@ -62,7 +62,7 @@ def test_nodes_lists_the_library_with_ports(bestman_bt: Command) -> None:
     assert "\n  ReactiveSequence: " in answer.out
 
 
-def test_nodes_tells_how_a_skill_fails_and_what_to_try_then(bestman_bt: Command) -> None:
+def test_nodes_reports_how_a_skill_fails_and_what_to_try_then(bestman_bt: Command) -> None:
     answer = bestman_bt("nodes", "PlanGrasp")
     assert "arm (input, str, default ''): which arm" in answer.out
     assert "fails as no_grasp: stand elsewhere: FindStandPose, NavigateTo" in answer.out
@@ -95,7 +95,7 @@ def test_validate_accepts_what_is_shipped(bestman_bt: Command) -> None:
     assert answer.out.count(": ok") == 2
 
 
-def test_validate_tells_all_faults_of_all_files_and_goes_on(bestman_bt: Command, folder: Path) -> None:
+def test_validate_reports_all_faults_of_all_files_and_goes_on(bestman_bt: Command, folder: Path) -> None:
     faulty = '<root BTCPP_format="4"><BehaviorTree ID="Main">\n<NavigateToo/></BehaviorTree></root>'
     (folder / "a.xml").write_text(faulty)
     (folder / "b.xml").write_text("no tree")

@@ -56,7 +56,7 @@ def marks(path: Path) -> list[tuple[str, int | None, str]]:
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(FOLDER).as_posix())
-def test_one_round_tells_all_that_is_wrong_with_a_file_and_no_more(path: Path) -> None:
+def test_one_round_reports_all_that_is_wrong_with_a_file_and_no_more(path: Path) -> None:
     beside = [path.with_name(name) for name in re.findall(r"\b(?:calibration_\d+\.yaml|\w+\.xml)", path.read_text())]
     owed = [mark for file in (path, *beside) if file.is_file() for mark in marks(file)]
     with pytest.raises(InputError) as error:

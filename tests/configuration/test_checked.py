@@ -182,7 +182,7 @@ def test_a_wrong_value_of_an_override_is_located_on_the_command_line() -> None:
         check(changed, Cart)
 
 
-def test_the_faults_of_all_overrides_are_told_and_a_list_that_is_replaced_is_of_the_command_line() -> None:
+def test_the_faults_of_all_overrides_are_reported_and_a_list_that_is_replaced_is_of_the_command_line() -> None:
     document = parse_document(GOOD, "cart.yaml")
     with pytest.raises(ConfigurationError) as error:
         override(document, Cart, {"seets": 1, "seats": 2, "kinds": 3})

@@ -140,7 +140,7 @@ def test_an_empty_file_is_an_empty_mapping(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "# nothing but a comment\n"])
-def test_what_is_missing_in_an_empty_file_is_told_with_the_name_of_the_file(text: str, tmp_path: Path) -> None:
+def test_what_is_missing_in_an_empty_file_is_reported_with_the_name_of_the_file(text: str, tmp_path: Path) -> None:
     path = tmp_path / "x.yaml"
     path.write_text(text)
     assert str(read_document(path).problem(("tree",), "is missing")) == f"{path}: tree: is missing"

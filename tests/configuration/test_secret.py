@@ -48,7 +48,7 @@ def test_a_secret_in_a_list_or_in_what_may_be_missing_is_not_shown(written: str)
     assert "HIDDEN" not in str(error.value)
 
 
-def test_a_wrong_secret_of_a_setting_is_told_with_neither_old_nor_new_value() -> None:
+def test_a_wrong_secret_of_a_setting_is_reported_with_neither_old_nor_new_value() -> None:
     document = parse_document("connections: {a: {address: OLD}}", "m.yaml")
     changed = override(document, Machine, {"connections.a.address": ["HIDDEN"]}, prefix="robot.")
     with pytest.raises(ConfigurationError) as error:

@@ -74,7 +74,9 @@ OLD = [
 ]
 
 
-def test_fields_that_goals_had_before_they_were_a_list_are_told_with_how_they_are_written_now(tmp_path: Path) -> None:
+def test_fields_that_goals_had_before_they_were_a_list_are_reported_with_how_they_are_written_now(
+    tmp_path: Path,
+) -> None:
     path = written(tmp_path, "\n".join(old for old, _ in OLD))
     with pytest.raises(ConfigurationError) as error:
         load_task(path)
@@ -104,7 +106,7 @@ def test_parameters_without_a_name_are_of_the_shipped_algorithm(tmp_path: Path) 
     assert task.algorithm("motion_planning") == ("rrt_connect", {"max_iterations": 7})
 
 
-def test_a_run_tells_where_each_field_of_its_task_was_written() -> None:
+def test_a_run_reports_where_each_field_of_its_task_was_written() -> None:
     asked: dict[str, Any] = {"scene": "kitchen_without_cup", "settings": ["tick_rate=10"]}
     run, typed = load_run("fetch_cup", **asked), run_of_options(RunRequest("fetch_cup", **asked))
     assert str(run.problem(("scene",), "is odd")) == "scene='kitchen_without_cup': scene: is odd"
@@ -116,7 +118,7 @@ def test_a_run_tells_where_each_field_of_its_task_was_written() -> None:
     assert tree.line is not None
 
 
-def test_plug_ins_that_there_are_not_are_told_beside_other_faults_and_the_others_are_not(tmp_path: Path) -> None:
+def test_plug_ins_that_there_are_not_are_reported_beside_other_faults_and_the_others_are_not(tmp_path: Path) -> None:
     there = tmp_path / "there.py"
     there.write_text("")
     with pytest.raises(ConfigurationError) as error:

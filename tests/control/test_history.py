@@ -27,7 +27,7 @@ def test_between_two_values_it_interpolates_and_turns_the_shorter_way() -> None:
 
 
 @pytest.mark.parametrize("stamp", [11.85, 13.11, math.nan])
-def test_outside_of_what_is_kept_nothing_is_told(stamp: float) -> None:
+def test_outside_of_what_is_kept_nothing_is_reported(stamp: float) -> None:
     with pytest.raises(NotRecordedError):
         recorded().at(stamp)
 

@@ -52,7 +52,7 @@ def test_a_failure_of_another_part_stays_what_it_is():
 
 @pytest.mark.parametrize("status", [MotionStatus.FAILED, MotionStatus.CANCELED])
 @pytest.mark.parametrize("code", MotionErrorCode)
-def test_a_motion_that_does_not_succeed_tells_its_code_and_words(status, code):
+def test_a_motion_that_does_not_succeed_reports_its_code_and_words(status, code):
     motion = ScriptedMotion()
     handle = ControlledMotion("arm", motion, lambda: 1)
     assert not handle.done

@@ -24,7 +24,7 @@ class Stoppable:
         self.stopped = self.trips_again
 
 
-def test_a_stop_of_the_robot_itself_is_told_and_cleared():
+def test_a_stop_of_the_robot_itself_is_reported_and_cleared():
     robot = Stoppable()
     stop = RobotStop(robot)
     assert not stop.latched
@@ -56,7 +56,7 @@ def test_a_stop_that_a_person_asks_for_while_another_is_cleared_stops_the_robot_
     assert robot.clears == 1
 
 
-def test_what_keeps_a_robot_stopped_is_told_in_words():
+def test_what_keeps_a_robot_stopped_is_reported_in_words():
     robot = Stoppable()
     robot.stop()
 

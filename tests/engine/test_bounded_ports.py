@@ -49,7 +49,7 @@ def test_literals_within_the_bounds_are_read_as_their_type() -> None:
     assert tree.node("it").read == [1.0, 2, -3.0, "green"]
 
 
-def test_every_literal_out_of_bounds_is_told_at_once() -> None:
+def test_every_literal_out_of_bounds_is_reported_at_once() -> None:
     with pytest.raises(TreeLoadError) as refused:
         loaded('share="1.5" coats="0" width="inf" colour="gren"')
     assert [(problem.field, problem.message) for problem in refused.value.problems] == [

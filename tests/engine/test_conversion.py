@@ -48,7 +48,7 @@ def test_what_has_another_name_is_written_and_nothing_else(body: str, expected: 
     assert converted(body) == (body if expected is None else expected, [])
 
 
-def test_what_a_person_should_look_at_is_told_with_its_line() -> None:
+def test_what_a_person_should_look_at_is_reported_with_its_line() -> None:
     text, notes = converted('<SubTree ID="B" __shared_blackboard="true"/>')
     assert text == '<SubTree ID="B" _autoremap="true"/>'
     assert "had the blackboard of its parent" in notes[0]
@@ -87,7 +87,7 @@ def test_the_canonical_form_says_the_same_and_is_its_own() -> None:
         assert canonical(XmlDocument.parse(text)) == text
 
 
-def test_a_file_of_version_3_is_told_in_one_line(tmp_path: Path) -> None:
+def test_a_file_of_version_3_is_reported_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "t.xml"
     path.write_text('<root>\n<BehaviorTree ID="Main">\n<SequenceStar><A/><B/></SequenceStar></BehaviorTree></root>')
     (problem,) = validate_file(path)

@@ -18,7 +18,7 @@ def test_damaged_files_do_not_crash_what_checks_draws_and_simulates(tmp_path: Pa
     assert run(files, 300, 0, tmp_path) == []
 
 
-def test_a_tree_within_a_tree_is_told(tmp_path: Path) -> None:
+def test_a_tree_within_a_tree_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "t.xml"
     path.write_text(
         '<root BTCPP_format="4"><BehaviorTree ID="A"><Sequence><BehaviorTree ID="B"/></Sequence></BehaviorTree></root>'

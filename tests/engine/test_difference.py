@@ -39,11 +39,11 @@ CASES = {
 
 
 @pytest.mark.parametrize(("before", "after", "expected"), CASES.values(), ids=CASES)
-def test_what_changed_is_told(before: str, after: str, expected: list[str]) -> None:
+def test_what_changed_is_reported(before: str, after: str, expected: list[str]) -> None:
     assert told(before, after) == expected
 
 
-def test_trees_that_come_and_go_are_told_as_a_whole_and_drawn() -> None:
+def test_trees_that_come_and_go_are_reported_as_a_whole_and_drawn() -> None:
     one, two = (
         f'<root BTCPP_format="4"><BehaviorTree ID="{name}"><S><A/></S></BehaviorTree>'
         '<BehaviorTree ID="Same"><A/></BehaviorTree></root>'

@@ -59,7 +59,7 @@ def test_a_model_in_the_file_comes_before_a_guess_and_before_other_models(tmp_pa
     assert (other.kind, other.known_from) == ("Action", f"{tmp_path / 'other.xml'}:1")
 
 
-def test_models_that_disagree_about_a_kind_are_told_with_both_places(tmp_path: Path) -> None:
+def test_models_that_disagree_about_a_kind_are_reported_with_both_places(tmp_path: Path) -> None:
     (tmp_path / "a.xml").write_text(f'<root BTCPP_format="4">{MODEL}</root>')
     (tmp_path / "b.xml").write_text(f'<root BTCPP_format="4">{MODEL.replace("Condition", "Action")}</root>')
     (problem,) = Package.open([tmp_path]).problems
@@ -99,7 +99,7 @@ class Turn(SyncAction):
         return SUCCESS
 
 
-def test_a_node_of_ours_with_other_ports_is_a_placeholder_with_both_sets_and_told_as_missing() -> None:
+def test_a_node_of_ours_with_other_ports_is_a_placeholder_with_both_sets_and_reported_as_missing() -> None:
     registry = NodeRegistry()
     registry.register(Turn)
     gaps = Placeholders()
@@ -131,7 +131,7 @@ def test_what_every_behaviortree_cpp_refuses_is_still_an_error() -> None:
         open_tree(document("<Inverter/>"))
 
 
-def test_load_tree_tells_all_that_is_missing_a_cause_a_line() -> None:
+def test_load_tree_reports_all_that_is_missing_a_cause_a_line() -> None:
     with pytest.raises(TreeLoadError) as error:
         load_tree(document("<Sequence>\n<Move/>\n<Move/>\n<Turn/>\n<Move/></Sequence>"))
     lines = str(error.value).splitlines()

@@ -299,7 +299,7 @@ def test_a_wake_up_ends_the_sleep_of_the_loop() -> None:
     assert tree.clock.now() == 0.0
 
 
-def test_a_node_outside_a_tree_says_that_it_has_none() -> None:
+def test_a_node_outside_a_tree_reports_that_it_has_none() -> None:
     with pytest.raises(NodeError, match="not part of a tree yet"):
         drive(target="1;2").get_input("target")
 
@@ -337,7 +337,7 @@ def test_a_class_with_its_own_constructor_is_made_with_its_name() -> None:
     assert (tree.root.name, tree.root.count) == ("c", 4)
 
 
-def test_a_synchronous_action_that_returns_running_says_what_to_do() -> None:
+def test_a_synchronous_action_that_returns_running_reports_what_to_do() -> None:
     class Wrong(SyncAction):
         def on_tick(self) -> int:
             return RUNNING

@@ -82,7 +82,7 @@ def test_the_error_of_a_file_names_the_file(registry: NodeRegistry, tmp_path: Pa
         load_tree(path, registry)
 
 
-def test_a_missing_file_is_said_to_be_missing(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported_to_be_missing(tmp_path: Path) -> None:
     with pytest.raises(TreeLoadError, match="the tree file does not exist"):
         load_tree(tmp_path / "none.xml")
 
@@ -187,7 +187,7 @@ def test_errors_inside_python_trees_name_the_node(tmp_path: Path, registry: Node
         ("def build(:\n", "fails with SyntaxError"),
     ],
 )
-def test_a_python_tree_that_does_not_build_says_why(source: str, message: str, tmp_path: Path) -> None:
+def test_a_python_tree_that_does_not_build_reports_why(source: str, message: str, tmp_path: Path) -> None:
     path = tmp_path / "tree.py"
     path.write_text(source)
     with pytest.raises(TreeLoadError, match=message):
@@ -207,7 +207,9 @@ def test_a_python_tree_that_does_not_build_says_why(source: str, message: str, t
         ("x = 1\ndef build(:\n", "2: it fails with SyntaxError"),
     ],
 )
-def test_a_python_tree_that_raises_or_exits_is_told_with_file_and_line(source: str, told: str, tmp_path: Path) -> None:
+def test_a_python_tree_that_raises_or_exits_is_reported_with_file_and_line(
+    source: str, told: str, tmp_path: Path
+) -> None:
     path = tmp_path / "tree.py"
     path.write_text(source)
     with pytest.raises(TreeLoadError) as caught:

@@ -461,7 +461,7 @@ def test_a_loop_woken_by_a_thread_that_is_not_quite_gone_sees_its_result() -> No
     assert time.monotonic() - start < 10.0
 
 
-def test_a_thread_that_exits_the_interpreter_is_told_as_such() -> None:
+def test_a_thread_that_exits_the_interpreter_is_reported_as_such() -> None:
     class Exits(ThreadedAction):
         def on_work(self, inputs: Any) -> int:
             raise SystemExit(3)

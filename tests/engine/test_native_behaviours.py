@@ -329,7 +329,7 @@ def test_native_subtrees_are_shown_node_by_node_once() -> None:
     assert kinds["not"] == ("Inverter", "Decorator")
 
 
-def test_states_of_native_nodes_are_told_as_they_change() -> None:
+def test_states_of_native_nodes_are_reported_as_they_change() -> None:
     tree, _ = guarded()
     told: list[tuple[str, int]] = []
     tree.subscribe(lambda changes: told.extend((tree.nodes[uid - 1].name, state) for uid, state in changes))

@@ -94,7 +94,7 @@ def test_a_tree_does_not_find_the_helpers_of_another_folder(two: list[Path], tmp
         ("import behaviours.graspp", "No module named 'behaviours.graspp'"),
     ],
 )
-def test_a_skill_that_is_imported_from_where_it_is_not_is_told_with_its_module(
+def test_a_skill_that_is_imported_from_where_it_is_not_is_reported_with_its_module(
     tmp_path: Path, statement: str, told: str
 ) -> None:
     (tmp_path / "tree.py").write_text(f"{statement}\n")
@@ -152,7 +152,7 @@ def test_packages_beside_a_tree_can_be_imported_and_installed_ones_are_kept(tmp_
 
 
 @pytest.mark.slow
-def test_an_error_in_a_helper_is_told_with_the_helpers_line(two: list[Path]) -> None:
+def test_an_error_in_a_helper_is_reported_with_the_helpers_line(two: list[Path]) -> None:
     (two[0] / "helpers.py").write_text("x = 1\nWORD = 1 / 0\n")
     with pytest.raises(TreeLoadError) as error:
         load_tree(two[0] / "tree.py")
@@ -171,7 +171,7 @@ def test_a_file_that_has_the_name_of_our_package_is_named(two: list[Path]) -> No
         load_tree(two[0] / "tree.py")
 
 
-def test_an_error_of_a_trees_own_leaf_is_told_with_its_line(tmp_path: Path) -> None:
+def test_an_error_of_a_trees_own_leaf_is_reported_with_its_line(tmp_path: Path) -> None:
     text = (
         "from bestman_bt.engine import SyncAction\n"
         "class Broken(SyncAction):\n"
@@ -185,7 +185,7 @@ def test_an_error_of_a_trees_own_leaf_is_told_with_its_line(tmp_path: Path) -> N
         load_tree(place / "tree.py").tick_exactly_once()
 
 
-def test_an_error_within_a_method_that_a_dataclass_makes_is_told_at_the_line_that_called_it(
+def test_an_error_within_a_method_that_a_dataclass_makes_is_reported_at_the_line_that_called_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -121,7 +121,7 @@ def test_entries_stay_also_in_a_subtree_that_runs(running) -> None:
         ('<Work name="a" _onSuccess="x := 1"/>', "its ports have changed"),
     ],
 )
-def test_a_change_of_what_runs_waits_for_its_end_and_is_told_once(running, caplog, changed: str, why: str) -> None:
+def test_a_change_of_what_runs_waits_for_its_end_and_is_reported_once(running, caplog, changed: str, why: str) -> None:
     path, tree, said = running(
         '<Repeat num_cycles="2" name="twice"><Sequence name="in"><Work name="a"/></Sequence></Repeat>'
     )
@@ -137,7 +137,7 @@ def test_a_change_of_what_runs_waits_for_its_end_and_is_told_once(running, caplo
     assert began[0] == "a"
 
 
-def test_all_that_a_change_waits_for_is_told_at_once(running, caplog) -> None:
+def test_all_that_a_change_waits_for_is_reported_at_once(running, caplog) -> None:
     both = '<Parallel failure_count="2" name="both">{}</Parallel>'
     path, tree, said = running(both.format('<Work name="a"/><Work name="b"/>'))
     tree.tick_exactly_once()

@@ -63,7 +63,7 @@ def test_a_wrong_script_ends_the_run_with_what_is_wrong() -> None:
     assert "Script" in run.error
 
 
-def test_entries_that_nobody_writes_get_a_value_and_are_told() -> None:
+def test_entries_that_nobody_writes_get_a_value_and_are_reported() -> None:
     run = played('<Sequence><ScriptCondition code="ready == 0"/><Sleep msec="{wait}"/></Sequence>')
     assert (run.outcome, sorted(run.invented)) == ("success", ["ready", "wait"])
     given = played('<ScriptCondition code="ready == 1"/>', entries={"ready": 1})
@@ -140,7 +140,7 @@ def test_a_scenario_with_a_fault_is_refused(tmp_path: Path, text: str, told: str
     assert told in str(error.value)
 
 
-def test_coverage_tells_what_runs_have_not_tried() -> None:
+def test_coverage_reports_what_runs_have_not_tried() -> None:
     body = '<Sequence><Fallback name="or"><A/><Sequence name="way out"><B/><C/></Sequence></Fallback><D/></Sequence>'
     run = played(body, default="SUCCESS")
     coverage = Coverage(run.tree)

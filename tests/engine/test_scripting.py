@@ -101,7 +101,7 @@ def test_an_assignment_keeps_the_type_of_the_entry(source: str, result: Any) -> 
         ("'a' < 1", "is not a number"),
     ],
 )
-def test_an_operation_that_is_not_permitted_says_so(source: str, message: str) -> None:
+def test_an_operation_that_is_not_permitted_reports_it(source: str, message: str) -> None:
     with pytest.raises(ScriptError, match=message):
         evaluate(source)
 
@@ -125,7 +125,7 @@ def test_an_operation_that_is_not_permitted_says_so(source: str, message: str) -
         ("__import__('os')", "variable not found: __import__"),
     ],
 )
-def test_a_script_that_does_not_parse_says_where(source: str, message: str) -> None:
+def test_a_script_that_does_not_parse_reports_where(source: str, message: str) -> None:
     with pytest.raises(ScriptError, match=message):
         evaluate(source)
 

@@ -119,7 +119,7 @@ def _write_segments(folder: Path, *segments: tuple[str, list[bytes]]) -> Path:
     return folder / "run.btlog"
 
 
-def test_nodes_that_do_not_stand_after_missing_segments_are_idle_and_the_gap_is_told(tmp_path: Path) -> None:
+def test_nodes_that_do_not_stand_after_missing_segments_are_idle_and_the_gap_is_reported(tmp_path: Path) -> None:
     first = [_record(0, 1, RUNNING), _record(0, 2, RUNNING), _record(5_000_000, 3, FAILURE)]
     after = [_record(60_000_000, 1, RUNNING), _record(60_000_000, 4, RUNNING), _record(61_000_000, 4, SUCCESS)]
     log = read_btlog(_write_segments(tmp_path, ("run.0001.btlog", first), ("run.btlog", after)))

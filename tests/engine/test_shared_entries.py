@@ -53,7 +53,7 @@ class Counts(Behaviour):
         return Status.RUNNING
 
 
-def test_what_a_native_leaf_writes_is_in_the_trees_blackboard_and_told() -> None:
+def test_what_a_native_leaf_writes_is_in_the_trees_blackboard_and_reported() -> None:
     tree = build_tree(Counts())
     told: list[tuple[str, Any, Any]] = []
     tree.blackboard.subscribe(None, lambda slot, previous: told.append((slot.key, previous, slot.value)))
@@ -74,7 +74,7 @@ def test_setting_it_from_outside_reaches_the_leaf() -> None:
     assert tree.blackboard["steps"] == 41
 
 
-def test_an_entry_that_only_one_client_may_write_cannot_be_set_and_the_error_says_why() -> None:
+def test_an_entry_that_only_one_client_may_write_cannot_be_set_and_the_error_reports_why() -> None:
     tree = build_tree(Counts("odometer", Access.EXCLUSIVE_WRITE))
     tree.tick_exactly_once()
     with pytest.raises(BlackboardError, match="'steps' cannot be set: the py_trees client 'odometer' has exclusive"):
@@ -148,7 +148,7 @@ def test_the_type_of_a_port_holds_after_its_entry_was_cleared() -> None:
         tree.tick_exactly_once()
 
 
-def test_setup_may_write_and_the_activity_stream_tells_each_write_once() -> None:
+def test_setup_may_write_and_the_activity_stream_reports_each_write_once() -> None:
     class Opens(Counts):
         def setup(self, **kwargs: Any) -> None:
             self.blackboard.steps = 10

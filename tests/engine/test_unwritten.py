@@ -45,14 +45,14 @@ TAKE = (
 )
 
 
-def test_a_misspelt_key_in_a_subtrees_port_is_told_once_in_the_subtrees_line(registry: NodeRegistry) -> None:
+def test_a_misspelt_key_in_a_subtrees_port_is_reported_once_in_the_subtrees_line(registry: NodeRegistry) -> None:
     body = '<Sequence>\n<Script code="thing := \'cup\'"/>\n<SubTree ID="Take" object="{thnig}"/></Sequence>'
     assert told(body, registry, TAKE) == [
         "<text>:4: <SubTree> port 'object': reads '{thnig}', which nothing in the tree writes (did you mean '{thing}'?)"
     ]
 
 
-def test_through_two_subtrees_the_outermost_line_is_told(registry: NodeRegistry) -> None:
+def test_through_two_subtrees_the_outermost_line_is_reported(registry: NodeRegistry) -> None:
     middle = '<BehaviorTree ID="Twice"><SubTree ID="Take" object="{what}"/></BehaviorTree>'
     (message,) = told('<SubTree ID="Twice" what="{thing}"/>', registry, middle + TAKE)
     assert message.startswith("<text>:2: <SubTree> port 'what': reads '{thing}'")
@@ -60,7 +60,7 @@ def test_through_two_subtrees_the_outermost_line_is_told(registry: NodeRegistry)
     assert told('<SubTree ID="Twice" what="cup"/>', registry, middle + TAKE) == []
 
 
-def test_a_port_that_a_subtree_of_another_file_lacks_is_told_once_at_the_subtree(
+def test_a_port_that_a_subtree_of_another_file_lacks_is_reported_once_at_the_subtree(
     registry: NodeRegistry, tmp_path: Path
 ) -> None:
     (tmp_path / "abilities.xml").write_text(
@@ -102,7 +102,7 @@ def test_a_port_that_may_be_empty_is_a_warning(registry: NodeRegistry) -> None:
         "<AlwaysSuccess _onSuccess=\"x := 'cup'\"/>",
     ],
 )
-def test_what_is_written_only_afterwards_is_told_with_the_line_of_the_writer(
+def test_what_is_written_only_afterwards_is_reported_with_the_line_of_the_writer(
     writer: str, registry: NodeRegistry
 ) -> None:
     reader = '<Grasp target="{x}"/>'

@@ -301,7 +301,7 @@ def test_a_validated_python_tree_reports_its_errors(tmp_path: Path, registry: No
     assert load_tree(path).tick_exactly_once() == SUCCESS
 
 
-def test_what_fails_only_once_it_is_ticked_loads_and_is_told(tmp_path: Path, registry: NodeRegistry) -> None:
+def test_what_fails_only_once_it_is_ticked_loads_and_is_reported(tmp_path: Path, registry: NodeRegistry) -> None:
     body = (
         "<Fallback>\n<AlwaysSuccess/>\n<Repeat><AlwaysSuccess/></Repeat>\n<IfThenElse><AlwaysSuccess/></IfThenElse>\n"
         '<Script code="3 := a"/>\n</Fallback>'
@@ -413,7 +413,7 @@ def test_what_behaviortree_cpp_accepts_without_a_word_is_warned_of(tmp_path: Pat
         assert expected in told
 
 
-def test_what_no_behaviortree_cpp_takes_is_told_as_not_portable(tmp_path: Path) -> None:
+def test_what_no_behaviortree_cpp_takes_is_reported_as_not_portable(tmp_path: Path) -> None:
     path = file(
         tmp_path, """<Sequence><Script code='a := "x"'/>\n<Script code="b := 'it said &quot;x&quot;'"/></Sequence>"""
     )

@@ -24,7 +24,7 @@ def findings(*stamps: float) -> tuple[Finding, ...]:
     return tuple(Finding(stamp, f"seen at {stamp:g}") for stamp in stamps)
 
 
-def test_what_was_faked_is_told_before_what_went_wrong() -> None:
+def test_what_was_faked_is_reported_before_what_went_wrong() -> None:
     overlap = (Penetration("cup", "can", 0.045, 3.0),)
     seen = audit(replace(NOTHING, resets=3, truth_reads=15, jumps=findings(1, 2, 3, 4), penetrations=overlap))
     first, *others = seen.objections(0.002)
@@ -162,7 +162,7 @@ def test_what_is_in_the_hand_may_not_touch_all_that_the_robot_may_touch() -> Non
     assert audit(record, [("cup", "table")]).collisions == ()
 
 
-def test_a_walker_who_comes_into_the_robot_is_told_and_is_no_fault_of_it() -> None:
+def test_a_walker_who_comes_into_the_robot_is_reported_and_is_no_fault_of_it() -> None:
     overlap = Penetration("base_link", "walker_1", 0.01, 2.5)
     less = Penetration("panda_hand", "cup", 0.0015, 1.0)
     judged = audit(replace(NOTHING, contacts=(WALKER,), penetrations=(overlap, less)))

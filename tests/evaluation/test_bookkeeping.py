@@ -102,7 +102,7 @@ def evaluated(of: Suite, folder: Path | None = None, **options: Any) -> dict[str
 ALL, NONE = Successes(3, at_least=3), Successes(3, at_most=0)
 
 
-def test_every_seed_of_every_entry_is_run_and_told_with_its_entry(episodes: Callable[..., Episodes]) -> None:
+def test_every_seed_of_every_entry_is_run_and_reported_with_its_entry(episodes: Callable[..., Episodes]) -> None:
     episodes(succeed, succeed, succeed, pretend)
     told = []
     with Evaluation(suite(ALL, NONE)) as evaluation:
@@ -151,7 +151,7 @@ def test_an_entry_is_met_where_all_its_episodes_are_run_and_come_out_as_asked(
         (None, fail, "Not all episodes succeeded.", "none asked"),
     ],
 )
-def test_targets_are_told_as_met_only_where_some_were_set(
+def test_targets_are_reported_as_met_only_where_some_were_set(
     episodes: Callable[..., Episodes], asked: EntryConfig | None, of: Episode, words: str, cell: str
 ) -> None:
     episodes(of)
@@ -231,7 +231,7 @@ def test_episodes_of_other_code_count_only_where_that_is_asked_and_those_of_anot
     assert len(old.ran) == 3
 
 
-def test_code_that_changes_while_it_runs_is_told(
+def test_code_that_changes_while_it_runs_is_reported(
     episodes: Callable[..., Episodes], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     episodes(succeed)

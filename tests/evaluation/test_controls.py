@@ -46,7 +46,7 @@ def assert_failed(result: RunResult, node: str, code: str) -> str:
     return result.failure.why
 
 
-def test_with_slippery_fingers_the_grasp_fails_and_the_tree_says_so(without_retries: Path, driver: str) -> None:
+def test_with_slippery_fingers_the_grasp_fails_and_the_tree_reports_it(without_retries: Path, driver: str) -> None:
     settings = [*AT_THE_TABLE, "scene.finger_friction=0.05"]
     config = load_run("fetch_cup", tree=without_retries, seed=1, settings=settings, driver=driver)
     why = assert_failed(run_episode(config), "Grasp", "grasp_failed")
@@ -62,7 +62,7 @@ def test_where_nothing_is_in_the_way_it_succeeds_in_mujoco_too(task: str) -> Non
     assert result.metrics["place_error_mm"] < 15.0
 
 
-def test_without_a_cup_the_shipped_tree_gives_up_and_says_what_it_saw_instead() -> None:
+def test_without_a_cup_the_shipped_tree_gives_up_and_reports_what_it_saw_instead() -> None:
     config = load_run("fetch_cup", seed=1, settings=[*AT_THE_TABLE, "scene.objects.cup=absent"])
     why = assert_failed(run_episode(config), "DetectObject", "not_found")
     assert why.startswith("no cup on the table: seen ")

@@ -47,7 +47,7 @@ def collisions(*arguments: Contact | Sequence[Declared] | ContactIncident) -> li
         (handle("chest/drawer_1"), FINGERS_ON_DRAWER),
     ],
 )
-def test_a_declared_contact_is_no_collision_and_is_told_with_its_skill_time_and_force(
+def test_a_declared_contact_is_no_collision_and_is_reported_with_its_skill_time_and_force(
     declared: Contact, contact: ContactIncident
 ) -> None:
     found = judged(replace(declared, skill="Main/Take"), contact)

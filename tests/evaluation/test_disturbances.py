@@ -133,7 +133,7 @@ def test_a_drawer_is_pushed_shut_once_it_was_opened() -> None:
         ("[{kind: explodes, object: cup}]", "'moved', 'elsewhere', 'slips' or 'shut'"),
     ],
 )
-def test_what_is_wrong_with_a_disturbance_is_told_before_anything_starts(disturbances: str, words: str) -> None:
+def test_what_is_wrong_with_a_disturbance_is_reported_before_anything_starts(disturbances: str, words: str) -> None:
     with pytest.raises(ConfigurationError, match=words):
         prepare_episode(load_run("pick_place_table", seed=3, settings=[f"disturbances={disturbances}"]))
 

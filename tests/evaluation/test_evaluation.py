@@ -89,7 +89,7 @@ def test_an_interrupted_evaluation_goes_on_where_it_stopped(suite_file: Path, tm
     assert "missed: successes 0 of 3, asked ≥ 2 of 3" in text
 
 
-def test_episodes_of_other_code_are_told_and_run_again_unless_they_are_kept(
+def test_episodes_of_other_code_are_reported_and_run_again_unless_they_are_kept(
     suite_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     evaluate(suite_file, tmp_path / "out")
@@ -113,7 +113,7 @@ def test_another_tree_is_another_episode(suite_file: Path, tmp_path: Path) -> No
     assert not any(entry["met"] for entry in document["entries"])
 
 
-def test_all_faults_of_a_suite_are_told_at_once(tmp_path: Path) -> None:
+def test_all_faults_of_a_suite_are_reported_at_once(tmp_path: Path) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(
         "tasks:\n"

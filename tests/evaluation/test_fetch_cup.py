@@ -87,7 +87,7 @@ def test_what_the_robot_believed_at_the_end_can_be_planned_from(fetch: Fetch) ->
     assert {parse_fact("on(cup, counter/top)"), parse_fact("hand_empty")} <= state
 
 
-def test_the_transitions_tell_the_run_from_the_first_tick_to_the_last(fetch: Fetch) -> None:
+def test_the_transitions_report_the_run_from_the_first_tick_to_the_last(fetch: Fetch) -> None:
     log = read_btlog(fetch.folder / "transitions.btlog")
     names = {node.uid: type(node).__name__ for node in load_for(prepare(load_run("fetch_cup", seed=SEED))).nodes}
     root = [transition for transition in log.transitions if transition.uid == 1]

@@ -181,7 +181,7 @@ def prepared(task: str) -> ResolvedConfig:
         ("open_drawer", replace(ON_THE_CHEST, leaf=DRAWER), []),
     ],
 )
-def test_what_somebody_else_moved_and_the_robot_or_what_it_held_never_touched_is_told(
+def test_what_somebody_else_moved_and_the_robot_or_what_it_held_never_touched_is_reported(
     task: str, contact: ContactIncident, moved: list[str]
 ) -> None:
     setup = prepared(task)

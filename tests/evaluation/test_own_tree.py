@@ -42,7 +42,7 @@ class Bump(Skill):
 
 
 @pytest.mark.slow
-def test_the_first_tree_that_a_user_writes_is_a_success_and_says_that_nobody_judged_it(tmp_path: Path) -> None:
+def test_the_first_tree_that_a_user_writes_is_a_success_and_reports_that_nobody_judged_it(tmp_path: Path) -> None:
     answer = Program("run", EXAMPLE, "--seed", 1, "--json", "--runs", tmp_path / "runs", folder=tmp_path).answer()
     result: dict[str, Any] = answer.document
     assert (answer.code, result["success"], result["tree_status"], result["failure"]) == (0, True, "SUCCESS", None)

@@ -146,7 +146,7 @@ def test_no_corrected_p_value_is_below_one_of_a_smaller_p_value() -> None:
     assert a.adjusted_p == b.adjusted_p == pytest.approx(4 * a.p_value)
 
 
-def test_one_sentence_says_whether_a_difference_is_shown_and_how_many_pairs_would_decide() -> None:
+def test_one_sentence_reports_whether_a_difference_is_shown_and_how_many_pairs_would_decide() -> None:
     undecided = compare_successes(5 * [(False, True)] + [(True, False)] + 14 * [(True, True)])
     assert success_sentence(undecided, "rrt", "bit") == (
         "success: no difference shown: rrt 15 of 20, bit 19 of 20, difference +20 % (95 % interval -5 to +44 %), "
@@ -171,6 +171,6 @@ def test_a_metric_is_written_with_the_digits_that_its_interval_allows() -> None:
     )
 
 
-def test_seeds_that_do_not_count_are_told() -> None:
+def test_seeds_that_do_not_count_are_reported() -> None:
     told = sentences(compare_runs([run(1), run(2)], [run(1)]), "a", "b")
     assert told[-1] == "Not counted: seeds that only one of the two has run (2)."

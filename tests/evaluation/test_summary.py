@@ -60,7 +60,7 @@ def test_a_tree_that_claims_success_against_the_judge_is_a_false_success():
     assert [failure["seed"] for failure in document["failures"]] == [8]
 
 
-def test_successes_that_are_not_the_robots_are_counted_and_told():
+def test_successes_that_are_not_the_robots_are_counted_and_reported():
     held = replace(result(7), held_at_start=True)
     moved = replace(result(8), held_at_start=False, moved_by_others=["cup"])
     failed = replace(result(9, predicate=False), held_at_start=True, moved_by_others=["cup"])

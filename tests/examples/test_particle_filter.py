@@ -80,7 +80,7 @@ def test_it_notices_that_it_was_carried_off_and_finds_itself_again(kitchen):
 
 
 @pytest.mark.slow
-def test_where_it_may_be_in_several_places_it_says_so(kitchen):
+def test_where_it_may_be_in_several_places_it_reports_it(kitchen):
     localizer = Tracking(ParticleFilter(kitchen, independent_beams=0.5), Pose2D(), Pose2D(), 1.0, math.pi)
     scan = scan_at(START, kitchen.lidar_segments(), np.random.default_rng(3))
     estimate = localizer.correct(scan, BASE_FROM_LIDAR)

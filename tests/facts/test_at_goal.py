@@ -33,7 +33,7 @@ def goal_of(setup: ResolvedConfig) -> Pose2D:
     return next(goal.pose for goal in setup.asked if isinstance(goal, AtGoal))
 
 
-def test_a_base_that_stayed_where_it_was_is_told_by_how_much_it_is_off(tmp_path: Path) -> None:
+def test_a_base_that_stayed_where_it_was_is_reported_by_how_much_it_is_off(tmp_path: Path) -> None:
     result = judged(tmp_path, DRIVE, Staged())
     assert result.metrics["final_error_mm"] > 2000
     assert "mm from the goal" in why(result)
@@ -79,7 +79,7 @@ def test_the_heading_is_asked_for_only_where_the_task_has_a_tolerance_of_yaw() -
     assert verdict.metrics["final_yaw_deg"] == pytest.approx(math.degrees(3.0))
 
 
-def test_the_way_driven_is_told_as_a_multiple_of_the_shortest_one() -> None:
+def test_the_way_driven_is_reported_as_a_multiple_of_the_shortest_one() -> None:
     end = ScriptedEnd("navigate_kitchen", seed=2)
     goal, start = goal_of(end.setup), end.setup.world.robot_start
     end.truth.base = goal

@@ -67,7 +67,7 @@ def test_a_fact_that_cannot_be_judged_leaves_the_others_to_the_judge() -> None:
     assert verdict.metrics == {"facts_judged": 1, "facts_share": 0.0}
 
 
-def test_each_fact_that_is_not_true_is_told() -> None:
+def test_each_fact_that_is_not_true_is_reported() -> None:
     verdict = end_of(f"on(cup, {DRAWER}) and open(drawer_3) and hand_empty").verdict("facts")
     assert verdict.why == f"the cup is not on {DRAWER}, not standing on the drawer_chest; the {DRAWER} is not open"
     assert not verdict.holds

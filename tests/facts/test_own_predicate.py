@@ -57,7 +57,7 @@ def test_a_file_of_a_user_brings_a_predicate_to_planners_conditions_and_the_judg
     assert end.verdict("facts").holds
 
 
-def test_a_predicate_whose_judgement_raises_is_not_true_and_its_line_is_told(lying: Path) -> None:
+def test_a_predicate_whose_judgement_raises_is_not_true_and_its_line_is_reported(lying: Path) -> None:
     lying.write_text(LYING.replace('f"the {name} stands"', "1 / 0"))
     node_registry([str(lying)])
     verdict = ScriptedEnd("plan_put_away", told=("goals.0.facts.goal=lying(cup)",)).verdict("facts")

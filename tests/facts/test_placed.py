@@ -42,7 +42,7 @@ def laid(**off: tuple[float, float]) -> Staged:
 
 
 @pytest.mark.slow
-def test_a_laid_table_is_a_success_and_each_things_error_is_told(tmp_path: Path) -> None:
+def test_a_laid_table_is_a_success_and_each_things_error_is_reported(tmp_path: Path) -> None:
     result = judged(tmp_path, SET_TABLE, laid(plate=(0.012, 0.0), fork=(0.0, math.pi)))
     assert result.predicate is True
     assert result.metrics["place_error_mm_plate"] == pytest.approx(12.0, abs=0.5)

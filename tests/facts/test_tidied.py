@@ -102,7 +102,7 @@ def test_a_thing_is_tidy_just_within_every_side_of_the_region_and_untidy_just_ou
     assert verdict.metrics["tidied_share"] == pytest.approx(1.0 if outside == 0.0 else 1 - 1 / len(names))
 
 
-def test_the_worst_of_several_things_is_told_and_all_that_are_wrong_are_named(counter: ScriptedEnd) -> None:
+def test_the_worst_of_several_things_is_reported_and_all_that_are_wrong_are_named(counter: ScriptedEnd) -> None:
     first, second, third = counter.truth.poses
     stand(counter, first, -0.1, 0.5)
     stand(counter, second, -0.1, 0.45)

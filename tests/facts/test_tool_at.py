@@ -19,7 +19,7 @@ REACH = {
 }
 
 
-def test_a_tool_that_stayed_where_it_was_is_told_by_how_much_it_is_off(tmp_path: Path) -> None:
+def test_a_tool_that_stayed_where_it_was_is_reported_by_how_much_it_is_off(tmp_path: Path) -> None:
     result = judged(tmp_path, REACH, Staged())
     assert not result.success
     off = result.metrics["tool_error_mm"]

@@ -58,7 +58,7 @@ def test_a_control_that_is_posted_reaches_the_executor_and_its_answer_comes_back
     assert executor.asked[-1] == asked
 
 
-def test_what_cannot_be_done_is_told(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
+def test_what_cannot_be_done_is_reported(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
     with listed(start_monitor()).http() as http:
         assert http.get(f"/api/runs/{ID}").json()["ok"]
         assert http.post("/api/runs/none/pause").status_code == 404

@@ -171,7 +171,7 @@ def test_a_damaged_btlog_is_told_to_the_page(folder: Path, start_monitor: StartM
         json.dumps({**tree_event(), "nodes": []}),
     ],
 )
-def test_a_damaged_event_is_told_in_the_log_and_the_rest_is_shown(folder: Path, line: str) -> None:
+def test_a_damaged_event_is_reported_in_the_log_and_the_rest_is_shown(folder: Path, line: str) -> None:
     (folder / "events.jsonl").write_text(json.dumps(run_event()) + "\n" + line + "\n")
     history = history_of(folder)
     assert history.about["task"] == "fetch"
@@ -252,7 +252,7 @@ def test_a_pipe_among_the_segments_holds_nobody_up(folder: Path, name: str) -> N
     assert "not a regular file" in warnings_of(history_of(folder))[-1]
 
 
-def test_events_that_are_missing_in_the_middle_are_told(folder: Path) -> None:
+def test_events_that_are_missing_in_the_middle_are_reported(folder: Path) -> None:
     write_lines(folder / "events.0001.jsonl", [run_event(), states_event(0.1)])
     write_lines(folder / "events.0003.jsonl", [states_event(0.3)])
     told = list(read_events(folder))
@@ -265,7 +265,7 @@ def test_events_that_are_missing_in_the_middle_are_told(folder: Path) -> None:
     assert warnings_of(history_of(folder)) == ["a part of events.jsonl that follows here was not read"]
 
 
-def test_states_that_are_missing_in_the_middle_are_told(folder: Path) -> None:
+def test_states_that_are_missing_in_the_middle_are_reported(folder: Path) -> None:
     btlog = folder / "transitions.btlog"
     (folder / "transitions.0001.btlog").write_bytes(btlog.read_bytes()[:-18])
     btlog.rename(folder / "transitions.0003.btlog")
@@ -280,7 +280,7 @@ def test_a_pipe_for_a_picture_is_refused_at_once(folder: Path) -> None:
         read_picture(folder, "pictures/pipe.jpg")
 
 
-def test_a_damaged_result_is_told_in_the_log(folder: Path, start_monitor: StartMonitor) -> None:
+def test_a_damaged_result_is_reported_in_the_log(folder: Path, start_monitor: StartMonitor) -> None:
     (folder / "result.json").write_text("{")
     with start_monitor(folder).page() as page:
         (run,) = page.next("hello")["runs"]

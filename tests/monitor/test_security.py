@@ -52,7 +52,7 @@ def refused(monitor: Monitor, **headers: str) -> int:
     return info.value.response.status_code
 
 
-def test_loopback_is_told_apart_from_addresses_that_others_reach() -> None:
+def test_loopback_is_distinguished_from_addresses_that_others_reach() -> None:
     assert [is_loopback(host) for host in ("127.0.0.1", "127.0.0.9", "::1", "localhost")] == [True] * 4
     assert [
         is_loopback(host)

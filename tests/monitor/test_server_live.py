@@ -52,7 +52,7 @@ def test_a_page_is_told_of_the_executors_that_run(executor: FakeExecutor, start_
     assert (run["task"], run["seed"], run["state"], run["kind"]) == ("fetch", 7, "running", "live")
 
 
-def test_opening_a_run_tells_its_tree_and_all_states(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
+def test_opening_a_run_reports_its_tree_and_all_states(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
     executor.first.append(states_event(1.0, (1, RUNNING), (2, SUCCESS), (3, RUNNING), (4, RUNNING)))
     with start_monitor().page() as page:
         state = opened(page)
@@ -99,7 +99,7 @@ def test_the_past_is_shown_while_the_run_goes_on(executor: FakeExecutor, start_m
         assert not any(message["type"] == "delta" for message in page.seen[page.seen.index(past) :])
 
 
-def test_blackboard_changes_are_told_and_removed_entries_become_null(
+def test_blackboard_changes_are_reported_and_removed_entries_become_null(
     executor: FakeExecutor, start_monitor: StartMonitor
 ) -> None:
     def board(time_s: float, **entry: Any) -> Message:
@@ -309,7 +309,7 @@ def test_pictures_are_served_as_what_they_are(executor: FakeExecutor, start_moni
     assert answer.headers["cache-control"] == "private, max-age=3600"
 
 
-def test_what_the_executor_refuses_is_told(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
+def test_what_the_executor_refuses_is_reported(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
     with start_monitor().page() as page:
         opened(page)
         executor.answer = {"ok": False, "error": "the execution has ended"}
@@ -328,7 +328,7 @@ def test_a_read_only_monitor_shows_and_controls_nothing(executor: FakeExecutor, 
     assert {asked["do"] for asked in executor.asked} == {"subscribe"}
 
 
-def test_pauses_breakpoints_and_the_end_are_told(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
+def test_pauses_breakpoints_and_the_end_are_reported(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
     point = {"node": 4, "when": "before", "condition": None, "once": False}
     with start_monitor().page() as page:
         opened(page)
@@ -444,7 +444,7 @@ def test_damaged_events_are_left_out_and_the_rest_is_shown(executor: FakeExecuto
         assert all_changes(page, (3, RUNNING)) == [[2, SUCCESS, 0, SUCCESS], [3, RUNNING, 0, 0]]
 
 
-def test_a_request_that_is_no_request_is_told_and_the_page_goes_on(
+def test_a_request_that_is_no_request_is_reported_and_the_page_goes_on(
     executor: FakeExecutor, start_monitor: StartMonitor
 ) -> None:
     with start_monitor().page() as page:

@@ -21,7 +21,7 @@ def told(standing: StateSnapshot, *topics: str) -> list[str]:
     return [event.event for event in standing.events(topics)]
 
 
-def test_a_pause_is_told_while_it_lasts_and_no_longer() -> None:
+def test_a_pause_is_reported_while_it_lasts_and_no_longer() -> None:
     standing = StateSnapshot()
     assert told(standing) == []
     standing.take(RUN)

@@ -98,7 +98,7 @@ def test_a_wrong_field_is_named_with_what_would_be_right(tmp_path, changes, word
         read_map(map_with(tmp_path, [[254, 0]], **changes))
 
 
-def test_all_that_is_wrong_is_told_at_once_with_its_lines(tmp_path):
+def test_all_that_is_wrong_is_reported_at_once_with_its_lines(tmp_path):
     path = tmp_path / "room.yaml"
     path.write_text("image: room.pgm\nresolution: 5 cm\norigin: [0, 0, 0]\norigin: [0, 0, 0]\n")
     with pytest.raises(MapFileError, match=r"room\.yaml:4: origin: is given twice"):
@@ -143,7 +143,7 @@ def test_a_colour_is_as_dark_as_the_mean_of_its_channels(tmp_path):
     assert read_map(path).data.tolist() == [[20, 21, -1]]
 
 
-def test_corrupt_files_are_told_and_not_guessed_at(tmp_path):
+def test_corrupt_files_are_reported_and_not_guessed_at(tmp_path):
     path = map_with(tmp_path, np.full((40, 40), 254))
     whole = (tmp_path / "room.pgm").read_bytes()
     (tmp_path / "room.pgm").write_bytes(whole[: len(whole) // 2])

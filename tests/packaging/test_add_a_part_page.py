@@ -88,7 +88,7 @@ def test_a_robot_without_the_sensor_refuses_the_tree(folder: Path) -> None:
     assert not lacking_parts(tree, warm, warm.parts)
 
 
-def test_a_mistake_in_the_new_kind_is_told_with_file_line_and_field(folder: Path) -> None:
+def test_a_mistake_in_the_new_kind_is_reported_with_file_line_and_field(folder: Path) -> None:
     text = FILES["thermometer.yaml"].replace("10 Hz", "-1 Hz")
     (folder / "thermometer.yaml").write_text(text)
     config = load_run(None, scene="kitchen", robot="warm_robot.yaml", seed=1, plugins=["thermometer.py"])

@@ -114,7 +114,7 @@ def test_every_extra_that_a_message_names_exists() -> None:
     assert (named | set(PACKAGE_OF_EXTRA)) - set(EXTRAS) == set()
 
 
-def test_the_page_on_installation_tells_what_every_extra_adds() -> None:
+def test_the_page_on_installation_reports_what_every_extra_adds() -> None:
     rows = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", (CHECKOUT / "docs/installation.md").read_text(), re.MULTILINE))
     assert set(rows) == set(EXTRAS)
     for extra in set(EXTRAS) - {"all"}:

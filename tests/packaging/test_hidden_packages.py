@@ -26,7 +26,7 @@ def test_a_script_beside_a_file_that_hides_our_package_is_told_which(name: str, 
     assert "is not a package" not in ran.stderr
 
 
-def test_the_engine_alone_can_be_used_beside_it_and_says_so_in_one_line(tmp_path: Path) -> None:
+def test_the_engine_alone_can_be_used_beside_it_and_reports_it_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "behaviours.py").write_text("class Count: ...\n")
     ran = run(tmp_path, "from bestman_bt.engine import Sequence\nfrom behaviours import Count\nprint(Count)\n")
     assert ran.stdout == "<class 'behaviours.Count'>\n"

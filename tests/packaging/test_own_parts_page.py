@@ -85,7 +85,7 @@ def test_the_tree_has_its_own_skill(setup: ResolvedConfig) -> None:
     assert [node.name for node in tree.nodes] == ["greet", "Nod", "again"]
 
 
-def test_the_global_planner_drives_straight_or_says_that_it_cannot(algorithms: Any, costmap: Costmap) -> None:
+def test_the_global_planner_drives_straight_or_reports_that_it_cannot(algorithms: Any, costmap: Costmap) -> None:
     planner = algorithms.global_planning
     path = planner.plan(Pose2D(0.0, 1.0, 0.0), Pose2D(4.0, 1.0, 1.0), costmap)
     assert isinstance(path, Path2D)

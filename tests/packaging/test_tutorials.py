@@ -63,7 +63,7 @@ def test_the_tree_with_recovery_succeeds_more_often_as_the_page_says(tmp_path: P
     assert [str(count) for count in counts] == [one or other for one, other in told]
 
 
-def test_a_misspelt_port_is_told_with_the_one_that_was_meant(tmp_path: Path) -> None:
+def test_a_misspelt_port_is_reported_with_the_one_that_was_meant(tmp_path: Path) -> None:
     text = blocks(TUTORIALS / "tree.md", "xml")[0].replace("<LookAt surface", "<LookAt surfac")
     with pytest.raises(TreeLoadError, match="<LookAt>.*did you mean 'surface'"):
         load_tree(text, node_registry())

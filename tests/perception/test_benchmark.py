@@ -88,7 +88,7 @@ def test_a_grasp_beside_the_object_finds_nothing(scene: GraspScene) -> None:
     assert outcome.contacts == ()
 
 
-def test_a_hand_that_is_driven_into_the_table_is_told(scene: GraspScene) -> None:
+def test_a_hand_that_is_driven_into_the_table_is_reported(scene: GraspScene) -> None:
     with GraspRig(scene.world, scene.table_height, scene.head) as rig:
         good = best_grasp(rig, scene)
         down = scene.table_height - 0.005 - float(good.grasp.position[2])

@@ -40,7 +40,7 @@ def test_a_cloud_is_read_as_it_was_written(cloud: PointCloud, tmp_path: Path, su
         np.testing.assert_array_equal(read.colors, cloud.colors)
 
 
-def test_a_file_that_is_no_cloud_is_told_in_words(tmp_path: Path, cloud: PointCloud) -> None:
+def test_a_file_that_is_no_cloud_is_reported_in_words(tmp_path: Path, cloud: PointCloud) -> None:
     (tmp_path / "text.ply").write_text("nothing of the kind")
     for path, words in (
         ("text.ply", "is not a PLY file"),
@@ -78,7 +78,7 @@ def test_a_plane_is_found_among_other_points_and_twice_alike() -> None:
     np.testing.assert_array_equal(plane, clouds.largest_plane(points, 0.004, 200, seed=7))
 
 
-def test_clusters_are_parted_by_distance_and_noise_is_told() -> None:
+def test_clusters_are_parted_by_distance_and_noise_is_reported() -> None:
     blob = RNG.uniform(0.0, 0.03, (400, 3))
     points = np.vstack([blob, blob + np.array([0.06, 0.0, 0.0]), [[0.5, 0.5, 0.5]]])
     labels = clouds.density_clusters(points, 0.015, 4)
@@ -95,7 +95,7 @@ def test_a_picture_shows_the_nearer_point_on_white() -> None:
     assert (picture.reshape(-1, 3) == 255).all(axis=1).sum() == 64 * 48 - 2
 
 
-def test_all_groups_of_a_mesh_are_read_and_a_broken_one_is_told(tmp_path: Path) -> None:
+def test_all_groups_of_a_mesh_are_read_and_a_broken_one_is_reported(tmp_path: Path) -> None:
     two = [
         trimesh.creation.box((0.1, 0.1, 0.1)),
         trimesh.creation.icosphere(2, 0.05).apply_translation((0.3, 0.0, 0.0)),

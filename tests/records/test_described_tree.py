@@ -53,7 +53,7 @@ def test_a_log_tells_of_its_nodes_what_the_tree_that_ran_tells() -> None:
     assert logged.id == ran.id == "Main"
 
 
-def test_the_palette_of_a_log_tells_what_kind_each_node_is() -> None:
+def test_the_palette_of_a_log_reports_what_kind_each_node_is() -> None:
     nodes = {node.path: node for node in describe_xml(full_tree_xml(load_tree(TREE))).nodes}
 
     assert nodes["<b>all</b>"].category == "control"

@@ -75,7 +75,7 @@ def test_a_line_says_its_kind_and_has_plain_json() -> None:
         (b"[" * 5000, "Invalid JSON"),
     ],
 )
-def test_what_is_no_event_is_refused_and_says_where(line: bytes, words: str) -> None:
+def test_what_is_no_event_is_refused_and_reports_where(line: bytes, words: str) -> None:
     with pytest.raises(EventError, match="no event") as error:
         from_line(line)
     assert words in str(error.value)

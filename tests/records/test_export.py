@@ -116,7 +116,7 @@ def test_logs_of_behaviortree_cpp_begin_with_their_first_change(tmp_path: Path) 
         ([], "CREATE VIEW Transitions AS SELECT 1", "damaged: no such column"),
     ],
 )
-def test_damaged_databases_are_told(
+def test_damaged_databases_are_reported(
     tmp_path: Path, rows: list[tuple[int, int, int]], view: str, complaint: str
 ) -> None:
     with pytest.raises(RecordError, match=complaint):

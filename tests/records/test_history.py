@@ -125,7 +125,7 @@ def test_ticks_count_on_while_leaves_run_and_nothing_changes() -> None:
     assert history.tick == 30
 
 
-def test_joints_are_told_by_the_names_that_they_had_then() -> None:
+def test_joints_are_reported_by_the_names_that_they_had_then() -> None:
     history = RunHistory()
     history.take(robot_event(1.0, lift=0.5))
     history.take(robot_event(2.0, elbow=0.25))

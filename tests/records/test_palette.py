@@ -30,7 +30,7 @@ def told(*states: int) -> NodeStates:
         ((NO,), "no"),
     ],
 )
-def test_an_idle_node_still_tells_how_it_ended(states: tuple[int, ...], word: str) -> None:
+def test_an_idle_node_still_reports_how_it_ended(states: tuple[int, ...], word: str) -> None:
     assert appearance_of(told(*states), 1).word == word
 
 

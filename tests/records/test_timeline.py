@@ -13,7 +13,7 @@ def change(timeline: Timeline, state: int, time: float) -> None:
     timeline.change(Transitions(np.array([time]), np.array([1], np.uint32), np.array([state], np.uint8)))
 
 
-def test_spans_that_became_one_say_so_and_tell_what_the_work_came_to() -> None:
+def test_spans_that_became_one_report_it_and_report_what_the_work_came_to() -> None:
     timeline = Timeline(max_spans=8)
     timeline.add_node(1)
     for second in range(100):

@@ -108,7 +108,7 @@ def test_a_bring_up_of_a_twin_counts_for_twins_only(robot_file: Path) -> None:
         ("robot: [cell\n", "is not YAML"),
     ],
 )
-def test_a_damaged_file_is_told_with_its_line(robot_file: Path, text: str, words: str) -> None:
+def test_a_damaged_file_is_reported_with_its_line(robot_file: Path, text: str, words: str) -> None:
     bringup_path(robot_file).write_text(text)
     with pytest.raises(ConfigurationError) as error:
         with_bringup_limits(load_robot_model(robot_file))

@@ -46,7 +46,7 @@ def test_a_name_that_nothing_can_be_called_by_is_refused(tmp_path: Path, name: s
     assert "cannot be a part's name" in fault
 
 
-def test_a_name_that_is_a_number_is_told_with_its_line(tmp_path: Path) -> None:
+def test_a_name_that_is_a_number_is_reported_with_its_line(tmp_path: Path) -> None:
     assert faults_of(tmp_path, f"{WHOLE}  7: {{part: imu, mount: base_link}}\n") == [
         "5: parts.7: a name should be text: write '7' in quotes"
     ]
@@ -126,7 +126,7 @@ def test_a_connection_that_cannot_work_is_refused(tmp_path: Path, connection: st
     assert re.match(rf"6: connections\.c\.{words.replace('[', chr(92) + '[', 1)}", fault)
 
 
-def test_a_wrong_base_frame_is_told_beside_a_part_that_cannot_be_read(tmp_path: Path) -> None:
+def test_a_wrong_base_frame_is_reported_beside_a_part_that_cannot_be_read(tmp_path: Path) -> None:
     faults = faults_of(tmp_path, WHOLE.replace("xarm6_arm", "xarm66_arm") + "base_frame: base_lnk\n")
     assert ["base_frame" in fault or "xarm66_arm" in fault for fault in faults] == [True, True]
 

@@ -141,7 +141,7 @@ def test_a_load_up_to_what_the_arm_may_carry_is_taken() -> None:
         ),
     ],
 )
-def test_what_is_wrong_is_told_with_its_field(fields: dict[str, Any], words: list[str]) -> None:
+def test_what_is_wrong_is_reported_with_its_field(fields: dict[str, Any], words: list[str]) -> None:
     with pytest.raises(ConfigurationError) as error:
         robot(**fields)
     for word in words:
@@ -189,7 +189,7 @@ def test_first_motions_of_real_arms_are_slow_whatever_their_file_allows(
         ("acceleration", [1, 1, 21, 1, 1, 1], "rad/s²", "joint3"),
     ],
 )
-def test_limits_of_a_real_arm_beyond_those_of_its_part_are_told(
+def test_limits_of_a_real_arm_beyond_those_of_its_part_are_reported(
     field: str, value: list[float], unit: str, joint: str
 ) -> None:
     arm = {**PARTS["arm"], "set": {"limits": {field: [f"{one} {unit}" for one in value]}}}

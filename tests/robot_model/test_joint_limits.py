@@ -164,7 +164,7 @@ def test_tolerances_are_the_parts_and_those_of_single_joints_also_of_two_equal_a
         ("{joints: {panda_joint7: {gaol: 1 deg}}}", "constraints.joints.panda_joint7.gaol"),
     ],
 )
-def test_a_wrong_tolerance_is_told_with_its_line(tmp_path: Path, written: str, told: str) -> None:
+def test_a_wrong_tolerance_is_reported_with_its_line(tmp_path: Path, written: str, told: str) -> None:
     with pytest.raises(ConfigurationError) as error:
         _tolerant(tmp_path, written)
     assert any(f"robot.yaml:{line}: " in str(error.value) for line in (4, 5))

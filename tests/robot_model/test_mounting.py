@@ -73,7 +73,7 @@ def test_what_is_mounted_on_a_turned_deck_is_placed_along_the_axes_of_the_deck(t
         ),
     ],
 )
-def test_impossible_mounts_and_parts_are_told_with_their_remedy(tmp_path: Path, change, words) -> None:
+def test_impossible_mounts_and_parts_are_reported_with_their_remedy(tmp_path: Path, change, words) -> None:
     assert words in fault(tmp_path, TEN_LINES.replace(*change))
 
 
@@ -121,7 +121,7 @@ def test_a_seat_is_where_the_root_of_a_part_lies_on_what_carries_it(tmp_path: Pa
     assert robot.of(ArmModel)["arm"].tool_frame == "allegro_tool"
 
 
-def test_a_misspelt_part_to_mount_on_is_told_beside_the_part_that_cannot_be_read(tmp_path: Path) -> None:
+def test_a_misspelt_part_to_mount_on_is_reported_beside_the_part_that_cannot_be_read(tmp_path: Path) -> None:
     file = tmp_path / "robot.yaml"
     file.write_text(
         "parts:\n  trunk: {part: colum}\n  arm: {part: panda_arm, mount: trunkk}\n"

@@ -46,7 +46,7 @@ def test_a_cycle_beside_a_tree_is_reported(tmp_path: Path) -> None:
         ('<link name="l2">', '<link name="l2"><inertial><mass value="-1"/></inertial>', "should not be negative"),
     ],
 )
-def test_a_fault_is_told_in_words(tmp_path: Path, before: str, after: str, words: str) -> None:
+def test_a_fault_is_reported_in_words(tmp_path: Path, before: str, after: str, words: str) -> None:
     text = arm_urdf().replace('<origin xyz="0 0 0.05"/>', '<origin xyz="0 0 0.1"/>')
     assert any(words in fault for fault in faults_of(tmp_path, text.replace(before, after, 1)))
 
@@ -56,7 +56,7 @@ def test_a_parent_that_is_no_link_is_one_fault(tmp_path: Path) -> None:
     assert "the parent of joint 'j3' is 'l22', which is not a link; did you mean 'l2'?" in fault
 
 
-def test_joints_that_mimic_each_other_are_told(tmp_path: Path) -> None:
+def test_joints_that_mimic_each_other_are_reported(tmp_path: Path) -> None:
     text = arm_urdf().replace('effort="30"/></joint>', 'effort="30"/>@</joint>').replace("@", "", 5)
     text = text.replace("@", '<mimic joint="right_joint"/>', 1).replace("@", "")
     assert "joints left_joint, right_joint mimic each other in a circle" in faults_of(tmp_path, text)[0]

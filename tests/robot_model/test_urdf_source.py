@@ -24,7 +24,9 @@ def test_a_package_is_found_beside_the_urdfs_own(ros_folder: Path) -> None:
     assert found == ros_folder / "my_arm/meshes/link.stl"
 
 
-def test_a_package_is_found_where_it_is_said_to_be(ros_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_package_is_found_where_it_is_reported_to_be(
+    ros_folder: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     urdf = tmp_path_factory.mktemp("elsewhere") / "arm.urdf"
     assert locate_mesh("package://my_arm/meshes/link.stl", urdf, [ros_folder]).is_file()
 
@@ -40,7 +42,7 @@ def test_a_package_whose_folder_has_another_name_is_found_without_it(ros_folder:
     assert locate_mesh("package://arm_description/meshes/link.stl", urdf).is_file()
 
 
-def test_a_missing_mesh_tells_where_it_was_looked_for(ros_folder: Path) -> None:
+def test_a_missing_mesh_reports_where_it_was_looked_for(ros_folder: Path) -> None:
     with pytest.raises(UrdfError, match=r"no such mesh: package://my_arm/no.stl \(looked for in .*ws/other/urdf"):
         locate_mesh("package://my_arm/no.stl", ros_folder / "other/urdf/arm.urdf")
 
@@ -68,7 +70,7 @@ def test_a_joint_that_is_called_as_a_link_gets_a_name_of_its_own(tmp_path: Path)
     assert [(mimic.joint, mimic.leader) for mimic in subtree.mimics] == [("right_joint", "left_finger_joint")]
 
 
-def test_an_origin_that_is_no_numbers_is_told(tmp_path: Path) -> None:
+def test_an_origin_that_is_no_numbers_is_reported(tmp_path: Path) -> None:
     text = arm_urdf().replace('<origin xyz="0 0 0.04"/>', '<origin xyz="$(optenv X 0 0 0)"/>', 1)
     with pytest.raises(UrdfError, match=r"joint 'left_joint' gives its xyz as '\$\(optenv X 0 0 0\)'"):
         read_subtree(written(tmp_path, text), None, ())
@@ -90,7 +92,7 @@ def test_an_origin_that_is_no_numbers_is_told(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_is_no_tree_of_links_is_told(tmp_path: Path, text: str, words: str) -> None:
+def test_what_is_no_tree_of_links_is_reported(tmp_path: Path, text: str, words: str) -> None:
     with pytest.raises(UrdfError, match=words):
         _ = UrdfTree(written(tmp_path, text)).root
 

@@ -94,11 +94,11 @@ def faults(*settings: str) -> list[str]:
         ),
     ],
 )
-def test_a_wrong_parameter_is_told_with_what_is_right(settings: list[str], fault: str) -> None:
+def test_a_wrong_parameter_is_reported_with_what_is_right(settings: list[str], fault: str) -> None:
     assert faults(*settings) == [fault]
 
 
-def test_parameters_beside_a_wrong_name_are_told_if_no_algorithm_of_the_slot_has_them() -> None:
+def test_parameters_beside_a_wrong_name_are_reported_if_no_algorithm_of_the_slot_has_them() -> None:
     unknown, key = faults(*(f"global_planning.{one}" for one in ("algorithm=astar", "turn_cost=2", "turn_kost=1")))
     assert "unknown algorithm 'astar'" in unknown
     assert key == "global_planning.turn_kost: no algorithm of this slot has it; did you mean 'turn_cost'?"
@@ -170,7 +170,7 @@ def test_a_preset_of_an_algorithm_that_uses_another_leaves_this_to_the_session()
             make_algorithm(run, "detection", segmentation=other)
 
 
-def test_faults_of_several_slots_are_told_at_once() -> None:
+def test_faults_of_several_slots_are_reported_at_once() -> None:
     told = faults("costmap.resolution=0", "slam.min_hits=0", "local_planning.max_speed=0", "localization.slip=-1")
     assert len(told) == 4
 
@@ -200,7 +200,7 @@ def _is_plain(value: object) -> bool:
     return isinstance(value, (bool, int, float, str))
 
 
-def test_a_task_says_what_names_of_nav2_mean() -> None:
+def test_a_task_reports_what_names_of_nav2_mean() -> None:
     settings = ["nav2.planners={Smac: theta_star}", "nav2.controllers={FollowPath: dwa}"]
     config = load_run("navigate_kitchen", settings=settings)
     with undone(ALGORITHMS):

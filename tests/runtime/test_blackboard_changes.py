@@ -6,7 +6,7 @@ from bestman_bt.engine import AlwaysSuccess, ManualClock, build_tree
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges
 
 
-def test_entries_are_told_once_when_they_are_written_and_when_they_are_removed() -> None:
+def test_entries_are_reported_once_when_they_are_written_and_when_they_are_removed() -> None:
     clock = ManualClock()
     tree = build_tree(AlwaysSuccess(), clock=clock)
     changes = BlackboardChanges(tree)

@@ -536,7 +536,7 @@ def test_what_was_refused_because_the_tree_did_not_tick_is_not_done_later(monkey
     assert "n" not in executor.tree.blackboard
 
 
-def test_who_has_gone_is_told_nothing_more(served: Served) -> None:
+def test_who_has_gone_is_reported_nothing_more(served: Served) -> None:
     telemetry = served.telemetry
     with connect(served.socket) as connection:
         connection.sendall(b'{"do": "subscribe", "topics": []}\n')
@@ -550,7 +550,7 @@ def test_who_has_gone_is_told_nothing_more(served: Served) -> None:
         time.sleep(0.005)
 
 
-def test_status_tells_the_active_leaves_and_the_robot(served: Served) -> None:
+def test_status_reports_the_active_leaves_and_the_robot(served: Served) -> None:
     served.ask("pause")
     answers = [
         served.ask("status") if number == 0 else served.ask("step") and served.ask("status") for number in (0, 1)
@@ -559,7 +559,7 @@ def test_status_tells_the_active_leaves_and_the_robot(served: Served) -> None:
     assert (answers[0]["parts"], answers[0]["last_failure"], answers[0]["run"]) == ({}, None, "")
 
 
-def test_status_tells_the_last_failure_of_an_action() -> None:
+def test_status_reports_the_last_failure_of_an_action() -> None:
     clock = ManualClock()
     executor = Executor(load_tree(SHORT, clock=clock), clock)
     telemetry = Telemetry(executor, described("failing"))
@@ -603,7 +603,7 @@ def test_a_step_that_is_asked_for_within_a_tick_is_the_next_one(served: Served) 
     assert served.speeds[:2] == [0.0, 1.0]  # motions go on for it, though the loop never paused
 
 
-def test_a_step_that_takes_long_is_told(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_step_that_takes_long_is_reported(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(control_channel, "TASK_WAIT", 0.05)
     served.ask("pause")
     served.executor.after_tick = lambda: time.sleep(0.5)

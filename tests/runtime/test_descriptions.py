@@ -137,7 +137,9 @@ def test_a_wheel_of_something_else_leaves_nothing(no_pybullet: Path, tmp_path: P
 
 
 @pytest.mark.slow
-def test_a_download_that_fails_says_why_and_leaves_nothing(no_pybullet: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_download_that_fails_reports_why_and_leaves_nothing(
+    no_pybullet: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(robot_facts, "SHA256", "0" * 64)
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     with pytest.raises(ConfigurationError, match=r"pip install .* failed: .*"):

@@ -110,7 +110,7 @@ def test_ticks_are_a_period_apart_on_the_clock() -> None:
     assert execution.sim_time_s == pytest.approx(1.1)
 
 
-def test_the_time_limit_halts_the_tree_and_says_so() -> None:
+def test_the_time_limit_halts_the_tree_and_reports_it() -> None:
     execution = executor_of('<Work name="work"/>', time_limit=2.0).run()
     assert (execution.ending, execution.tree_status) == (TerminationReason.TIMEOUT, "IDLE")
     assert execution.why == "not done within 2 s"
@@ -425,7 +425,7 @@ def test_native_behaviours_are_set_up_and_shut_down_whatever_the_end(caplog: pyt
     assert "port busy" in caplog.text
 
 
-def test_a_setup_that_fails_ends_the_execution_and_says_why() -> None:
+def test_a_setup_that_fails_ends_the_execution_and_reports_why() -> None:
     class Broken(Device):
         def setup(self, **kwargs: Any) -> None:
             raise OSError("no device at /dev/ttyUSB0")

@@ -74,7 +74,7 @@ def path(*points: tuple[float, float]) -> Path2D:
         (path(), "Path2D without points"),
     ],
 )
-def test_a_planner_that_returns_no_path_of_the_map_is_told(costmap: Costmap, found: Any, words: str) -> None:
+def test_a_planner_that_returns_no_path_of_the_map_is_reported(costmap: Costmap, found: Any, words: str) -> None:
     planner = with_checked_results(Plans, GlobalPlanner)(found)
     with pytest.raises(WrongResultError) as raised:
         planner.plan(Pose2D(), GOAL, costmap)
@@ -88,7 +88,7 @@ def test_a_path_on_the_map_and_a_failure_pass(costmap: Costmap) -> None:
 
 
 @pytest.mark.parametrize("found", [None, FollowerCommand(Twist2D(math.inf, 0.0, 0.0), False, 1.0)])
-def test_a_follower_that_commands_nothing_or_without_end_is_told(found: Any) -> None:
+def test_a_follower_that_commands_nothing_or_without_end_is_reported(found: Any) -> None:
     follower = with_checked_results(Follows, PathFollower)(found)
     follower.reset(path((0.0, 0.0)))
     with pytest.raises(WrongResultError, match=r"Follows\.compute (should return Foll|returned the vel)"):

@@ -87,7 +87,7 @@ def test_links_that_overlap_by_construction_need_no_check(tmp_path: Path) -> Non
         ("pybullet_data:husky/husky.urdf", "joint 'imu_joint' gives its"),
     ],
 )
-def test_what_cannot_be_imported_is_told_with_the_way_out(source: str, words: str) -> None:
+def test_what_cannot_be_imported_is_reported_with_the_way_out(source: str, words: str) -> None:
     with pytest.raises(UrdfError, match=words):
         imported(shipped(source))
 
@@ -133,7 +133,7 @@ def test_faults_of_a_urdf_and_its_srdf_come_at_once(tmp_path: Path) -> None:
     assert ["'half'" in f or "''" in f or "lacks: link 'l9'" in f for f in error.value.faults] == [True] * 3
 
 
-def test_all_lost_meshes_are_told_with_the_users_file(tmp_path: Path) -> None:
+def test_all_lost_meshes_are_reported_with_the_users_file(tmp_path: Path) -> None:
     text = arm_urdf(hand=False).replace('<box size="0.05 0.05 0.16"/>', '<mesh filename="one.stl"/>', 1)
     urdf = written(tmp_path, text.replace('<box size="0.1 0.1 0.1"/>', '<mesh filename="two.stl"/>'))
     with pytest.raises(ConfigurationError) as error:

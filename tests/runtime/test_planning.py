@@ -47,7 +47,7 @@ def test_facts_that_cannot_be_given_or_contradict_each_other_are_refused() -> No
             bt.plan("on(cup, counter)", scene="kitchen", given=given)
 
 
-def test_all_that_is_wrong_with_what_is_asked_is_told_at_once() -> None:
+def test_all_that_is_wrong_with_what_is_asked_is_reported_at_once() -> None:
     with pytest.raises(ConfigurationError) as refused:
         bt.plan(
             "on(cupp, countr) and foo(x)", scene="kitchen", planner="symbolix", builder="reactiv",

@@ -36,7 +36,7 @@ def test_a_session_with_a_task_gives_trees_its_goal_and_runs_them_to_their_end()
         opened.run(HEAD)
 
 
-def test_a_session_that_is_not_open_says_how_to_open_it() -> None:
+def test_a_session_that_is_not_open_reports_how_to_open_it() -> None:
     with pytest.raises(AttributeError, match=r"inside a with block, as in `with session\(\.\.\.\) as s: s\.run`"):
         session(scene="kitchen").run("fetch_cup")
 
@@ -60,7 +60,7 @@ def test_without_a_task_a_shipped_tree_brings_the_goal_of_its_own() -> None:
         assert "object" not in opened.load(HEAD).blackboard
 
 
-def test_a_refused_tree_leaves_no_facts_behind_and_all_that_is_wrong_with_it_is_told_at_once() -> None:
+def test_a_refused_tree_leaves_no_facts_behind_and_all_that_is_wrong_with_it_is_reported_at_once() -> None:
     with session(robot="turtle", scene="kitchen", seed=3) as opened:
         with pytest.raises(TreeLoadError, match="arm"):
             opened.load("fetch_cup")
@@ -197,7 +197,7 @@ def test_a_session_makes_the_controllers_that_its_trees_need_and_no_others() -> 
         assert "grasp_pose" not in vars(skills)
 
 
-def test_a_robot_of_base_and_lidar_is_localised_and_says_what_it_lacks() -> None:
+def test_a_robot_of_base_and_lidar_is_localised_and_reports_what_it_lacks() -> None:
     with session(scene="kitchen", robot="turtle", seed=3) as opened:
         opened.robot.clock.sleep(1.0)
         assert opened.skills.base.last_scan is not None

@@ -45,7 +45,7 @@ def events(folder: Path) -> list[Event]:
     return list(read_events(folder))
 
 
-def test_the_run_is_told_with_what_the_configuration_names(events: list[Event], folder: Path) -> None:
+def test_the_run_is_reported_with_what_the_configuration_names(events: list[Event], folder: Path) -> None:
     run = events[0]
     assert isinstance(run, RunEvent)
     assert (run.task, run.scene, run.robot, run.seed) == ("session", "kitchen", "diff_panda", 3)
@@ -54,7 +54,7 @@ def test_the_run_is_told_with_what_the_configuration_names(events: list[Event], 
     assert events[-1].outcome == "failure"
 
 
-def test_the_map_is_told_once_with_walls_and_furniture(events: list[Event], opened: RobotSession) -> None:
+def test_the_map_is_reported_once_with_walls_and_furniture(events: list[Event], opened: RobotSession) -> None:
     maps = [event for event in events if isinstance(event, MapEvent)]
     assert len(maps) == 1
     plan = opened.skills.world.map
@@ -86,7 +86,7 @@ def test_scans_lie_on_the_walls_and_furniture_of_the_map(events: list[Event], op
     assert inside.mean() > 0.95
 
 
-def test_a_failure_is_told_with_the_picture_of_that_moment(events: list[Event], folder: Path) -> None:
+def test_a_failure_is_reported_with_the_picture_of_that_moment(events: list[Event], folder: Path) -> None:
     failures = [line for line in read_log(folder) if line.level == "warning"]
     assert [(line.node, line.code, line.message) for line in failures] == [
         ("look", "nothing_there", "nothing is there")

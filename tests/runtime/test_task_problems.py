@@ -50,7 +50,7 @@ def problems(folder: Path, text: str) -> list[str]:
     return [str(problem).rpartition("task.yaml:")[2] for problem in error.value.problems]
 
 
-def test_every_unknown_name_is_told_with_its_line_and_what_was_meant(tmp_path: Path) -> None:
+def test_every_unknown_name_is_reported_with_its_line_and_what_was_meant(tmp_path: Path) -> None:
     wrong = SET_TABLE.replace("place_fork", "place_frok").replace("object: plate", "object: plat")
     wrong = wrong.replace("table/top", "table/tpo")
     assert problems(tmp_path, wrong) == [
@@ -193,7 +193,7 @@ def test_an_opening_is_known_in_radians_or_metres(
     assert opening.at_least == pytest.approx(value)
 
 
-def test_the_tree_is_told_each_goal_in_order(tmp_path: Path) -> None:
+def test_the_tree_is_reported_each_goal_in_order(tmp_path: Path) -> None:
     with open_session(load_run(written(tmp_path, SET_TABLE), seed=1)) as session:
         goals, drawn = session.entries["goals"], session.setup.world.goals
         assert [(goal["object"], goal["target"]) for goal in goals] == [("plate", "table"), ("fork", "table/top")]

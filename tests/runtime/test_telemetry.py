@@ -99,14 +99,14 @@ def events(folder: Path) -> list[Event]:
     return list(read_events(folder))
 
 
-def test_the_first_event_tells_what_runs_and_the_last_how_it_ended(events: list[Event]) -> None:
+def test_the_first_event_reports_what_runs_and_the_last_how_it_ended(events: list[Event]) -> None:
     assert isinstance(events[0], RunEvent)
     assert (events[0].task, events[0].scene, events[0].seed) == ("grasping", "kitchen", 7)
     assert isinstance(events[-1], EndEvent)
     assert (events[-1].outcome, events[-1].tree_status, events[-1].time) == ("failure", "FAILURE", pytest.approx(0.1))
 
 
-def test_the_tree_is_told_with_its_scopes_ports_and_parents(events: list[Event]) -> None:
+def test_the_tree_is_reported_with_its_scopes_ports_and_parents(events: list[Event]) -> None:
     tree = next(event for event in events if isinstance(event, TreeEvent))
     nodes = {node.path: node for node in tree.nodes}
     assert [node.uid for node in tree.nodes] == list(range(1, 9))
@@ -137,7 +137,7 @@ def test_a_tree_that_a_leaf_ticks_is_told_under_the_leaf_with_its_states(events:
     assert (3, FAILURE) in changes
 
 
-def test_blackboard_entries_are_told_by_scope_when_they_change(events: list[Event]) -> None:
+def test_blackboard_entries_are_reported_by_scope_when_they_change(events: list[Event]) -> None:
     told = [event for event in events if isinstance(event, BlackboardEvent)]
     assert told[0].entries[""]["object"].text == "<script>"
     assert told[-1].entries == {"look": {"seen": told[-1].entries["look"]["seen"]}}
@@ -213,7 +213,7 @@ def test_who_reads_too_slowly_is_told_what_was_dropped_and_then_how_all_stands()
     stream.close()
 
 
-def test_an_event_that_cannot_be_made_is_told_and_the_others_still_come(tmp_path: Path) -> None:
+def test_an_event_that_cannot_be_made_is_reported_and_the_others_still_come(tmp_path: Path) -> None:
     clock = ManualClock()
     executor = Executor(load_tree(INNER, clock=clock), clock)
     run = RunEvent("broken", "Plan", "", "", 0, str(tmp_path), os.getpid(), time.time(), 20.0, "simulated")
@@ -330,7 +330,7 @@ def test_an_execution_that_nobody_has_ended_has_broken_or_was_cancelled(
     assert why in [line.message for line in read_log(tmp_path)][-1]
 
 
-def test_a_failure_is_told_with_the_nodes_name_file_and_line(tmp_path: Path) -> None:
+def test_a_failure_is_reported_with_the_nodes_name_file_and_line(tmp_path: Path) -> None:
     (tmp_path / "my.xml").write_text(
         '<root BTCPP_format="4">\n<BehaviorTree ID="M">\n<AlwaysFailure/></BehaviorTree></root>'
     )

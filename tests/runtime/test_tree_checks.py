@@ -54,7 +54,7 @@ def unknown(kitchen: ResolvedConfig, body: str, more: str = "") -> list[str]:
         ('<Holds fact="on({object}, {place})" object="cup" place="tble"/>', "port 'place': there is no surface 'tble'"),
     ],
 )
-def test_a_name_that_nothing_bears_is_told_with_its_line_and_the_closest(
+def test_a_name_that_nothing_bears_is_reported_with_its_line_and_the_closest(
     kitchen: ResolvedConfig, node: str, told: str
 ) -> None:
     (message,) = unknown(kitchen, f"\n{node}")
@@ -76,7 +76,7 @@ def test_names_that_are_or_may_be_there_pass(kitchen: ResolvedConfig, node: str)
     assert unknown(kitchen, node) == []
 
 
-def test_a_name_that_a_subtree_is_given_is_told_once_in_the_subtrees_line(kitchen: ResolvedConfig) -> None:
+def test_a_name_that_a_subtree_is_given_is_reported_once_in_the_subtrees_line(kitchen: ResolvedConfig) -> None:
     body = '<Sequence>\n<SubTree ID="Take" object="cup" surface="countr"/></Sequence>'
     (message,) = unknown(kitchen, body, TAKE)
     assert message.startswith("<text>:4: <SubTree> port 'surface': there is no surface 'countr'")
@@ -108,7 +108,7 @@ def test_a_detector_with_words_of_its_own_may_be_asked_for_anything(tmp_path: Pa
         prepare(load_run(None, tree=path, scene="kitchen", robot="diff_panda"))
 
 
-def test_nothing_is_started_where_a_name_is_unknown_and_all_are_told(tmp_path: Path) -> None:
+def test_nothing_is_started_where_a_name_is_unknown_and_all_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "my.xml"
     path.write_text(text_of('<Sequence><LookAt surface="countr"/>\n<LookAt object="cupp"/></Sequence>'))
     with pytest.raises(TreeLoadError) as error:
@@ -128,7 +128,7 @@ def test_entries_that_nobody_fills_keep_a_run_from_starting(tmp_path: Path) -> N
     prepare_episode(load_run("fetch_cup", tree=path))
 
 
-def test_a_policy_that_a_subtree_is_given_is_told_in_the_subtrees_line(kitchen: ResolvedConfig) -> None:
+def test_a_policy_that_a_subtree_is_given_is_reported_in_the_subtrees_line(kitchen: ResolvedConfig) -> None:
     leaf = '<RunPolicy policy="{which}" goal="1;0;1"/>'
     inner = f'<BehaviorTree ID="Try"><Fallback>{leaf}{leaf}</Fallback></BehaviorTree>'
     tree = load_for(kitchen, text_of('<Sequence>\n<SubTree ID="Try" which="policy_rech"/></Sequence>', inner))
@@ -137,7 +137,7 @@ def test_a_policy_that_a_subtree_is_given_is_told_in_the_subtrees_line(kitchen: 
     assert "unknown policy 'policy_rech'" in problem.message
 
 
-def test_unknown_names_and_empty_entries_are_told_together_in_the_order_of_lines(tmp_path: Path) -> None:
+def test_unknown_names_and_empty_entries_are_reported_together_in_the_order_of_lines(tmp_path: Path) -> None:
     path = tmp_path / "my.xml"
     path.write_text(text_of('<Sequence>\n<CheckHeld object="{thing}"/>\n<LookAt surface="countr"/></Sequence>'))
     with pytest.raises(TreeLoadError) as error:
@@ -237,7 +237,9 @@ def test_trees_and_what_they_include_find_the_planners_beside_them_and_no_others
     assert "default.yaml" not in problem.message
 
 
-def test_an_own_planner_that_fails_is_told_with_its_line_and_the_trees(kitchen: ResolvedConfig, tmp_path: Path) -> None:
+def test_an_own_planner_that_fails_is_reported_with_its_line_and_the_trees(
+    kitchen: ResolvedConfig, tmp_path: Path
+) -> None:
     tree = tree_beside_planners(tmp_path / "one", "planners.py:Mine")
     (tmp_path / "one/planners.py").write_text("import math\nmath.sqrt(-1)\n")
     (problem,) = kitchen.missing_in(load_for(kitchen, tree))
@@ -277,7 +279,7 @@ def test_loading_in_a_session_warns_of_attributes_that_nobody_reads(caplog: pyte
     assert "'sped': nothing in the tree 'Look' uses it" in caplog.text
 
 
-def test_parts_behind_no_connection_are_told_as_such_with_the_node_that_needs_them() -> None:
+def test_parts_behind_no_connection_are_reported_as_such_with_the_node_that_needs_them() -> None:
     robot = load_robot_model("diff_panda")
     text = '<root BTCPP_format="4"><BehaviorTree ID="Main"><NavigateTo goal="1;0;0"/></BehaviorTree></root>'
     tree = load_tree(text, node_registry())

@@ -48,7 +48,7 @@ def told(body: str, robot: str | Path, folder: Path) -> list[str]:
 @pytest.mark.parametrize(
     ("robot", "known"), [("diff_panda", "(known: arm)"), ("two_arms", "(did you mean 'left'?)")], ids=["one", "two"]
 )
-def test_an_arm_that_the_robot_lacks_is_told_with_its_line_and_the_arms_there_are(
+def test_an_arm_that_the_robot_lacks_is_reported_with_its_line_and_the_arms_there_are(
     robot: str, known: str, tmp_path: Path
 ) -> None:
     body = '<MoveArm posture="carry"/>\n<SubTree ID="Tuck" arm="lefft"/>\n<Holding object="cup" arm="lefft"/>'

@@ -77,7 +77,7 @@ def test_things_may_stand_on_what_every_apartment_has(tmp_path: Path) -> None:
         ("furniture: {table: {model: table, at: [0, 0, 0]}}", "furniture: the generator makes them"),
     ],
 )
-def test_faults_are_told_with_the_field(tmp_path: Path, text: str, message: str) -> None:
+def test_faults_are_reported_with_the_field(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "variant.yaml"
     path.write_text("extends: apartment\n" + text)
     with pytest.raises(ConfigurationError) as error:

@@ -138,7 +138,7 @@ def test_presence_decides_whether_a_piece_came() -> None:
         ({"walkers": {"count": 1, "speed": ["1 m/s", "0.5 m/s"]}}, "walkers.speed: the smaller limit comes first"),
     ],
 )
-def test_faults_are_told_with_the_field(overrides: dict[str, object], message: str) -> None:
+def test_faults_are_reported_with_the_field(overrides: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigurationError) as error:
         load_scene("kitchen_with_chairs", overrides)
     assert message in str(error.value)

@@ -97,7 +97,7 @@ def test_furniture_on_the_floor_does_not_overlap(furnished: list[World]) -> None
             assert not any(polygons_overlap(outline, other) for other in outlines[:i])
 
 
-def test_the_map_does_not_tell_what_opens(furnished: list[World]) -> None:
+def test_the_map_does_not_report_what_opens(furnished: list[World]) -> None:
     told = semantic_map(furnished[0]).furniture["fridge"]
     assert not [field for field in vars(told) if "artic" in field or "handle" in field]
 

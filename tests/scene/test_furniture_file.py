@@ -139,5 +139,5 @@ def test_a_hand_written_door_knows_its_true_handle(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_fault_is_told_with_line_field_and_value(tmp_path: Path, text: str, expected: str) -> None:
+def test_a_fault_is_reported_with_line_field_and_value(tmp_path: Path, text: str, expected: str) -> None:
     assert problem(tmp_path, text).startswith(expected)

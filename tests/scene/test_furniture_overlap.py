@@ -30,13 +30,13 @@ def told(folder: Path, *pieces: str) -> list[str]:
     return []
 
 
-def test_a_piece_in_another_is_told_with_its_line_and_both_names(tmp_path: Path) -> None:
+def test_a_piece_in_another_is_reported_with_its_line_and_both_names(tmp_path: Path) -> None:
     assert told(tmp_path, "counter: {model: counter, at: [1.5, 0, 0]}") == [
         "6: furniture.counter.at: stands 18.5 cm deep in 'table'; furniture may touch or stand on other furniture"
     ]
 
 
-def test_all_pairs_are_told(tmp_path: Path) -> None:
+def test_all_pairs_are_reported(tmp_path: Path) -> None:
     problems = told(tmp_path, "one: {model: table, at: [1.2, 0, 0]}", "two: {model: table, at: [1, 0.3, 0]}")
     assert [problem.partition(";")[0] for problem in problems] == [
         "6: furniture.one.at: stands 3.5 cm deep in 'table'",

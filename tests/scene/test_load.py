@@ -170,7 +170,7 @@ def test_a_door_that_shall_stand_open_has_to_be_there_and_to_open_so_far() -> No
     assert "opens from 0 to 32.8 cm, got -2 cm" in inwards
 
 
-def test_all_faults_of_a_scene_are_told_at_once_in_the_order_of_its_lines(tmp_path: Path) -> None:
+def test_all_faults_of_a_scene_are_reported_at_once_in_the_order_of_its_lines(tmp_path: Path) -> None:
     path = tmp_path / "room.yaml"
     path.write_text(
         """walls: {height: 2 m, thickness: 10 cm, lines: [[[-2, -2], [2, -2]]]}

@@ -165,7 +165,7 @@ def test_a_mesh_is_scaled_turned_upright_and_centred(tmp_path: Path) -> None:
         ("[{revolve: {profile: [[0, 5 cm], [3 cm, 5 cm], [3 cm, 0], [0, 0]]}}]", "goes the other way round"),
     ],
 )
-def test_shapes_that_cannot_be_are_told_with_their_place(shapes: str, told: str, tmp_path: Path) -> None:
+def test_shapes_that_cannot_be_are_reported_with_their_place(shapes: str, told: str, tmp_path: Path) -> None:
     (tmp_path / "words.stl").write_text("no mesh")
     (tmp_path / "words.xyzzy").write_text("no mesh")
     bent = tube_mesh(radius=0.04, length=0.09, wall=0.003, bottom=0.004)
@@ -189,7 +189,7 @@ def test_shapes_that_cannot_be_are_told_with_their_place(shapes: str, told: str,
         ),
     ],
 )
-def test_grasps_that_cannot_be_read_are_told(text: str | None, told: str, tmp_path: Path) -> None:
+def test_grasps_that_cannot_be_read_are_reported(text: str | None, told: str, tmp_path: Path) -> None:
     if text is not None:
         (tmp_path / "grasps.json").write_text(text)
     assert told in fault(tmp_path, "[{sphere: 3 cm}]", "grasps: grasps.json\n")

@@ -222,7 +222,7 @@ objects:
         ),
     ],
 )
-def test_a_world_that_cannot_be_drawn_is_told_with_the_line_and_the_thing_that_does_not_fit(
+def test_a_world_that_cannot_be_drawn_is_reported_with_the_line_and_the_thing_that_does_not_fit(
     text: str, overrides: dict[str, Any], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(draw, "_ATTEMPTS", 3)

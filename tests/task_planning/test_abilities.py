@@ -64,7 +64,7 @@ def test_what_an_ability_takes_away_and_what_it_does_for_each_are_read(tmp_path:
         ("effects=", "effcts=", ":9: Wipe: unknown 'effcts'; did you mean 'effects'?"),
     ],
 )
-def test_what_cannot_be_read_is_told_with_its_line(tmp_path: Path, old: str, new: str, words: str) -> None:
+def test_what_cannot_be_read_is_reported_with_its_line(tmp_path: Path, old: str, new: str, words: str) -> None:
     with pytest.raises(DeclarationError) as raised:
         read(tmp_path, old, new)
     assert str(raised.value).startswith(f"{tmp_path / 'wipe.xml'}{words}")
@@ -73,13 +73,13 @@ def test_what_cannot_be_read_is_told_with_its_line(tmp_path: Path, old: str, new
 @pytest.mark.parametrize(
     ("old", "new", "line"), [(' name="place"', "", 5), (' ID="Helper"', "", 12), ("</MetadataFields>\n", "\n", 11)]
 )
-def test_a_model_that_is_no_model_is_told_with_its_line(tmp_path: Path, old: str, new: str, line: int) -> None:
+def test_a_model_that_is_no_model_is_reported_with_its_line(tmp_path: Path, old: str, new: str, line: int) -> None:
     with pytest.raises(TreeLoadError) as raised:
         read(tmp_path, old, new)
     assert raised.value.problems[0].line == line
 
 
-def test_a_port_of_another_type_than_its_predicate_takes_is_told(tmp_path: Path) -> None:
+def test_a_port_of_another_type_than_its_predicate_takes_is_reported(tmp_path: Path) -> None:
     abilities = read(tmp_path, 'effects="clean({place})"', 'effects="open({place})"')
     with pytest.raises(DeclarationError, match=r"Wipe: open\(\{place\}\): open takes container"):
         Domain(abilities)

@@ -66,7 +66,7 @@ def test_a_door_that_one_walks_through_contains_nothing(world):
     assert not [name for name in things(replace(world, map=passage)) if name.startswith("fridge")]
 
 
-def test_a_name_without_its_number_is_the_first_and_the_others_are_told(domain, world, caplog):
+def test_a_name_without_its_number_is_the_first_and_the_others_are_reported(domain, world, caplog):
     (closed,) = domain.problem(Beliefs(world), "closed(drawer)").goal
     assert closed.fact.arguments == ("drawer_chest/drawer_1",)
     assert "there are also drawer_chest/drawer_2, drawer_chest/drawer_3" in caplog.text
@@ -81,7 +81,7 @@ def test_a_name_without_its_number_is_the_first_and_the_others_are_told(domain, 
         ("closed(door)", "'door' is taken for microwave/door; there are also"),
     ],
 )
-def test_a_short_name_that_could_mean_others_is_told(world, domain, caplog, goal, words):
+def test_a_short_name_that_could_mean_others_is_reported(world, domain, caplog, goal, words):
     domain.problem(Beliefs(world), goal)
     assert words in caplog.text
 
@@ -102,7 +102,7 @@ def test_facts_that_get_along_are_no_contradiction(world, domain):
     ]
 
 
-def test_a_predicate_of_somebody_else_says_what_it_excludes(world):
+def test_a_predicate_of_somebody_else_reports_what_it_excludes(world):
     wet = Predicate("wet", {"place": "place"}, "the {place} is wet", lambda *_: False, excludes=("dry({place})",))
     dry = Predicate("dry", {"place": "place"}, "the {place} is dry", lambda *_: False)
     domain = Domain((), {"wet": wet, "dry": dry})
@@ -338,13 +338,13 @@ def test_a_third_party_leaf_that_declares_parameters_is_planned_with(world):
         (Declaration(parameters={}, cost=0.0), "cost is 0.0; more than 0 is accepted"),
     ],
 )
-def test_a_declaration_that_cannot_be_read_is_told(declared, words):
+def test_a_declaration_that_cannot_be_read_is_reported(declared, words):
     with pytest.raises(DeclarationError) as raised:
         operator_of("Wipe", declared)
     assert words in str(raised.value)
 
 
-def test_a_predicate_with_other_arguments_than_declared_is_told():
+def test_a_predicate_with_other_arguments_than_declared_is_reported():
     class Odd(Skill):
         """Odd."""
 

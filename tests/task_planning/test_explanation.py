@@ -47,7 +47,7 @@ def test_a_thing_that_is_nowhere_is_what_is_missing() -> None:
     assert "PickUp(mug, chest/drawer_1) needs on(mug, chest/drawer_1)" in words
 
 
-def test_parts_of_a_goal_that_exclude_each_other_are_told_apart_from_what_is_out_of_reach() -> None:
+def test_parts_of_a_goal_that_exclude_each_other_are_distinguished_from_what_is_out_of_reach() -> None:
     words = explain(kitchen("on(mug, table) and on(mug, chest/drawer_2)"))
     assert words.startswith("each part of the goal is within reach alone")
 
@@ -56,7 +56,7 @@ def test_of_a_goal_that_holds_there_is_nothing_to_explain() -> None:
     assert explain(kitchen("on(can, table)")) == ""
 
 
-def test_a_key_that_is_locked_in_with_what_it_opens_is_told_as_a_circle() -> None:
+def test_a_key_that_is_locked_in_with_what_it_opens_is_reported_as_a_circle() -> None:
     assert explain(with_keys("on(can, chest/drawer_1)", "fits(can, drawer_1)")) == (
         "open(drawer_1) has to hold already before it can come about: on(mug, table) is out of reach "
         "(PickUp(can, chest/drawer_1) needs open(drawer_1); Unlock(can, drawer_1) needs holding(can); "
@@ -65,7 +65,7 @@ def test_a_key_that_is_locked_in_with_what_it_opens_is_told_as_a_circle() -> Non
     )
 
 
-def test_of_two_drawers_each_with_the_key_of_the_other_the_whole_circle_is_told() -> None:
+def test_of_two_drawers_each_with_the_key_of_the_other_the_whole_circle_is_reported() -> None:
     keys = ("on(can, chest/drawer_2)", "locked(drawer_2)", "fits(can, drawer_1)", "fits(mug, drawer_2)")
     (line,) = explain(with_keys(*keys)).splitlines()
     assert line.startswith("holding(mug) has to hold already before it can come about: on(mug, table) is out of reach")
@@ -77,11 +77,11 @@ def test_a_goal_that_needs_itself_has_a_reason_too() -> None:
     assert words.startswith("holding(can) has to hold already before it can come about: holding(can) is out of reach")
 
 
-def test_what_was_looked_for_everywhere_is_told_with_all_the_places() -> None:
+def test_what_was_looked_for_everywhere_is_reported_with_all_the_places() -> None:
     assert explain(shipped()) == "the mug was not found at: table, counter, drawer: on(mug, table) is out of reach"
 
 
-def test_where_it_may_still_be_is_told_with_what_keeps_one_from_looking() -> None:
+def test_where_it_may_still_be_is_reported_with_what_keeps_one_from_looking() -> None:
     assert explain(shipped("unseen(mug, drawer)", "locked(drawer)")) == (
         "locked(drawer) is believed, and nothing changes that: on(mug, table) is out of reach "
         "(OpenContainer(drawer) needs not locked(drawer); Search(mug, drawer) needs open(drawer))"

@@ -115,7 +115,7 @@ def test_of_a_thing_that_may_not_be_used_it_is_told_that_the_limits_forbid_it() 
     assert "allowed" not in str(raised.value)
 
 
-def test_without_a_plan_the_limits_are_told_beside_the_reason() -> None:
+def test_without_a_plan_the_limits_are_reported_beside_the_reason() -> None:
     with pytest.raises(Unsolvable, match=r"is out of reach .*, within the limits without=drawer, drawer/board$"):
         plan_within(SymbolicPlanner(), fetching(), PlanLimits.from_string("without=drawer"))
     with pytest.raises(Unsolvable) as refused:

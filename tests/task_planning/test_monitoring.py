@@ -25,6 +25,6 @@ def test_it_is_done_where_the_goal_is_believed(monitor: PlanMonitor) -> None:
     assert str(monitor.assess(facts("on(mug, table)"))) == "the goal holds"
 
 
-def test_where_the_plan_does_not_help_it_says_what_is_missing(monitor: PlanMonitor) -> None:
+def test_where_the_plan_does_not_help_it_reports_what_is_missing(monitor: PlanMonitor) -> None:
     moved = facts("on(mug, chest/drawer_2)", "hand_empty", "open(drawer_1)")
     assert str(monitor.assess(moved)) == "the plan no longer helps: it needs on(mug, chest/drawer_1)"

@@ -230,7 +230,7 @@ def test_a_reactive_tree_recovers_by_itself(skills: Any, library: NodeRegistry) 
     assert not any(failure.error_code == "plan_failed" for failure in skills.failures)
 
 
-def test_without_a_plan_it_says_what_is_missing_and_does_not_ask_again(skills: Any, library: NodeRegistry) -> None:
+def test_without_a_plan_it_reports_what_is_missing_and_does_not_ask_again(skills: Any, library: NodeRegistry) -> None:
     del skills.world.objects["cup"]
     skills.world.searched.update({("cup", "table/top"): 1.0, ("cup", "desk/top"): 1.0, ("cup", "shelf/top"): 1.0})
     assert run(planned(skills, library, "on(cup, desk)")) == FAILURE
@@ -251,7 +251,7 @@ def test_where_it_is_not_found_the_next_place_is_planned_for(
     assert skills.world.objects["cup"].surface == "table/top"
 
 
-def test_after_all_places_were_searched_it_says_so_with_their_names(skills: Any, library: NodeRegistry) -> None:
+def test_after_all_places_were_searched_it_reports_it_with_their_names(skills: Any, library: NodeRegistry) -> None:
     del skills.world.objects["cup"]
     assert run(planned(skills, library, "on(cup, table)")) == FAILURE
     assert sorted(LookFor.looked) == ["desk/top", "shelf/top", "table/top"]
@@ -317,7 +317,7 @@ def test_a_plan_is_not_blamed_for_what_failed_before_it_and_conditions_are_no_re
     assert failed == "next is Bring(cup, desk/top)"
 
 
-def test_of_several_failures_of_a_plan_the_last_is_told(skills: Any, library: NodeRegistry) -> None:
+def test_of_several_failures_of_a_plan_the_last_is_reported(skills: Any, library: NodeRegistry) -> None:
     skills.world.objects["mug"] = believed("mug", "table/top")
     Bring.trouble.append("slip")
     tree = carrying_out(skills, library, "on(cup, desk)")
@@ -348,7 +348,7 @@ def test_a_plan_whose_tree_fails_a_dry_run_is_refused_before_anything_moves(skil
     assert Bring.halted == []
 
 
-def test_a_plan_that_was_halted_starts_anew_and_tells_what_it_does(skills: Any, library: NodeRegistry) -> None:
+def test_a_plan_that_was_halted_starts_anew_and_reports_what_it_does(skills: Any, library: NodeRegistry) -> None:
     tree = carrying_out(skills, library, "on(cup, desk)")
     inner: list[tuple[Tree, str]] = []
     tree.subscribe_to_inner(lambda made, leaf: inner.append((made, leaf.path)))
@@ -366,7 +366,7 @@ def test_a_plan_that_was_halted_starts_anew_and_tells_what_it_does(skills: Any, 
 
 
 @pytest.mark.parametrize(("goal", "told"), [("on(cup, desk)", "Bring(cup, desk/top)"), ("on(cup, table)", None)])
-def test_what_is_planned_is_told(skills: Any, library: NodeRegistry, goal: str, told: str | None) -> None:
+def test_what_is_planned_is_reported(skills: Any, library: NodeRegistry, goal: str, told: str | None) -> None:
     xml = f'''<root BTCPP_format="4"><BehaviorTree ID="Main"><Plan goal="{goal}" plan="{{plan}}"/>
         </BehaviorTree></root>'''
     tree = load_tree(xml, library, context=skills, clock=skills.clock)
@@ -375,7 +375,7 @@ def test_what_is_planned_is_told(skills: Any, library: NodeRegistry, goal: str, 
     assert [str(action) for action in tree.blackboard.get("plan").actions] == ([told] if told else [])
 
 
-def test_an_unknown_planner_is_told_with_the_closest(skills: Any, library: NodeRegistry) -> None:
+def test_an_unknown_planner_is_reported_with_the_closest(skills: Any, library: NodeRegistry) -> None:
     assert run(planned(skills, library, "on(cup, desk)", planner="symbolik")) == FAILURE
     assert unplanned(skills)[0] == ("unknown_name", "unknown task planner 'symbolik'; did you mean 'symbolic'?")
 
@@ -414,7 +414,7 @@ def test_the_arm_is_tucked_where_every_joint_is(
         ("drawer(attic/top)", "", "unknown_name", "no surface 'attic/top' in the map; known: table/top"),
     ],
 )
-def test_a_condition_asks_the_beliefs_and_says_why_not(
+def test_a_condition_asks_the_beliefs_and_reports_why_not(
     skills: Any, library: NodeRegistry, fact: str, ports: str, code: str | None, words: str
 ) -> None:
     xml = f'<root BTCPP_format="4"><BehaviorTree ID="Main"><Holds fact="{fact}" {ports}/></BehaviorTree></root>'
@@ -482,7 +482,7 @@ def test_of_the_effects_of_abilities_only_facts_without_a_function_are_kept(skil
     assert skills.world.brought_about == ["clean(table/top); not soiled(table/top)"]
 
 
-def test_a_predicate_may_be_declared_without_a_function_and_an_unknown_one_is_told(
+def test_a_predicate_may_be_declared_without_a_function_and_an_unknown_one_is_reported(
     skills: Any, library: NodeRegistry
 ) -> None:
     with undone(PREDICATES):

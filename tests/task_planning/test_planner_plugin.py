@@ -49,7 +49,7 @@ def test_a_planner_of_another_package_is_found_and_plans(planner):
     assert [str(action) for action in planner.plan(steps("at2")).actions] == ["Step0()", "Step1()"]
 
 
-def test_it_says_when_there_is_no_plan(planner):
+def test_it_reports_when_there_is_no_plan(planner):
     with pytest.raises(Unsolvable):
         planner.plan(steps("at2 and not at0"))
 

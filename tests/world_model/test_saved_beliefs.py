@@ -110,7 +110,7 @@ def test_measurements_stay_out_of_the_file(setup: ResolvedConfig, world: WorldMo
         ("objets: {}", "unknown field; did you mean 'objects'"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_told_with_its_line(
+def test_what_is_wrong_in_a_file_is_reported_with_its_line(
     setup: ResolvedConfig, tmp_path: Path, line: str, words: str
 ) -> None:
     path = tmp_path / "world.yaml"

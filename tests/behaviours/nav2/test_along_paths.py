@@ -171,7 +171,7 @@ def test_a_corner_is_rounded_but_not_where_the_base_would_then_touch_something_a
         ("AreErrorCodesPresent", "lost", False),
     ],
 )
-def test_whether_a_recovery_may_help_is_told_by_the_code(skills: Any, leaf: str, code: str, helps: bool) -> None:
+def test_whether_a_recovery_may_help_is_reported_by_the_code(skills: Any, leaf: str, code: str, helps: bool) -> None:
     assert run(skills, load(skills, f'<{leaf} error_code="{{code}}"/>', code=code)) == (SUCCESS if helps else FAILURE)
 
 

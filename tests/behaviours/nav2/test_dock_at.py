@@ -55,7 +55,7 @@ def test_furniture_without_a_front_that_a_lidar_sees_is_refused(driver, name) ->
     assert why_not(driver, f'<DockAt goal="-1;0;0" furniture="{name}"/>')[0] == "bad_input"
 
 
-def test_a_piece_that_is_gone_is_told(driver, monkeypatch) -> None:
+def test_a_piece_that_is_gone_is_reported(driver, monkeypatch) -> None:
     here = driver.skills.world.base.pose
     gone = MapFurniture("gone", here @ Pose2D(1.0, 0.0, 0.0), (0.4, 1.0), 0.9, (), True)
     monkeypatch.setattr(driver.skills.world, "map", driver.skills.world.map.with_furniture(gone))

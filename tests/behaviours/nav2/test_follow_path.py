@@ -62,7 +62,7 @@ def test_a_named_controller_drives_this_path_and_none_after_it(kitchen) -> None:
     assert type(session.skills.base.follower).__name__ == own
 
 
-def test_no_path_and_an_unknown_controller_are_told(driver) -> None:
+def test_no_path_and_an_unknown_controller_are_reported(driver) -> None:
     tree = driver.load(tree_of(FOLLOW))
     assert tick(tree) == FAILURE
     assert failures_of(driver)[0][0] == "no_path"

@@ -186,7 +186,7 @@ def test_only_a_base_straight_before_its_staging_pose_backs_up_to_it(
     assert [asked[: len(first)] for asked in skills.base.asked] == [first]
 
 
-def test_a_base_that_stays_beside_its_goal_tries_as_often_as_it_may_and_tells_how_far_it_is_off(skills: Any) -> None:
+def test_a_base_that_stays_beside_its_goal_tries_as_often_as_it_may_and_reports_how_far_it_is_off(skills: Any) -> None:
     skills.world.base = BasePose(GOAL @ Pose2D(-0.5, 0.0, 0.0), 0.01, 0.01, 0.0)
     skills.base.ends["follow"] = [MotionErrorCode.TOLERANCE] * 9
     plan = path_to(1.0)

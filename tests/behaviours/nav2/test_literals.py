@@ -74,7 +74,7 @@ from tests.behaviours.at_the_table import failures_of, tick, tree_of
         ('FindUntidy seen="{s}" surface="t" region_x="0;1" region_y="0;1" untidy="{u}"', "margin", "-1", "0 or more"),
     ],
 )
-def test_a_wrong_literal_is_told_with_its_line_its_port_and_what_is_right(node, port, value, told) -> None:
+def test_a_wrong_literal_is_reported_with_its_line_its_port_and_what_is_right(node, port, value, told) -> None:
     with pytest.raises(TreeLoadError) as refused:
         load_tree(tree_of(f'\n<{node} {port}="{value}"/>'), node_registry())
     (problem,) = refused.value.problems

@@ -159,7 +159,7 @@ LACKING = [name for name in BEHAVIOURS if getattr(BEHAVIOURS.resolve(name), "__m
 
 
 @pytest.mark.parametrize("name", LACKING)
-def test_what_has_no_counterpart_loads_and_says_what_it_lacks(skills: Any, name: str) -> None:
+def test_what_has_no_counterpart_loads_and_reports_what_it_lacks(skills: Any, name: str) -> None:
     body = f'<{name} enable="false"/>' if name == "ToggleCollisionMonitor" else f"<{name}/>"
     assert run(skills, load(skills, body)) == FAILURE
     assert codes(skills) == ["not_available"]

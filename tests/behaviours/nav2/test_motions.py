@@ -46,7 +46,7 @@ def test_driving_straight_goes_so_far_and_no_faster(driver, motion, moved) -> No
 
 
 @pytest.mark.slow
-def test_what_takes_longer_than_its_time_is_stopped_and_told(driver) -> None:
+def test_what_takes_longer_than_its_time_is_stopped_and_reported(driver) -> None:
     assert why_not(driver, '<Spin spin_dist="3.0" time_allowance="0.5"/>')[0] == "timeout"
     driver.robot.clock.sleep(1.0)
     assert fastest(driver) < 0.02

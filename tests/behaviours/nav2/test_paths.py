@@ -68,7 +68,7 @@ def test_a_start_counts_unless_it_is_not_to_be_used(driver) -> None:
     ("goals", "status", "reached"),
     [("-1;0.3;0;1;-0.6;0", SUCCESS, -1), ("-1;0.3;0;30;0;0", FAILURE, 0), ("30;0;0", FAILURE, -1), ("", FAILURE, None)],
 )
-def test_a_path_through_poses_passes_each_or_tells_how_far_it_came(driver, goals, status, reached) -> None:
+def test_a_path_through_poses_passes_each_or_reports_how_far_it_came(driver, goals, status, reached) -> None:
     body = '<ComputePathThroughPoses goals="{goals}" path="{path}" last_reached_index="{reached}"/>'
     tree = driver.load(tree_of(body))
     tree.blackboard.set("goals", goals)

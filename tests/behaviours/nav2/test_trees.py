@@ -108,7 +108,7 @@ def test_it_drives_through_poses_in_their_order(kitchen) -> None:
     assert poses[-1].distance_to(BESIDE_THE_TABLE) < 0.02
 
 
-def test_a_goal_in_a_wall_fails_and_is_told(kitchen) -> None:
+def test_a_goal_in_a_wall_fails_and_is_reported(kitchen) -> None:
     session, truth = kitchen()
     tree = session.load(TO_POSE)
     tree.blackboard.set("goal", Pose2D(0.0, 1.5, 0.0))

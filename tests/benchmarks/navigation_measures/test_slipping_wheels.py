@@ -42,5 +42,5 @@ def test_wheels_that_slip_by_a_tenth_count_a_ninth_too_much_and_turns_that_were_
     assert counted(0.1, seed=3) == (way, turned)
 
 
-def test_wheels_that_do_not_slip_tell_the_truth():
+def test_wheels_that_do_not_slip_report_the_truth():
     assert counted(0.0, seed=3) == pytest.approx((99.95, 0.0))

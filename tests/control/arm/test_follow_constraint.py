@@ -61,7 +61,7 @@ def test_a_door_opens_an_angle_about_the_hinge_that_is_found(stand_before, door,
 
 
 @pytest.mark.slow
-def test_a_locked_door_is_told_within_the_force_limit(stand_before):
+def test_a_locked_door_is_reported_within_the_force_limit(stand_before):
     scene = stand_before(*FRIDGE, friction=200.0, flip=True)
     scene.grasp()
     ended = scene.wait(

@@ -15,7 +15,7 @@ from hal.api import Arm
 DRAWER = ("drawer_chest/drawer_3", Pose2D(-0.88, -0.6, -0.4))
 
 
-def test_a_drawer_that_jams_half_way_is_told_within_the_force_limit_and_how_far_it_came(stand_before):
+def test_a_drawer_that_jams_half_way_is_reported_within_the_force_limit_and_how_far_it_came(stand_before):
     scene = stand_before(*DRAWER, finger_friction=2.0, flip=True)  # the hand does not slip before the jam is felt
     scene.grasp()
     handle = scene.arm.follow_constraint(
@@ -46,7 +46,7 @@ def test_a_hand_that_is_led_the_wrong_way_meets_an_obstacle(stand_before):
 
 
 @pytest.mark.slow
-def test_the_arm_s_own_limit_is_told(stand_before):
+def test_the_arm_s_own_limit_is_reported(stand_before):
     scene = stand_before(*DRAWER, flip=True)
     ended = scene.wait(scene.arm.follow_constraint(scene.handle.outward, FollowGoal(distance=2.0, speed=0.2)))
     assert (ended.failure.code, ended.result.end) == (MotionErrorCode.UNREACHABLE, FollowEnd.ARM_LIMIT)

@@ -70,7 +70,7 @@ def test_a_drawer_is_followed_so_far_and_told_along_which_way_and_with_what_forc
 @pytest.mark.parametrize(
     ("jam", "end", "words"), [(0.006, FollowEnd.LOCKED, "locked"), (0.05, FollowEnd.JAMMED, "jammed")]
 )
-def test_what_does_not_give_way_is_told_within_the_force_limit(jam, end, words):
+def test_what_does_not_give_way_is_reported_within_the_force_limit(jam, end, words):
     for most in (20.0, 40.0):
         it, handle = follow(drawer(jam=jam), max_pull=most)
         assert (handle.status, handle.failure.code) == (MotionStatus.FAILED, MotionErrorCode.BLOCKED)
@@ -133,7 +133,7 @@ def test_a_grip_that_is_lost_ends_it_at_once_with_its_words():
     assert len(it.arm.sent) == 60, "nothing is sent any more"
 
 
-def test_where_the_arm_can_go_no_further_it_says_so_and_how_far_it_came():
+def test_where_the_arm_can_go_no_further_it_reports_it_and_how_far_it_came():
     it = AtWork(drawer())
     it.kinematics.reachable = lambda place: float((place - START[:3]) @ OUT) < 0.08
     handle = it.wait(it.controller.follow_constraint(OUT, FollowGoal(distance=0.2)))

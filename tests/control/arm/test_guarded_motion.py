@@ -86,7 +86,7 @@ def swing(scene, joint: int, by: float, duration: float) -> JointTrajectory:
     return JointTrajectory(scene.arm.joint_names, times, positions, velocities)
 
 
-def test_contact_where_none_is_expected_stops_the_arm_and_is_told(stand_before):
+def test_contact_where_none_is_expected_stops_the_arm_and_is_reported(stand_before):
     scene = tared(stand_before(*DRAWER, flip=True))
     scene.wait(scene.gripper.close())
     ended = scene.wait(scene.arm.follow(swing(scene, 0, -0.5, 2.0), free=True))

@@ -166,7 +166,7 @@ def test_on_its_blind_way_a_guarded_move_looks_at_no_force():
         assert it.wait(it.controller.move_until(ALONG, 0.05, 0.1, 8.0)).result.touched == touched
 
 
-def test_a_guarded_move_that_can_go_no_further_tells_how_far_it_came():
+def test_a_guarded_move_that_can_go_no_further_reports_how_far_it_came():
     it = AtWork()
     it.kinematics.reachable = lambda place: float((place - START[:3]) @ ALONG) < 0.05
     handle = it.wait(it.controller.move_until(ALONG, 0.05, 0.2, 8.0))

@@ -52,7 +52,7 @@ def test_a_slip_watch_speaks_when_the_fingers_press_no_more_or_move_either_way(g
     assert "holds nothing" in watch()
 
 
-def test_a_grasp_tells_where_the_fingers_came_to_rest_and_a_cancel_reaches_them(gripper):
+def test_a_grasp_reports_where_the_fingers_came_to_rest_and_a_cancel_reaches_them(gripper):
     controller = GripperController(gripper)
     handle = controller.close()
     gripper.opening, gripper.held = 0.033, True
@@ -73,7 +73,7 @@ def test_a_grasp_tells_where_the_fingers_came_to_rest_and_a_cancel_reaches_them(
     assert (gripper.stops, third.failure.code) == (1, MotionErrorCode.STOPPED)
 
 
-def test_a_gripper_that_fails_or_is_gone_says_so(gripper):
+def test_a_gripper_that_fails_or_is_gone_reports_it(gripper):
     controller = GripperController(gripper)
     handle = controller.close()
     gripper.motion.fail(MotionErrorCode.TIMEOUT, "it does not move")

@@ -61,7 +61,7 @@ class Playback(Camera):
         (SensorFault.FROZEN, CameraErrorCode.STALE, r"is 0.[67]\d s old, 0.5 s are allowed"),
     ],
 )
-def test_a_camera_that_stops_delivering_is_told_with_code_and_words(robot, sensor, camera, fault, code, words):
+def test_a_camera_that_stops_delivering_is_reported_with_code_and_words(robot, sensor, camera, fault, code, words):
     sensor.capture()
     robot.clock.sleep(0.6)
     camera.fault = fault

@@ -5,7 +5,7 @@ import pytest
 from bestman_bt.robot_model.model import ArmModel, GripperModel, JointGroupModel
 
 
-def test_every_joint_but_the_wheels_is_told_by_name(joints, model):
+def test_every_joint_but_the_wheels_is_reported_by_name(joints, model):
     expected = {*model.of(ArmModel)["arm"].joint_names, *model.of(GripperModel)["gripper"].part.joints}
     expected |= set(model.of(JointGroupModel)["head"].joint_names)
     assert set(joints.positions()) == expected

@@ -112,7 +112,7 @@ def pad(pressure, sliding=(0.0, 0.0), **parameters) -> TactileSensor:
     return TactileSensor(SimpleNamespace(name="pad", read=lambda: reading), **parameters)
 
 
-def test_a_pad_tells_how_hard_it_is_pressed_and_where_in_rows_and_columns():
+def test_a_pad_reports_how_hard_it_is_pressed_and_where_in_rows_and_columns():
     pressed = pad([[0.0, 0.0, 0.0], [0.0, 0.3, 0.9]])
     assert pressed.force() == pytest.approx(1.2)
     assert pressed.centre() == pytest.approx([1.0, 1.75])
@@ -136,7 +136,7 @@ def test_a_pad_is_pressed_from_a_force_on_and_only_then_can_something_slip(force
         assert touched.slipping() == (pressed and slips)
 
 
-def test_the_joints_of_all_arms_are_told_and_one_that_is_gone_is_an_error_with_its_words():
+def test_the_joints_of_all_arms_are_reported_and_one_that_is_gone_is_an_error_with_its_words():
     left, right = ScriptedArm([0.1, 0.2], name="left"), ScriptedArm([0.3, 0.4], name="right")
     right.__class__ = type("Right", (ScriptedArm,), {"joint_names": ("right_1", "right_2")})
     sensor = JointStateSensor({"left": left, "right": right}, SimpleNamespace(of=lambda _: {}))
@@ -148,7 +148,7 @@ def test_the_joints_of_all_arms_are_told_and_one_that_is_gone_is_an_error_with_i
         assert told.value.failure == Failure(error.code, "right is gone", "wire", "C2")
 
 
-def test_hits_of_a_lidar_that_is_mounted_askew_are_told_in_the_frame_of_the_base():
+def test_hits_of_a_lidar_that_is_mounted_askew_are_reported_in_the_frame_of_the_base():
     mount = Pose.from_xyz_rpy((0.2, -0.1, 0.3), (0.0, 0.0, math.pi / 2))
     scan = LaserScan(np.array([1.0, np.inf, 2.0]), -math.pi / 2, math.pi / 2, 0.1, 8.0, 0.0)
     lidar = SimpleNamespace(frame="laser", scan=lambda: scan)

@@ -162,7 +162,7 @@ def test_a_wall_in_the_way_is_reported_as_blocked(simulate):
 
 
 @pytest.mark.slow
-def test_the_base_stops_before_what_nobody_knows_of_and_says_where_it_is(simulate):
+def test_the_base_stops_before_what_nobody_knows_of_and_reports_where_it_is(simulate):
     world = draw_world(load_scene("kitchen"), 1)
     part = PlacedShape(Box((0.3, 0.3, 0.5)), Pose(np.array([0.0, 0.0, 0.25])))
     place = world.robot_start @ Pose2D(1.1, 0.05, 0.0)
@@ -178,7 +178,7 @@ def test_the_base_stops_before_what_nobody_knows_of_and_says_where_it_is(simulat
 
 
 @pytest.mark.slow
-def test_a_base_whose_scans_do_not_fit_the_map_says_that_it_is_lost(simulate):
+def test_a_base_whose_scans_do_not_fit_the_map_reports_that_it_is_lost(simulate):
     world = draw_world(load_scene("kitchen"), 1)
     elsewhere = SemanticMap(semantic_map(world).walls @ np.diag([0.7, 1.6, 0.7, 1.6]), {})
     simulated = simulate(1, world, elsewhere)

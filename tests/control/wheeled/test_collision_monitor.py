@@ -222,7 +222,7 @@ def test_a_pressed_bumper_stops_the_base_and_lets_it_back_away():
     assert monitor.limit(Twist2D(0.3), Twist2D(), Pose2D()).action is MonitorAction.STOP  # it is still there
 
 
-def test_a_lidar_that_tells_the_same_scan_for_ever_stops_the_base():
+def test_a_lidar_that_reports_the_same_scan_for_ever_stops_the_base():
     monitor = CollisionMonitor(BASE)
     scan = scan_of(wall_ahead(3.0), Pose2D(), 0.0)
     for _ in range(5):

@@ -255,7 +255,7 @@ def test_an_action_whose_commands_are_refused_counts_as_stopped_and_not_as_stuck
     assert not it.controller.stuck
 
 
-def test_a_stop_because_the_base_is_lost_is_told_as_its_loss(monkeypatch):
+def test_a_stop_because_the_base_is_lost_is_reported_as_its_loss(monkeypatch):
     it = driven()
     handle = it.controller.drive(2.0)
     it.sleep(0.5)
@@ -354,7 +354,7 @@ def test_a_turn_on_the_spot_is_not_judged_by_where_the_base_has_gone():
     assert it.wait(goal).status is MotionStatus.SUCCEEDED
 
 
-def test_a_base_that_gets_too_uncertain_says_so_and_is_stopped():
+def test_a_base_that_gets_too_uncertain_reports_it_and_is_stopped():
     it = driven()
     handle = it.controller.drive(2.0)
     it.localizer.position_std = 0.099
@@ -391,7 +391,7 @@ def test_a_base_is_lost_after_so_many_refused_scans_in_a_row_and_found_with_one_
     assert not it.controller.localisation.lost
 
 
-def test_a_lost_base_that_waits_in_vain_is_told_again_that_it_is_lost_and_turns_by_odometry_all_the_same():
+def test_a_lost_base_that_waits_in_vain_is_reported_again_that_it_is_lost_and_turns_by_odometry_all_the_same():
     it = driven()
     it.localizer.fits = False
     it.controller.believe(START, 0.02, 0.02)
@@ -404,7 +404,7 @@ def test_a_lost_base_that_waits_in_vain_is_told_again_that_it_is_lost_and_turns_
     assert len(it.base.told) == told
 
 
-def test_a_base_that_is_not_where_it_was_told_to_be_says_what_may_have_moved_it_and_what_to_do():
+def test_a_base_that_is_not_where_it_was_told_to_be_reports_what_may_have_moved_it_and_what_to_do():
     it = driven()
     it.localizer.fits, it.localizer.reason = False, "nothing fits"
     it.controller.believe(START, 0.02, 0.02)
@@ -501,7 +501,7 @@ def test_a_base_at_rest_scans_seldom_and_often_again_when_it_is_pushed_drives_or
     assert 19 <= scans(2.0) <= 21
 
 
-def test_scans_are_told_with_the_odometry_and_the_place_of_the_lidar_at_the_time():
+def test_scans_are_reported_with_the_odometry_and_the_place_of_the_lidar_at_the_time():
     it = driven()
     it.wait(it.controller.rotate_to(-1.0))
     it.sleep(1.0)
@@ -515,7 +515,7 @@ def test_scans_are_told_with_the_odometry_and_the_place_of_the_lidar_at_the_time
     assert scan.odometry == it.base.odometry()
 
 
-def test_what_stands_in_the_way_of_the_path_is_told_with_the_metres_until_then():
+def test_what_stands_in_the_way_of_the_path_is_reported_with_the_metres_until_then():
     ahead = START @ Pose2D(1.5, 0.0, 0.0)
     post = np.array([(ahead.x - 0.05, ahead.y, ahead.x + 0.05, ahead.y), (ahead.x, ahead.y - 0.05, ahead.x, ahead.y)])
     it = driven(np.vstack([ROOM, post]))

@@ -29,7 +29,7 @@ def nearest(points: np.ndarray, place: np.ndarray) -> float:
     return float(np.linalg.norm(points - place, axis=1).min()) if len(points) else math.inf
 
 
-def test_a_hit_is_told_in_the_frame_of_the_base_wherever_that_has_gone_since():
+def test_a_hit_is_reported_in_the_frame_of_the_base_wherever_that_has_gone_since():
     near, post = NearPoints(0.04), np.array([[3.0, 2.0]])
     there, here = Pose2D(1.0, 1.0, -2.5), Pose2D(1.6, 0.7, 1.1)
     near.update(scan_of(post, there), BASE_FROM_LIDAR, there)

@@ -62,7 +62,7 @@ def test_a_base_that_can_goes_sideways_as_fast_as_its_limit():
     assert [base.told[-1].vx, base.told[-1].vy, base.told[-1].wz] == pytest.approx([0.1, -0.6, 0.1])
 
 
-def test_at_a_limit_of_nothing_it_neither_drives_nor_turns_and_says_that_it_waits():
+def test_at_a_limit_of_nothing_it_neither_drives_nor_turns_and_reports_that_it_waits():
     gate, base = gate_of()
     for limit, waits in ((0.0, True), (0.01, False), (None, False)):
         command(gate, Twist2D(0.3, 0.0, 0.5), most=limit)
@@ -108,7 +108,7 @@ def test_what_the_monitor_brakes_for_stops_the_base_and_is_not_commanded():
     assert (base.stops, base.told) == (1, [Twist2D(-0.5)])
 
 
-def test_why_a_base_does_not_get_on_is_told_by_its_wheels_where_nothing_else_holds_it():
+def test_why_a_base_does_not_get_on_is_reported_by_its_wheels_where_nothing_else_holds_it():
     gate, _ = gate_of()
     for velocity, words in (
         (Twist2D(0.015, 0.0, 0.015), "do not turn"),

@@ -17,7 +17,7 @@ def test_a_run_is_read_with_its_world_its_subjects_and_its_motion(run: FilmedRun
     assert run.motion.at(0.0).body_poses["cup"].position == pytest.approx(drawn.position, abs=2e-3)
 
 
-def test_a_folder_without_motion_says_what_it_lacks(run_folder: Path, tmp_path: Path) -> None:
+def test_a_folder_without_motion_reports_what_it_lacks(run_folder: Path, tmp_path: Path) -> None:
     with pytest.raises(FilmError, match="no config.yaml"):
         read_filmed_run(tmp_path)
     shutil.copy(run_folder / "config.yaml", tmp_path)

@@ -53,7 +53,7 @@ def test_what_cannot_be_rendered_is_refused(run: FilmedRun, tmp_path: Path, opti
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_cannot_be_made_is_told_before_anything_is_drawn(run: FilmedRun, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_reported_before_anything_is_drawn(run: FilmedRun, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
 
     with pytest.raises(FilmError, match="cannot be written: Not a directory"):

@@ -58,7 +58,7 @@ def test_a_door_is_as_far_open_as_it_was(run: FilmedRun, stage: ReplayScene) -> 
 
 
 @pytest.mark.parametrize("position", [0.0, 0.3, 1.5, 2.6])
-def test_how_far_a_leaf_is_open_is_told_by_where_its_joint_frame_is(run: FilmedRun, position: float) -> None:
+def test_how_far_a_leaf_is_open_is_reported_by_where_its_joint_frame_is(run: FilmedRun, position: float) -> None:
     for piece in run.world.furniture:
         for leaf in piece.model.articulations:
             there = piece.pose @ leaf.moved(position) @ Pose(np.array(leaf.origin))

@@ -137,7 +137,7 @@ def is_running(pid: str) -> bool:
         return False
 
 
-def test_what_a_plug_in_warns_of_is_told_once_and_not_by_each_episode(tmp_path: Path) -> None:
+def test_what_a_plug_in_warns_of_is_reported_once_and_not_by_each_episode(tmp_path: Path) -> None:
     (tmp_path / "warns.py").write_text(
         "import logging\nimport warnings\n\nwarnings.warn('mind')\nlogging.getLogger('mine').warning('mind, too')\n"
         "def register(registry): ...\n"

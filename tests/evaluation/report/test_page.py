@@ -155,7 +155,7 @@ def test_an_interrupted_run_is_called_so(tmp_path: Path) -> None:
     assert "Interrupted." in _page(write_run(tmp_path / "run", killed=True)).text
 
 
-def test_what_could_not_be_read_is_told_on_the_page(tmp_path: Path) -> None:
+def test_what_could_not_be_read_is_reported_on_the_page(tmp_path: Path) -> None:
     folder = write_run(tmp_path / "run")
     (folder / "transitions.btlog").write_bytes(b"not a log")
 

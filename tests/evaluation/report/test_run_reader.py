@@ -28,7 +28,7 @@ def worked(story: RunReport, uid: int) -> list[tuple[float, float, int]]:
     return list(zip(mine.begins.tolist(), mine.ends.tolist(), mine.results.tolist(), strict=True))
 
 
-def test_a_finished_run_is_told_with_its_times_and_nodes(tmp_path: Path) -> None:
+def test_a_finished_run_is_reported_with_its_times_and_nodes(tmp_path: Path) -> None:
     story = read_run_report(write_run(tmp_path / "run", seed=4))
 
     assert (story.task, story.seed, story.robot, story.scene) == ("fetch_cup", 4, "diff_panda", "kitchen")
@@ -41,7 +41,7 @@ def test_a_finished_run_is_told_with_its_times_and_nodes(tmp_path: Path) -> None
     assert story.duration == pytest.approx(1.6, abs=0.11)
 
 
-def test_a_tree_that_failed_is_told_with_the_condition_that_ended_it(tmp_path: Path) -> None:
+def test_a_tree_that_failed_is_reported_with_the_condition_that_ended_it(tmp_path: Path) -> None:
     asking = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
         <Fallback><ScriptCondition name="held" code="1 == 2"/><Sleep name="grasp" msec="100"/></Fallback>
         <ScriptCondition name="ready" code="1 == 2"/></Sequence></BehaviorTree></root>"""
@@ -180,7 +180,9 @@ def test_a_picture_that_leads_out_of_the_folder_is_left_out(tmp_path: Path, name
         ("log.jsonl", b'{"event":"x","time":1e999,"level":"info"}\n', "the time inf is none"),
     ],
 )
-def test_a_damaged_part_is_noted_and_the_others_are_told(tmp_path: Path, file: str, content: bytes, words: str) -> None:
+def test_a_damaged_part_is_noted_and_the_others_are_reported(
+    tmp_path: Path, file: str, content: bytes, words: str
+) -> None:
     folder = write_run(tmp_path / "run")
     (folder / file).write_bytes(content)
 

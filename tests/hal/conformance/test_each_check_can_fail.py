@@ -102,7 +102,7 @@ def test_a_robot_that_does_not_stop_is_found_out(make: Make) -> None:
     ]
 
 
-def test_a_base_that_drives_on_and_says_that_it_stands_is_found_out(make: Make) -> None:
+def test_a_base_that_drives_on_and_reports_that_it_stands_is_found_out(make: Make) -> None:
     """By its odometry, which has to agree."""
 
     def rolling(robot: Any) -> None:

@@ -64,7 +64,7 @@ def test_a_client_that_is_killed_or_stopped_leaves_the_robot_at_rest_and_nothing
 
 
 @of_their_robots(*TRIALS)
-def test_the_robot_stops_the_leaf_says_why_and_the_recovery_goes_on(
+def test_the_robot_stops_the_leaf_reports_why_and_the_recovery_goes_on(
     twin: TwinProcess, session: RobotSession, trial: Trial
 ) -> None:
     report = strike(trial, twin, session)

@@ -28,7 +28,7 @@ def test_it_has_the_parts_that_are_behind_a_connection(model: RobotModel) -> Non
     assert "base" in model.of(BaseModel)
 
 
-def test_it_says_what_its_controllers_cannot_do(model: RobotModel) -> None:
+def test_it_reports_what_its_controllers_cannot_do(model: RobotModel) -> None:
     missing = HardwareRobot(model).unsupported
     assert any("efforts" in what for what in missing)
 

@@ -230,7 +230,7 @@ def suppressed(client: RpcClient, call: Call) -> None:
         client.call(call)
 
 
-def test_a_robot_whose_process_is_lost_is_stopped_says_why_and_is_connected_again_by_clearing_the_stop(
+def test_a_robot_whose_process_is_lost_is_stopped_reports_why_and_is_connected_again_by_clearing_the_stop(
     robot: IsolatedRobot, process: ScriptedProcess
 ) -> None:
     robot.connect()

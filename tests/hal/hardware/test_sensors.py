@@ -28,7 +28,7 @@ FILE = CameraIntrinsics(640, 480, 430.0, 430.0, 319.5, 239.5)
 
 
 @pytest.mark.parametrize("changed", [{"fx": 436.0}, {"fy": 424.0}, {"cx": 312.0}, {"cy": 245.0}], ids=str)
-def test_each_number_of_a_lens_that_is_another_one_by_more_than_one_per_cent_is_told(
+def test_each_number_of_a_lens_that_is_another_one_by_more_than_one_per_cent_is_reported(
     changed: dict[str, float],
 ) -> None:
     assert lens_differences(replace(FILE, fx=433.0, fy=427.0, cx=316.0, cy=242.0), FILE) == ()
@@ -90,7 +90,7 @@ class Eye(Connection):
         pass
 
 
-def test_a_camera_that_is_lost_stops_nothing_is_told_and_connected_again_by_clear_stop(
+def test_a_camera_that_is_lost_stops_nothing_is_reported_and_connected_again_by_clear_stop(
     robot_model: RobotModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(CONNECTIONS, "resolve", lambda driver: Eye)

@@ -183,7 +183,7 @@ def test_without_a_word_of_it_nothing_is_connected_and_two_robots_cannot_hear_th
         ("{silence: 1 s}", "stop_input.address: is missing"),
     ],
 )
-def test_a_wrong_input_is_told_with_its_line(tmp_path: Path, written: str, told: str) -> None:
+def test_a_wrong_input_is_reported_with_its_line(tmp_path: Path, written: str, told: str) -> None:
     path = tmp_path / "robot.yaml"
     path.write_text(f"parts:\n  base: {{part: differential_base}}\nsafety:\n  stop_input: {written}\n")
     with pytest.raises(ConfigurationError) as error:

@@ -115,7 +115,7 @@ def test_a_robot_whose_watchdog_has_ended_by_an_error_is_stopped_and_gets_a_new_
     wait_for(lambda: motion.done, "the new watchdog sees the fault")
 
 
-def test_silence_while_this_program_was_held_up_itself_is_told_apart_from_a_controllers(
+def test_silence_while_this_program_was_held_up_itself_is_distinguished_from_a_controllers(
     robot: HardwareRobot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     controller = robot.connections["platform"]

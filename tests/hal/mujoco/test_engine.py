@@ -102,7 +102,7 @@ def test_there_is_no_window() -> None:
         MujocoRobot(load_robot_model("turtle"), empty_room(), gui=True).connect()
 
 
-def test_without_a_renderer_the_message_says_what_to_install(robot, monkeypatch) -> None:
+def test_without_a_renderer_the_message_reports_what_to_install(robot, monkeypatch) -> None:
     def none(width: int, height: int) -> None:
         raise RuntimeError("no EGL")
 
@@ -111,7 +111,7 @@ def test_without_a_renderer_the_message_says_what_to_install(robot, monkeypatch)
         engine_of(robot).depth_image(Pose(), CameraIntrinsics(8, 6, 8.0, 8.0, 3.5, 2.5), 0.1, 5.0)
 
 
-def test_rays_pass_what_they_begin_in_and_say_what_they_hit(robot) -> None:
+def test_rays_pass_what_they_begin_in_and_report_what_they_hit(robot) -> None:
     engine = engine_of(robot)
     starts = np.array([[0.6, 0.0, 0.06], [1.0, 0.0, 0.06], [1.0, 0.0, 0.06]])
     bodies, shares = engine.cast_rays(starts, np.array([[2.6, 0.0, 0.06], [5.0, 0.0, 0.06], [1.0, 0.0, 5.0]]))

@@ -113,7 +113,7 @@ def test_what_is_to_be_written_is_written_at_the_end_and_no_run_fills_the_disk(t
     assert len(list(tmp_path.iterdir())) == 1 + MOST_FILES
 
 
-def test_the_gates_reasons_are_told_once_each_and_numbers_make_no_other_one() -> None:
+def test_the_gates_reasons_are_reported_once_each_and_numbers_make_no_other_one() -> None:
     clock = Clock()
     trace = Trace(("set width",), clock.now)
     for reason in (
@@ -132,7 +132,7 @@ def test_the_gates_reasons_are_told_once_each_and_numbers_make_no_other_one() ->
     )
 
 
-def test_a_damaged_file_is_told(tmp_path: Path) -> None:
+def test_a_damaged_file_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "black_box_1.npz"
     BlackBox(1.0, "x", {"arm": PartTrace(np.zeros(2), np.zeros((2, 1), np.float32), ("set width",))}).save(path)
     good = path.read_bytes()

@@ -160,7 +160,7 @@ def test_a_stop_brakes_within_half_a_second_and_ends_the_motion(base: DrivenBase
     assert motion.failure.code is MotionErrorCode.STOPPED
 
 
-def test_a_base_that_does_not_get_there_in_time_says_what_is_left(base: DrivenBase, channel: Unicycle) -> None:
+def test_a_base_that_does_not_get_there_in_time_reports_what_is_left(base: DrivenBase, channel: Unicycle) -> None:
     motion = base.move_forward(0.5)
     for _ in range(round(10.0 / PERIOD)):
         base.cycle(PERIOD)  # the wheels are blocked
@@ -203,7 +203,7 @@ def test_programs_read_what_the_base_tells(base: DrivenBase, channel: Unicycle) 
     assert (base.odometry(), base.velocity()) == (channel.pose, channel.twist)
 
 
-def test_a_stopped_robot_says_why_it_refuses(base: DrivenBase, latch: StopLatch) -> None:
+def test_a_stopped_robot_reports_why_it_refuses(base: DrivenBase, latch: StopLatch) -> None:
     latch.set(STRUCK)
     latch.set(Failure(MotionErrorCode.FAULT, "a later reason"))
     with pytest.raises(CommandRefusedError, match="C31") as refused:
@@ -225,7 +225,7 @@ def test_nothing_works_before_it_is_attached(robot_model: RobotModel, latch: Sto
         unattached.rotate(1.0)
 
 
-def test_attached_it_tells_the_base_to_stand_before_anything_else(
+def test_attaching_commands_the_base_to_stand_first(
     robot_model: RobotModel, channel: Unicycle, latch: StopLatch
 ) -> None:
     """It may still do what it was told last, by whomever."""

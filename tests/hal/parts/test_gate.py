@@ -150,7 +150,7 @@ def test_tool_and_elbow_stay_in_their_box() -> None:
         assert rig.wire.sent[-1] == pytest.approx(rig.home)
 
 
-def test_a_motion_that_the_gate_has_brought_to_rest_fails_and_says_why() -> None:
+def test_a_motion_that_the_gate_has_brought_to_rest_fails_and_reports_why() -> None:
     home = Rig()
     tool = home.tool.places(home.home)[0]
     rig = Rig(workspace=WorkspaceConfig((-2.0, -2.0, 0.0), (2.0, tool[1] + 0.1, 3.0)))

@@ -486,7 +486,7 @@ def test_no_command_makes_the_tool_faster_than_its_limit(
     arm.servo(sideways(0.001))
 
 
-def test_a_slowed_trajectory_tells_its_own_time(make_arm: Callable[..., tuple[StreamedArm, Joints]]) -> None:
+def test_a_slowed_trajectory_reports_its_own_time(make_arm: Callable[..., tuple[StreamedArm, Joints]]) -> None:
     arm, channel = make_arm(tool_speed=0.1)
     trajectory = way(arm, 0.6, 1.0)
     assert arm.trajectory_time() is None

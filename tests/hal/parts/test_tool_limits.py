@@ -50,7 +50,9 @@ def test_a_lift_below_the_arm_is_where_home_has_it(robot_model: RobotModel, home
     assert raised == pytest.approx([0.0, 0.0, 0.3], abs=1e-9)
 
 
-def test_a_target_outside_the_workspace_is_told_with_axis_and_limits(robot_model: RobotModel, home: np.ndarray) -> None:
+def test_a_target_outside_the_workspace_is_reported_with_axis_and_limits(
+    robot_model: RobotModel, home: np.ndarray
+) -> None:
     tool = limits(robot_model, workspace=WorkspaceConfig((-1.0, -1.0, 0.0), (0.4, 1.0, 2.0)))
     assert "x = " in str(tool.outside(home))
     assert "0.400" in str(tool.outside(home))

@@ -124,7 +124,7 @@ def test_what_is_no_tape_at_all_is_refused(tmp_path: Path, data: bytes) -> None:
 
 
 @pytest.mark.parametrize("share", [0.3, 0.7])
-def test_one_that_was_cut_is_played_up_to_there_and_says_so(tmp_path: Path, share: float) -> None:
+def test_one_that_was_cut_is_played_up_to_there_and_reports_it(tmp_path: Path, share: float) -> None:
     whole = gzip.compress(text_of())
     (tmp_path / TAPE_NAME).write_bytes(whole[: int(share * len(whole))])
     tape = read_tape(tmp_path)

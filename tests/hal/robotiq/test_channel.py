@@ -193,7 +193,9 @@ def test_what_is_not_answered_closes_the_wire_and_keeps_the_last_status(channel:
     assert wire.calls == []
 
 
-def test_a_gripper_that_cannot_be_reached_or_says_nothing_is_told_in_words(robot_model: RobotModel, wire: Wire) -> None:
+def test_a_gripper_that_cannot_be_reached_or_says_nothing_is_reported_in_words(
+    robot_model: RobotModel, wire: Wire
+) -> None:
     channel = RobotiqChannel("hand", robot_model.of(GripperModel)["gripper"], RobotiqOptions(), RealTimeClock())
     with pytest.raises(NoDataError, match="hand"):
         channel.read()

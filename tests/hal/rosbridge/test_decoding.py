@@ -111,7 +111,7 @@ def test_odometry_by_transforms_begins_anew_where_the_time_of_ros_goes_back() ->
     assert velocities == pytest.approx([0.0, 0.5, 0.0, -0.2])
 
 
-def test_a_battery_tells_what_is_drawn_and_whether_it_charges() -> None:
+def test_a_battery_reports_what_is_drawn_and_whether_it_charges() -> None:
     told = BatteryReading(0.8, 25.2, 3.5, False, 0.0)
     message = ros_messages.battery({}, told)
     assert message["current"] == -3.5

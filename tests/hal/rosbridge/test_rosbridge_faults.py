@@ -48,7 +48,7 @@ def test_a_clock_of_ros_that_is_set_back_and_transforms_that_are_dated_ahead_sto
 
 
 @pytest.mark.slow
-def test_scans_of_a_synchronised_robot_are_as_old_as_they_are_and_clocks_that_step_are_told(
+def test_scans_of_a_synchronised_robot_are_as_old_as_they_are_and_clocks_that_step_are_reported(
     robot: HardwareRobot, twin: TwinProcess
 ) -> None:
     model = load_robot_model(ROS.robot_file, twin_settings(twin, connections__platform__options__clock="synchronised"))
@@ -76,12 +76,14 @@ def test_a_base_that_does_not_move_fails_its_motion_in_words(robot: HardwareRobo
     ended(robot, motion)
     assert motion.failure is not None
     assert motion.failure.code is MotionErrorCode.TIMEOUT
-    assert "0.100 m are left" in motion.failure.text
+    assert "0.100 m remain" in motion.failure.text
     assert not robot.stopped
 
 
 @pytest.mark.slow
-def test_a_blind_camera_says_what_did_not_come_and_the_robot_goes_on(robot: HardwareRobot, twin: TwinProcess) -> None:
+def test_a_blind_camera_reports_what_did_not_come_and_the_robot_goes_on(
+    robot: HardwareRobot, twin: TwinProcess
+) -> None:
     twin.fault(PLATFORM, "blind")
     with pytest.raises(NoDataError, match="no image on /head_camera/color"):
         robot.part("head_camera", Camera).capture()

@@ -152,7 +152,7 @@ def test_the_other_clock_is_that_of_the_fastest_message_and_may_drift_a_little()
     assert remote.here(5.0, 100.3) == pytest.approx(100.3)
 
 
-def test_stamps_of_a_synchronised_clock_are_believed_and_those_that_cannot_be_of_one_are_told(
+def test_stamps_of_a_synchronised_clock_are_believed_and_those_that_cannot_be_of_one_are_reported(
     clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(time, "time", lambda: clock.time + 1000.0)

@@ -22,7 +22,7 @@ VELOCITIES = [(0.4, 0.0, 0.0), (0.0, 0.3, 0.0), (0.0, 0.0, 0.8), (0.2, -0.3, 0.5
 
 
 @pytest.mark.parametrize("velocity", [(0.4, 0.0, 0.0), (0.0, 0.0, 0.8), (0.3, 0.0, -0.5)])
-def test_the_wheels_of_two_sides_tell_the_velocity_that_they_were_given(velocity) -> None:
+def test_the_wheels_of_two_sides_report_the_velocity_that_they_were_given(velocity) -> None:
     speeds = SIDES.wheel_speeds(velocity, NONE)
     assert SIDES.motion(speeds, NONE) == pytest.approx(velocity)
 
@@ -33,7 +33,7 @@ def test_four_wheels_of_two_sides_turn_alike_on_each() -> None:
 
 
 @pytest.mark.parametrize("velocity", VELOCITIES)
-def test_steered_wheels_tell_the_velocity_that_they_were_given(velocity) -> None:
+def test_steered_wheels_report_the_velocity_that_they_were_given(velocity) -> None:
     steering = STEERED.steering_angles(velocity, np.zeros(4))
     speeds = STEERED.wheel_speeds(velocity, steering)
     assert STEERED.motion(speeds, steering) == pytest.approx(velocity)

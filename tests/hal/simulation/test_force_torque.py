@@ -98,7 +98,7 @@ def test_noise_and_offset_are_as_described_and_the_seed_decides_them(
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_beyond_its_range_it_tells_its_range_whichever_way_it_is_pushed(
+def test_beyond_its_range_it_reports_its_range_whichever_way_it_is_pushed(
     standing_robot: SimulatedRobot, monkeypatch: pytest.MonkeyPatch, sign: float
 ) -> None:
     sensor, model = standing_robot.part(SENSOR, ForceTorque), standing_robot.model.of(MountedForceTorque)[SENSOR].part
@@ -132,6 +132,6 @@ def test_reading_it_changes_nothing_of_the_motion(robot_model: RobotModel, empty
     np.testing.assert_array_equal(swing(True), swing(False))
 
 
-def test_without_a_connection_it_says_so(robot_model: RobotModel, empty_world) -> None:
+def test_without_a_connection_it_reports_it(robot_model: RobotModel, empty_world) -> None:
     with pytest.raises(NotConnectedError, match=SENSOR):
         DefaultRobot(robot_model, empty_world).part(SENSOR, ForceTorque).wrench()

@@ -16,7 +16,7 @@ from hal.simulation.robot import SimulatedRobot
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_joint_beyond_its_limits_is_told_once_whichever_limit_that_is(
+def test_a_joint_beyond_its_limits_is_reported_once_whichever_limit_that_is(
     standing_robot: SimulatedRobot, side: float
 ) -> None:
     simulation, (arm,) = standing_robot.simulation, standing_robot.model.of(ArmModel).values()

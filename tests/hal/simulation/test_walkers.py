@@ -117,7 +117,7 @@ def test_a_considerate_walker_stops_before_the_robot_and_goes_back(
     assert ["stops before the robot" in event.text or "turns round" in event.text for event in record.disturbances[1:3]]
 
 
-def test_who_walks_into_a_robot_at_rest_is_told_apart_and_the_run_is_not_blamed(
+def test_who_walks_into_a_robot_at_rest_is_distinguished_and_the_run_is_not_blamed(
     model: RobotModel, world_with: Callable[..., World]
 ) -> None:
     with running(model, world_with(False)) as (robot, truth):
@@ -223,7 +223,7 @@ def test_a_contact_is_as_hard_and_as_deep_as_it_was_at_most_and_after_a_quarter_
 
 @pytest.mark.parametrize("walker_first", [True, False])
 @pytest.mark.parametrize("fingers", [1, 2])
-def test_what_two_fingers_press_on_is_held_and_what_presses_on_that_is_noted_whichever_body_is_told_first(
+def test_what_two_fingers_press_on_is_held_and_what_presses_on_that_is_noted_whichever_body_is_reported_first(
     model: RobotModel, world_with: Callable[..., World], fingers: int, walker_first: bool
 ) -> None:
     world = replace(world_with(considerate=False), objects=draw_world(load_scene("kitchen"), 0).objects)

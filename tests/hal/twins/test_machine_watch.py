@@ -17,7 +17,7 @@ from hal.twins.machine_watch import PERIOD, MachineWatch
         (0.0, 0.16, 320 * 240, "0.16 s old"),
     ],
 )
-def test_what_was_late_is_told_once_per_period(given_up: float, age: float, pixels: int, words: str | None) -> None:
+def test_what_was_late_is_reported_once_per_period(given_up: float, age: float, pixels: int, words: str | None) -> None:
     now, told = [10.0], list[str]()
     watch = MachineWatch(told.append, lambda: now[0])
     for _ in range(2):

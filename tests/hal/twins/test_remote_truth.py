@@ -66,7 +66,7 @@ def test_the_record_of_the_monitor_comes_as_it_is(judged: tuple[TwinWorld, Remot
     assert record.jumps == ()
 
 
-def test_what_is_not_there_is_told(judged: tuple[TwinWorld, RemoteTruth]) -> None:
+def test_what_is_not_there_is_reported(judged: tuple[TwinWorld, RemoteTruth]) -> None:
     _, remote = judged
     with pytest.raises(LookupError, match="no object 'cup'"):
         remote.object_pose("cup")

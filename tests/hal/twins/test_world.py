@@ -97,6 +97,6 @@ def test_a_picture_is_that_of_the_simulated_camera_and_physics_goes_on(
     assert isinstance(world.robot, SimulatedRobot)
 
 
-def test_an_unknown_camera_is_told(world: TwinWorld) -> None:
+def test_an_unknown_camera_is_reported(world: TwinWorld) -> None:
     with pytest.raises(LookupError, match="no camera"):
         world.photograph("rear_camera", copy)

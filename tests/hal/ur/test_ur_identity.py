@@ -67,7 +67,7 @@ def test_what_is_held_adds_to_the_hand_in_the_flange(robot: RobotModel) -> None:
     assert moment / 2.0 == pytest.approx(flange.actInv(tool).act(np.array([0.0, 0.0, 0.05])), abs=1e-6)
 
 
-def test_a_tool_that_is_neither_the_flange_nor_the_files_is_told(robot: RobotModel, told: URIdentity) -> None:
+def test_a_tool_that_is_neither_the_flange_nor_the_files_is_reported(robot: RobotModel, told: URIdentity) -> None:
     for tcp_offset, agrees in ((told.tcp_offset, False), ([0.0] * 6, True), ([0.0, 0.0, 0.0015, 0.0, 0.0, 0.0], True)):
         compared = compare_tool(robot, "arm", replace(told, tcp_offset=tcp_offset).arm_facts())
         assert compared is not None

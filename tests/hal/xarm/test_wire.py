@@ -192,13 +192,13 @@ def test_a_release_clears_the_error_and_switches_the_motors_on(wire: XArmWire, a
     assert arm.calls == ["clean_error", ("motion_enable", True), ("set_state", 0)]
 
 
-def test_a_controller_that_stays_stopped_is_told_with_what_to_do(wire: XArmWire, arm: Arm) -> None:
+def test_a_controller_that_stays_stopped_is_reported_with_what_to_do(wire: XArmWire, arm: Arm) -> None:
     arm.state, arm.stays = 4, True
     with pytest.raises(ConnectionFailedError, match="motors are off, or it is stopped.*bestman-bt robot release"):
         wire.make_ready(gripper=False)
 
 
-def test_a_command_that_has_to_succeed_says_what_was_refused(wire: XArmWire, arm: Arm) -> None:
+def test_a_command_that_has_to_succeed_reports_what_was_refused(wire: XArmWire, arm: Arm) -> None:
     wire.demand("the payload", lambda _: 2)  # with a warning
     with pytest.raises(ConnectionFailedError, match=r"arm_controller: the controller refused the payload \(SDK 1\)"):
         wire.demand("the payload", lambda _: 1)

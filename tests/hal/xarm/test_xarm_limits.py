@@ -74,7 +74,7 @@ def test_the_tool_never_exceeds_its_speed(twin: TwinProcess) -> None:
         assert arm.positions() == pytest.approx(here, abs=0.01)
 
 
-def test_the_trajectorys_own_time_is_told(twin: TwinProcess) -> None:
+def test_the_trajectorys_own_time_is_reported(twin: TwinProcess) -> None:
     with connected(twin, safety__tool_speed="0.1 m/s") as robot:
         arm = robot.part("arm", Arm)
         assert arm.trajectory_time() is None
@@ -116,7 +116,7 @@ def test_nothing_leads_the_tool_out_of_its_workspace(twin: TwinProcess) -> None:
         assert np.max(np.abs(tool - place)) < 0.07
 
 
-def test_arms_are_slower_where_safety_says_so(twin: TwinProcess) -> None:
+def test_arms_are_slower_where_safety_reports_it(twin: TwinProcess) -> None:
     with connected(twin, safety__joint_speed=0.1) as robot:
         arm = robot.part("arm", Arm)
         assert arm.model.velocity[0] == pytest.approx(np.pi / 10)
@@ -152,7 +152,7 @@ def test_in_reduced_mode_the_controller_watches_too(twin: TwinProcess) -> None:
         ("other_mounting", r"gravity pulls along \[0\.0, 0\.0, 1\.0\] by the controller"),
     ],
 )
-def test_what_the_controller_knows_otherwise_is_told_and_refused_once_the_robot_was_brought_up(
+def test_what_the_controller_knows_otherwise_is_reported_and_refused_once_the_robot_was_brought_up(
     twin: TwinProcess, fault: str, words: str
 ) -> None:
     model = load_robot_model(ROBOT, twin_settings(twin))

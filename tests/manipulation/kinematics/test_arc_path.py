@@ -73,7 +73,7 @@ def test_the_validity_check_is_asked_station_by_station(kinematics, arm, door, g
     assert "refused by the validity check at station 7" in arc.failure
 
 
-def test_a_start_elsewhere_reaches_nothing_and_says_so(kinematics, arm, door, grasped):
+def test_a_start_elsewhere_reaches_nothing_and_reports_it(kinematics, arm, door, grasped):
     away = grasped.copy()
     away[0] += 0.9
     arc = ArcSearch().path(kinematics, door, away, arm)

@@ -246,7 +246,7 @@ def test_each_pose_is_sought_from_the_solution_before():
     assert [seed.tolist() for seed in seeds] == [[0.0, 0.0], [0.1, 0.1]]
 
 
-def test_the_last_pose_of_an_alternative_tells_which_stand_is_tried_first():
+def test_the_last_pose_of_an_alternative_reports_which_stand_is_tried_first():
     """The grasp at 1.24 m, 0.62 of the reach, is best; the pre-grasp alone would prefer the other stand."""
     poses = [at(0.24), at(1.24)]
     ranked = rank([Pose2D(-1.0, 0.0), Pose2D()], [poses], search=BasePlacements(enough=1))

@@ -29,7 +29,7 @@ def test_the_tool_moves_on_a_straight_line_and_turns_evenly(kinematics, ready):
     assert np.allclose(kinematics.tool_pose(path.path[-1]).position, goal.position, atol=1e-4)
 
 
-def test_a_line_that_leaves_the_workspace_ends_early_and_says_so(kinematics, ready):
+def test_a_line_that_leaves_the_workspace_ends_early_and_reports_it(kinematics, ready):
     start = kinematics.tool_pose(ready)
     path = cartesian_path(kinematics, ready, Pose(np.add(start.position, [1.0, 0.0, 0.0]), start.quaternion))
     assert not path.complete

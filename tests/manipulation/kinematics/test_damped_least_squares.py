@@ -61,7 +61,7 @@ def test_refused_solutions_are_not_returned(kinematics, ready, rng):
     assert result.rejected >= 1
 
 
-def test_an_unreachable_pose_has_no_solution_and_says_how_near_it_came(kinematics, ready, rng):
+def test_an_unreachable_pose_has_no_solution_and_reports_how_near_it_came(kinematics, ready, rng):
     folded = Pose(np.array([0.1, 0.0, 0.05]), kinematics.tool_pose(ready).quaternion)
     result = kinematics.solve(folded, ready, rng, attempts=5)
     assert not result.found
@@ -184,7 +184,7 @@ def test_an_arm_of_six_joints_is_solved_near_its_singularities(ur5, rng):
     assert solved >= 59
 
 
-def test_the_jacobian_tells_how_the_tool_moves(kinematics, ready, rng):
+def test_the_jacobian_reports_how_the_tool_moves(kinematics, ready, rng):
     jacobian = kinematics.jacobian(ready)
     for _ in range(5):
         step = rng.normal(0.0, 1e-5, 7)

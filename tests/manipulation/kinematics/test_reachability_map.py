@@ -94,7 +94,7 @@ def test_another_robot_or_other_parameters_have_a_file_of_their_own(kinematics, 
 
 
 @pytest.mark.parametrize("content", [b"", b"not a map", b"PK\x03\x04 half a file"])
-def test_a_broken_file_is_built_anew_and_told(kinematics, tmp_path, caplog, content):
+def test_a_broken_file_is_built_anew_and_reported(kinematics, tmp_path, caplog, content):
     built = reachability_map(kinematics, kinematics.arm_model, SMALL, tmp_path)
     (file,) = tmp_path.iterdir()
     file.write_bytes(content)

@@ -93,7 +93,7 @@ def test_the_reach_is_that_of_the_stretched_arm_from_its_shoulder_in_the_base_fr
     assert arm.solve(beyond, straight, np.random.default_rng(0)).attempts == 0
 
 
-def test_a_joint_that_carries_the_arm_stands_where_it_is_told(robot, forward) -> None:
+def test_a_joint_that_carries_the_arm_stands_where_it_is_reported(robot, forward) -> None:
     lifted, low = (DampedLeastSquares(without_lift(robot), "left", fixed=f) for f in ({"left_lift": 0.15}, {}))
     q = home(robot, "left")[1:]
     assert same(lifted.tool_pose(q), forward.pose("left_tool", {**named(lifted, q), "left_lift": 0.15}))

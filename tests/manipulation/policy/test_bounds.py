@@ -136,7 +136,7 @@ def test_what_was_answered_and_seen_cannot_be_changed_afterwards() -> None:
         ({"speed": 3}, "unknown field 'speed'"),
     ],
 )
-def test_a_specification_says_what_can_be(wrong: dict, told: str) -> None:
+def test_a_specification_reports_what_can_be(wrong: dict, told: str) -> None:
     right = PolicySpecification(("a", "b"), "joint_deltas", 4, 0.1).to_dict()
     with pytest.raises(PolicyModelError, match=told):
         PolicySpecification.from_dict(right | wrong)

@@ -42,7 +42,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_info_tells_what_there_is_and_where(dataset: Path) -> None:
+def test_info_reports_what_there_is_and_where(dataset: Path) -> None:
     info = json.loads((dataset / "meta/info.json").read_text())
     assert info["codebase_version"] == "v3.0"
     assert (info["total_episodes"], info["total_frames"], info["total_tasks"], info["fps"]) == (3, 15, 2, 10)

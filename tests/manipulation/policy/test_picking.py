@@ -90,7 +90,7 @@ def test_a_demonstration_holds_what_was_seen_and_the_chunks_that_followed(picker
     np.testing.assert_array_equal(demonstration.chunks, again.chunks)
 
 
-def test_the_shipped_policy_says_what_the_expert_says(picker: PickingExpert) -> None:
+def test_the_shipped_policy_reports_what_the_expert_says(picker: PickingExpert) -> None:
     """At starts that it has not been trained on: within a tenth of the way, and never a closed hand up there."""
     learned, taught = load_policy(SHIPPED), ExpertPolicy(picker, "diff_panda")
     assert learned.specification.workspace == taught.specification.workspace
@@ -106,7 +106,7 @@ def test_the_shipped_policy_says_what_the_expert_says(picker: PickingExpert) -> 
     assert np.median(misses) < 0.15
 
 
-def test_an_expert_that_sees_no_velocities_says_so(picker: PickingExpert) -> None:
+def test_an_expert_that_sees_no_velocities_reports_it(picker: PickingExpert) -> None:
     seen = Observation(picker.home, picker.kinematics.tool_pose(picker.home), np.zeros(7), 0.08)
     with pytest.raises(PolicyObservationError, match="velocities"):
         ExpertPolicy(picker, "diff_panda").act(seen)

@@ -26,7 +26,7 @@ def test_the_shares_are_those_of_the_known_motion(arm, swing):
     assert usage.position == 0.0
 
 
-def test_a_motion_that_is_twice_as_fast_is_told_by_each_limit(arm, swing):
+def test_a_motion_that_is_twice_as_fast_is_reported_by_each_limit(arm, swing):
     twice = JointTrajectory(swing.joint_names, swing.times / 2, swing.positions, 2 * swing.velocities)
     usage = limit_usage(twice, arm, np.full(7, 64.0))
     assert not usage.within()

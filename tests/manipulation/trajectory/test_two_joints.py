@@ -57,7 +57,7 @@ def test_samples_are_dense_in_time_and_in_space_each_by_itself(max_time: float, 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(("joint", "bound"), [(0, 2.0), (1, 1.5)])
-def test_how_far_a_joint_leaves_its_range_is_told_on_either_side(sign: float, joint: int, bound: float) -> None:
+def test_how_far_a_joint_leaves_its_range_is_reported_on_either_side(sign: float, joint: int, bound: float) -> None:
     beyond = np.zeros((3, 2))
     limit = TWO.upper[joint] if sign > 0 else TWO.lower[joint]
     beyond[1, joint] = limit + 0.07 * sign

@@ -111,7 +111,7 @@ def test_the_reply_names_one_tree_by_a_uuid_of_version_4(client: Groot2Client) -
     assert first[8] >> 6 == 2
 
 
-def test_states_are_told_byte_for_byte(tree: Tree, client: Groot2Client) -> None:
+def test_states_are_reported_byte_for_byte(tree: Tree, client: Groot2Client) -> None:
     tick(tree, 30)  # as often as needed: every node has been idle, and the first action runs
     while (tree.nodes[2].state, tree.nodes[3].state) != (RUNNING, 0):
         tick(tree)
@@ -119,7 +119,7 @@ def test_states_are_told_byte_for_byte(tree: Tree, client: Groot2Client) -> None
     assert answered == expected
 
 
-def test_blackboards_are_told_byte_for_byte(tree: Tree, client: Groot2Client) -> None:
+def test_blackboards_are_reported_byte_for_byte(tree: Tree, client: Groot2Client) -> None:
     tick(tree, 30)
     answered, expected = asked(client, "BLACKBOARD")
     assert answered == expected

@@ -31,7 +31,7 @@ def test_the_outline_above_is_the_hull_of_the_base_and_of_what_stands_out_with_i
     assert above.turning_drift == BASE.turning_drift
 
 
-def test_an_overhang_tells_how_far_and_from_which_height_on_it_stands_out():
+def test_an_overhang_reports_how_far_and_from_which_height_on_it_stands_out():
     overhang = BASE.carrying(
         [block((0.0, 0.1, 0.9), (0.1, 0.3, 1.2)), block((0.2, 0.0, 1.0), (0.42, 0.1, 1.3))], 0.01
     ).overhang

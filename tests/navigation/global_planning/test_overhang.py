@@ -185,7 +185,7 @@ def test_distances_to_what_is_tall_have_the_same_margins_as_those_to_everything(
         assert low.above.distance_at(place) == pytest.approx([1.6 - clearance], abs=1e-6)
 
 
-def test_where_only_the_arm_is_in_the_way_the_failure_says_so():
+def test_where_only_the_arm_is_in_the_way_the_failure_reports_it():
     failure = GridAStar().plan(START, GOAL, two_rooms(1.5, 0.6))
     assert isinstance(failure, PlanningFailure)
     assert failure.reason is PlanningFailureReason.ARM_IN_THE_WAY
@@ -199,7 +199,7 @@ def test_where_the_base_does_not_pass_either_the_arm_is_not_blamed():
     assert "arm" not in failure.text
 
 
-def test_a_goal_that_only_the_arm_would_touch_is_told_apart(planner):
+def test_a_goal_that_only_the_arm_would_touch_is_distinguished(planner):
     costmap = Costmap.from_map(walls(*room(6.0, 4.0)), WIDE, crates(1.5, (4.0, 2.4, 0.1, 0.1)))
     failure = planner.plan(Pose2D(1.0, 1.0, 0.0), Pose2D(4.0, 2.0, 0.0), costmap)
     assert isinstance(failure, PlanningFailure)

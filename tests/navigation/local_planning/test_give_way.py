@@ -16,7 +16,7 @@ def share(*walkers: tuple[float, float, float, float], pose: Pose2D = ORIGIN, tw
     return GiveWay(BASE).share(pose, twist, [MovingObstacle(*walker, 0.22) for walker in walkers])
 
 
-def test_nobody_around_and_it_drives_as_it_is_told():
+def test_nobody_around_and_it_drives_as_it_is_reported():
     assert share() == 1.0
 
 

@@ -30,7 +30,7 @@ def walk(tracks: MovingObstacles, velocity=(0.0, 0.6), start=(2.0, -1.0), second
 
 
 @pytest.mark.parametrize("velocity", [(0.0, 0.6), (-0.5, 0.3), (0.3, -0.2)])
-def test_a_walker_is_told_with_place_velocity_and_size_and_its_hits_no_longer_stand(velocity):
+def test_a_walker_is_reported_with_place_velocity_and_size_and_its_hits_no_longer_stand(velocity):
     tracks, post = MovingObstacles(), hits_on(1.0, 2.0, 0.15)
     _, standing = walk(tracks, velocity, others=post)
     (walker,) = tracks.obstacles

@@ -29,7 +29,7 @@ def test_points_beside_the_path_leave_it_free():
     assert contact(AHEAD, (1.0, 0.21), (1.0, -0.21), (2.45, 0.0)) is None
 
 
-def test_of_two_points_the_first_one_on_the_way_is_told():
+def test_of_two_points_the_first_one_on_the_way_is_reported():
     assert contact(AHEAD, (2.0, 0.0), (1.0, 0.0))[1].tolist() == [1.0, 0.0]
 
 

@@ -29,7 +29,7 @@ def is_at(pose: Pose2D, truth: Pose2D, position: float = 0.02, heading: float = 
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("truth", PLACES)
-def test_one_scan_tells_where_on_the_map_the_base_is(kitchen, truth):
+def test_one_scan_reports_where_on_the_map_the_base_is(kitchen, truth):
     scan = scan_at(truth, kitchen.lidar_segments(), np.random.default_rng(1), noise=0.02)
     best, *others = CorrelativeSearch().locate(kitchen, [OdometryScan(Pose2D(), scan)], BASE_FROM_LIDAR)
     assert is_at(best.pose, truth)

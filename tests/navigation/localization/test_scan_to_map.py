@@ -126,7 +126,7 @@ def boards_around(pose, places):
     return np.array(boards)
 
 
-def test_where_most_beams_end_before_the_map_the_others_tell_the_pose(kitchen):
+def test_where_most_beams_end_before_the_map_the_others_report_the_pose(kitchen):
     rng = np.random.default_rng(11)
     for truth in (Pose2D(0.0, 0.0, 0.3), Pose2D(2.3, -0.3, -0.5), Pose2D(0.3, 0.4, 2.0)):
         hidden = np.vstack([kitchen.lidar_segments(), boards_around(truth, (-0.1, 2.0, -2.2))])

@@ -124,7 +124,7 @@ def test_a_submap_is_searched_with_what_was_inserted_last():
     assert len(submap.cloud) > len(near)
 
 
-def test_how_sure_a_closure_is_is_told_in_the_frame_of_the_keyframe():
+def test_how_sure_a_closure_is_is_reported_in_the_frame_of_the_keyframe():
     """A long wall and a short one say more across the long one, which the keyframe sees at half a right angle."""
     short = np.column_stack([np.linspace(0.0, 1.0, 12), np.full(12, 4.0)])
     room = OrientedPoints(

@@ -103,7 +103,7 @@ def test_as_a_localizer_it_begins_a_new_map_at_each_start(round_drive):
     assert estimate.pose.distance_to(expected) < 0.02
 
 
-def test_it_says_what_is_missing_before_a_reset():
+def test_it_reports_what_is_missing_before_a_reset():
     with pytest.raises(RuntimeError, match="before reset"):
         _ = PoseGraphSlam().estimate
 

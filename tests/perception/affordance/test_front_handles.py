@@ -173,7 +173,7 @@ def test_an_image_without_depth_is_refused(value: float) -> None:
         detect(View(image, Pose()))
 
 
-def test_where_no_upright_plane_is_in_view_the_reason_says_so(camera: CameraBefore) -> None:
+def test_where_no_upright_plane_is_in_view_the_reason_reports_it(camera: CameraBefore) -> None:
     rng = np.random.default_rng(0)
     floor = block((-4.0, -4.0, -0.02), (4.0, 4.0, 0.0), (0.5, 0.5, 0.45))
     view = render_view(floor, camera(np.array([0.0, 0.0, 0.0]), 1.5, 0.0, 50.0), rng)

@@ -24,7 +24,7 @@ SEEN = (np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
         ("bar", False, (0.0, -0.31), (0.80, 0.70), "revolute", "top"),
     ],
 )
-def test_form_of_the_panel_and_place_of_the_handle_tell_the_joint(
+def test_form_of_the_panel_and_place_of_the_handle_report_the_joint(
     kind: str, upright: bool, centre: tuple[float, float], size: tuple[float, float], joint: str, hinge_side: str | None
 ) -> None:
     borders = PanelBorders(-size[0] / 2, size[0] / 2, -size[1] / 2, size[1] / 2)

@@ -52,7 +52,7 @@ def test_the_refinement_is_better_than_either_closed_form():
 
 
 @pytest.mark.slow
-def test_the_covariance_tells_how_wrong_the_result_is():
+def test_the_covariance_reports_how_wrong_the_result_is():
     """The squared error, weighed by the stated covariance, has mean 6: the number of unknowns."""
     weighed = []
     for seed in range(60):

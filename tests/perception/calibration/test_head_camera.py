@@ -43,7 +43,7 @@ def views_of(mount: Pose, camera: Pose, board: Pose, holders: list[Pose], rng: n
 
 
 @pytest.mark.slow
-def test_a_fixed_board_tells_how_the_camera_sits_on_the_head():
+def test_a_fixed_board_reports_how_the_camera_sits_on_the_head():
     for seed in range(3):
         rng = np.random.default_rng(seed)
         mount, camera = really(MOUNT, rng), really(CAMERA_ON_HEAD, rng)
@@ -58,7 +58,7 @@ def test_a_fixed_board_tells_how_the_camera_sits_on_the_head():
 
 
 @pytest.mark.slow
-def test_a_board_in_the_hand_tells_where_the_head_stands_too():
+def test_a_board_in_the_hand_reports_where_the_head_stands_too():
     rng = np.random.default_rng(5)
     mount, camera, lens = really(MOUNT, rng), really(CAMERA_ON_HEAD, rng), LENS
     on_hand = Pose.from_xyz_rpy((0.0, 0.02, 0.1), (0.1, 0.0, 0.2))
@@ -95,7 +95,7 @@ def test_a_board_that_any_view_shows_elsewhere_is_held(moved: int | None):
 
 
 @pytest.mark.slow
-def test_offsets_of_the_encoders_are_told():
+def test_offsets_of_the_encoders_are_reported():
     rng = np.random.default_rng(6)
     pan, tilt = math.radians(1.5), math.radians(-2.0)
     mount = MOUNT @ Pose.from_xyz_rpy((0, 0, 0), (0, 0, pan))
@@ -107,7 +107,7 @@ def test_offsets_of_the_encoders_are_told():
     assert known_board.tilt_offset == pytest.approx(tilt, abs=math.radians(0.1))
 
 
-def test_a_head_that_only_pans_does_not_tell_and_the_words_say_what():
+def test_a_head_that_only_pans_does_not_tell_and_the_words_report_what():
     rng = np.random.default_rng(7)
     carriers = [head(pan, 0.6) for pan in np.linspace(-0.25, 0.35, 12)]
     views = [

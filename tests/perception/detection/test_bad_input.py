@@ -59,7 +59,7 @@ def test_an_image_without_depth_is_told_in_words(table: Tables, detector: Detect
         detector.detect(view, scene.region, MODELS, np.random.default_rng(0))
 
 
-def test_a_view_of_no_surface_is_told_in_words(table: Tables, detector: Detector) -> None:
+def test_a_view_of_no_surface_is_reported_in_words(table: Tables, detector: Detector) -> None:
     scene = table(60, palette=1)
     wall = np.full((480, 640), 0.4, np.float32)
     with pytest.raises(NoSurfaceError, match="no surface in view"):

@@ -71,7 +71,7 @@ def test_the_shipped_objects_are_named_and_few_models_are_tried(seed: int) -> No
 
 
 @pytest.mark.slow
-def test_equal_colours_are_told_apart_by_shape() -> None:
+def test_equal_colours_are_distinguished_by_shape() -> None:
     models = [replace(recolored(model, GREY), visual_colors=()) for model in shipped()]
     scene = crowded_table(1, models, count=(6, 6))
     found = detect(scene, models)
@@ -80,7 +80,7 @@ def test_equal_colours_are_told_apart_by_shape() -> None:
 
 
 @pytest.mark.slow
-def test_equal_shapes_are_told_apart_by_colour() -> None:
+def test_equal_shapes_are_distinguished_by_colour() -> None:
     colors = {"red": (0.8, 0.2, 0.2), "green": (0.2, 0.7, 0.3), "white": (0.9, 0.9, 0.9), "black": (0.15, 0.15, 0.15)}
     models = [solid(name, Box((0.05, 0.07, 0.09)), color, 2) for name, color in colors.items()]
     scene = on_table(*((model, -0.15, -0.3 + 0.2 * i, 0.4 * i) for i, model in enumerate(models)))

@@ -76,7 +76,7 @@ def test_near_and_far_wall_of_a_cup_are_one_thing_even_where_the_segmentation_pa
     assert found.unknown == ()
 
 
-def test_the_shipped_objects_are_told_apart() -> None:
+def test_the_shipped_objects_are_distinguished() -> None:
     models = tuple(read_object(name) for name in ("cup", "can", "box", "crate"))
     table = Pose.from_xyz_rpy((0.7, 0.0, 0.75))
     places = [(-0.2, 0.0, 0.3), (-0.15, 0.2, 0.0), (-0.1, -0.2, 1.0), (0.15, 0.1, 0.2)]

@@ -68,7 +68,7 @@ def test_most_of_a_piece_has_to_lie_there(share: float, absorbed: bool) -> None:
     assert len(Naming().named_scene(EMPTY, found).unknown) == (0 if absorbed else 1)
 
 
-def test_the_thing_with_the_highest_score_of_a_label_is_told() -> None:
+def test_the_thing_with_the_highest_score_of_a_label_is_reported() -> None:
     things = [
         LabelledCluster(*_parts(x), False, label, score)
         for x, label, score in ((0, "a", 0.4), (1, "a", 0.8), (2, "b", 0.9))

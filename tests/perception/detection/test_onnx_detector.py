@@ -199,7 +199,7 @@ def test_boxes_are_given_in_pixels_of_the_picture_and_cut_at_its_border(
     assert right - left == pytest.approx(min(8 / scale, width), abs=0.5 / scale)
 
 
-def test_no_file_and_no_network_in_the_file_are_told(tmp_path: Path) -> None:
+def test_no_file_and_no_network_in_the_file_are_reported(tmp_path: Path) -> None:
     with pytest.raises(DetectorModelError, match="no ONNX file ''; give its path as 'model'"):
         OnnxDetector().find(image(np.zeros((8, 8, 3), np.uint8)), ["a"])
     path = tmp_path / "text.onnx"

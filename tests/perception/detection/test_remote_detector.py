@@ -182,7 +182,7 @@ def test_a_late_answer_is_given_up_in_time(server: Server, answer: Way) -> None:
     assert time.monotonic() - start < 2.0
 
 
-def test_a_refused_connection_is_told(server: Server) -> None:
+def test_a_refused_connection_is_reported(server: Server) -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -191,7 +191,7 @@ def test_a_refused_connection_is_told(server: Server) -> None:
 
 
 @pytest.mark.parametrize("url", ["", "gpu-box", "ftp://gpu-box/", "http://[::bad"])
-def test_what_is_no_address_is_told(url: str) -> None:
+def test_what_is_no_address_is_reported(url: str) -> None:
     with pytest.raises(DetectorUnreachableError, match="is not an http address; give 'url' of detection/remote"):
         detector(url).find(picture(), ["cup"])
 

@@ -140,7 +140,7 @@ def test_the_network_is_loaded_by_the_name_of_its_factory(monkeypatch: pytest.Mo
         ("math:load", "has no attribute 'load'"),
     ],
 )
-def test_a_network_that_is_missing_is_said_to_be(name: str, message: str) -> None:
+def test_a_network_that_is_missing_is_reported_to_be(name: str, message: str) -> None:
     with pytest.raises(PerceptionError, match=message):
         AnyGraspAdapter(network=name).plan(target(), GRIPPER, SUPPORT)
 

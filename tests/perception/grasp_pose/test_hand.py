@@ -87,7 +87,7 @@ def closed(points: np.ndarray, normals: np.ndarray, opening: float = 0.08) -> Pa
     )
 
 
-def test_pads_close_on_both_faces_and_tell_where_the_middle_is() -> None:
+def test_pads_close_on_both_faces_and_report_where_the_middle_is() -> None:
     met = closed(*block(0.04, off=0.007))
     assert met.width == pytest.approx([0.04])
     assert met.centre[0] == pytest.approx([0.0, 0.007, 0.0], abs=1e-9)
@@ -99,7 +99,7 @@ def test_pads_close_on_both_faces_and_tell_where_the_middle_is() -> None:
     assert closed(*block(0.04), opening=0.03).width == pytest.approx([0.0])
 
 
-def test_the_worse_side_tells_how_well_the_pads_face_the_object() -> None:
+def test_the_worse_side_reports_how_well_the_pads_face_the_object() -> None:
     met = closed(*block(0.04, turn=0.3))
     assert met.alignment == pytest.approx([math.cos(0.3)], abs=1e-6)
     assert met.width[0] == pytest.approx(0.04 + 0.01 * math.tan(0.3), abs=5e-4)

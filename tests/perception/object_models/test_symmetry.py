@@ -39,7 +39,7 @@ def test_a_cylinder_of_twelve_sides_or_more_looks_the_same_at_any_angle(sides: i
     assert SymmetrySearch().order(mesh_of(create.cylinder(0.033, 0.1, sections=sides))) == 0
 
 
-def test_of_turns_that_look_alike_the_exact_one_is_told() -> None:
+def test_of_turns_that_look_alike_the_exact_one_is_reported() -> None:
     assert SymmetrySearch().order(mesh_of(create.cylinder(0.028, 0.09, sections=8))) == 8  # tenth turns: 1.36 mm off
 
 
@@ -105,7 +105,7 @@ def test_a_small_feature_takes_the_symmetry_away() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["mug", "duck", "bottle", "bowl", "cup"])
-def test_the_shipped_objects_say_what_their_meshes_show(name: str) -> None:
+def test_the_shipped_objects_report_what_their_meshes_show(name: str) -> None:
     surface = seen(name)
     assert SymmetrySearch().order(surface) == read_object(name).symmetry_order
     assert SymmetrySearch().order(surface) == SymmetrySearch().order(surface)

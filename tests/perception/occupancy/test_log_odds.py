@@ -172,7 +172,7 @@ def test_what_the_hand_takes_away_leaves_free_space(grid):
     assert (without.states == VOXEL_UNKNOWN).sum() == (grid.states == VOXEL_UNKNOWN).sum()
 
 
-def test_wrong_input_is_told():
+def test_wrong_input_is_reported():
     with pytest.raises(PerceptionError, match="at least one voxel"):
         VoxelRegion(Pose(), (1.0, 0.0, 1.0))
     with pytest.raises(PerceptionError, match="voxels, at most"):

@@ -39,7 +39,7 @@ def test_the_yaw_of_a_mug_is_known_where_its_handle_is_seen(yaw: float) -> None:
 
 
 @pytest.mark.slow
-def test_a_mug_says_what_it_hides_where_its_handle_is_behind_it() -> None:
+def test_a_mug_reports_what_it_hides_where_its_handle_is_behind_it() -> None:
     item, found = seen("mug", AWAY)
     assert found.ambiguous_yaw
     assert found.yaw_set.contains(item.pose.yaw)

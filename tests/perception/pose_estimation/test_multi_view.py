@@ -33,7 +33,7 @@ def looks(name: str, yaw: float, lifted: float = 0.0) -> tuple[TrueObject, ViewO
 
 
 @pytest.mark.slow
-def test_a_second_view_tells_the_yaw_that_the_first_left_open() -> None:
+def test_a_second_view_reports_the_yaw_that_the_first_left_open() -> None:
     item, first, second = looks("mug", 0.0)
     alone = MultiStart().estimate(first.cluster, [item.model], first.view)[0]
     both = FUSION.estimate([first, second], [item.model])[0]

@@ -26,7 +26,7 @@ def handle(mug: YawObservability) -> np.ndarray:
     return np.hypot(mug.surface.points[:, 0] + 0.015, mug.surface.points[:, 1]) > 0.045
 
 
-def test_only_the_handle_of_a_mug_tells_its_yaw(mug: YawObservability) -> None:
+def test_only_the_handle_of_a_mug_reports_its_yaw(mug: YawObservability) -> None:
     assert mug.largest_distances[handle(mug)].min() > 0.004
     assert np.percentile(mug.largest_distances[handle(mug)], 20) > 0.01
     assert np.percentile(mug.largest_distances[~handle(mug)], 90) < 0.005

@@ -69,7 +69,7 @@ def test_a_view_that_misses_the_object_promises_nothing() -> None:
 
 
 @pytest.mark.slow
-def test_two_far_apart_yaws_are_told_apart_by_either_s_handle() -> None:
+def test_two_far_apart_yaws_are_distinguished_by_either_s_handle() -> None:
     mug = believed("mug", ((0.0, 0.1), (math.pi, 0.1)))
     best = PLANNER.rank(mug, PLANNER.candidates(mug, K), K)[0]
     assert best.expected_yaw_width <= mug.yaw_set.width / 2 + 1e-9

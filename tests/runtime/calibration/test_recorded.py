@@ -111,7 +111,7 @@ def changed(folder: Path, change: Callable[[dict[str, Any]], None]) -> Path:
         (lambda d: d.update(views=[]), "views: holds no views"),
     ],
 )
-def test_a_wrong_dataset_is_told_with_file_line_and_field(dataset: Write, change, words: str) -> None:
+def test_a_wrong_dataset_is_reported_with_file_line_and_field(dataset: Write, change, words: str) -> None:
     with pytest.raises(ConfigurationError, match=words):
         load_dataset(changed(dataset(), change))
 
@@ -128,12 +128,12 @@ def test_a_wrong_dataset_is_told_with_file_line_and_field(dataset: Write, change
         ),
     ],
 )
-def test_what_a_hand_eye_calibration_lacks_is_told(dataset: Write, change, words: str) -> None:
+def test_what_a_hand_eye_calibration_lacks_is_reported(dataset: Write, change, words: str) -> None:
     with pytest.raises(ConfigurationError, match=words):
         solve_hand_eye(load_dataset(changed(dataset(), change)), "park_martin", silent)
 
 
-def test_images_that_are_none_or_of_other_sizes_are_told_all_at_once(dataset: Write) -> None:
+def test_images_that_are_none_or_of_other_sizes_are_reported_all_at_once(dataset: Write) -> None:
     folder = dataset()
     (folder / "1.png").write_text("no image")
     cv2.imwrite(str(folder / "2.png"), np.zeros((10, 20, 3), np.uint8))

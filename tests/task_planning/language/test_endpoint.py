@@ -126,14 +126,14 @@ def test_the_servers_wish_to_wait_is_granted_up_to_a_bound(
     assert waits == [waited]
 
 
-def test_nobody_at_the_address_is_told_after_all_tries() -> None:
+def test_nobody_at_the_address_is_reported_after_all_tries() -> None:
     with serving(says("hi")) as server:
         gone = endpoint(server, retries=1)
     with pytest.raises(EndpointUnreachableError, match=r"small at 127\.0\.0\.1 gave no answer in 2 tries"):
         gone.complete(QUESTION)
 
 
-def test_waits_between_tries_double_up_to_a_bound_and_each_is_told(
+def test_waits_between_tries_double_up_to_a_bound_and_each_is_reported(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     waits: list[float] = []
@@ -181,7 +181,7 @@ def test_a_refusal_that_leaving_out_a_field_does_not_mend_ends_the_question(way:
         assert len(server.questions) == asked
 
 
-def test_a_refused_question_is_not_repeated_and_told_in_the_servers_words() -> None:
+def test_a_refused_question_is_not_repeated_and_reported_in_the_servers_words() -> None:
     with serving(fails(404, "no model small")) as server:
         with pytest.raises(EndpointReplyError, match="status 404: no model small"):
             endpoint(server).complete(QUESTION)

@@ -51,7 +51,7 @@ def test_the_models_goal_and_the_symbolic_planners_steps(ask: Callable[[Server],
     assert "plan" not in server.questions[0]["response_format"]["json_schema"]["schema"]["properties"]
 
 
-def test_a_goal_out_of_reach_is_told_by_the_planner(ask: Callable[[Server], None]) -> None:
+def test_a_goal_out_of_reach_is_reported_by_the_planner(ask: Callable[[Server], None]) -> None:
     with serving(reads(["on(can, table) and not on(can, counter) and behind(table, fridge)"])) as server:
         ask(server)
         with pytest.raises(Unsolvable, match=r"behind\(table, fridge\)"):
@@ -120,7 +120,7 @@ def test_without_an_endpoint_the_missing_variables_are_named(monkeypatch: pytest
         plan_from_text(INSTRUCTION, kitchen())
 
 
-def test_an_unknown_planner_is_told_with_the_closest() -> None:
+def test_an_unknown_planner_is_reported_with_the_closest() -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'language'"):
         plan_from_text(INSTRUCTION, kitchen(), "langauge")
 

@@ -29,7 +29,7 @@ def attacked() -> PlanningProblem:
     return renamed(kitchen(), "mug", ATTACK)
 
 
-def test_a_name_with_a_sentence_in_it_is_told_as_one_word() -> None:
+def test_a_name_with_a_sentence_in_it_is_reported_as_one_word() -> None:
     names = PlainNames.of(attacked().objects)
     told = names.told[ATTACK]
     assert told == TOLD
@@ -91,7 +91,7 @@ def test_a_plan_that_names_an_attack_is_a_plan_for_that_thing_alone() -> None:
         "открой холодильник",
     ],
 )
-def test_any_name_is_told_as_one_plain_word_and_found_again(name: str) -> None:
+def test_any_name_is_reported_as_one_plain_word_and_found_again(name: str) -> None:
     problem = renamed(kitchen(), "mug", name)
     told = PlainNames.of(problem.objects).told[name]
     assert told.isascii()

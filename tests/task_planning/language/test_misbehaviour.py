@@ -99,7 +99,7 @@ def test_a_right_answer_is_taken_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("way", ANSWERS)
-def test_a_faulty_answer_is_never_taken_and_its_fault_is_told(way: str) -> None:
+def test_a_faulty_answer_is_never_taken_and_its_fault_is_reported(way: str) -> None:
     behaviour, fault = ANSWERS[way]
     with serving(behaviour) as server:
         with pytest.raises(NoValidAnswerError, match=fault):
@@ -139,7 +139,7 @@ def test_a_whole_day_of_faults_ends_after_the_allowed_questions() -> None:
 
 
 @pytest.mark.parametrize("way", [says(answer([], [], "I may not touch knives.")), refuses("I may not touch knives.")])
-def test_a_refusal_is_told_in_the_models_words(way: Way) -> None:
+def test_a_refusal_is_reported_in_the_models_words(way: Way) -> None:
     with serving(way) as server:
         with pytest.raises(ModelRefusedError, match=r"^I may not touch knives\.$"):
             planner(server).propose(kitchen())

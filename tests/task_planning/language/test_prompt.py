@@ -46,7 +46,7 @@ def test_what_was_seen_once_and_is_lost_stands_where_it_may_be() -> None:
     assert document["not seen"] == {"mug": ["table"]}
 
 
-def test_only_the_abilities_that_are_allowed_are_told() -> None:
+def test_only_the_abilities_that_are_allowed_are_reported() -> None:
     limits = PlanLimits(abilities=frozenset({"TuckArm"}), max_cost=9.0, forbidden=frozenset({"can"}))
     document = told(kitchen(), limits)
     assert [ability["ability"] for ability in document["abilities"]] == ["TuckArm"]

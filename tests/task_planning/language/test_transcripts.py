@@ -93,11 +93,11 @@ def test_an_exchange_that_ends_neither_way_is_refused(tmp_path: Path) -> None:
         replayed(path).plan(kitchen())
 
 
-def test_a_transcript_that_cannot_be_written_is_told_before_anything_is_asked(tmp_path: Path) -> None:
+def test_a_transcript_that_cannot_be_written_is_reported_before_anything_is_asked(tmp_path: Path) -> None:
     with pytest.raises(TranscriptError, match="Is a directory"):
         open_transcript(tmp_path)
 
 
-def test_a_transcript_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_transcript_that_is_not_there_is_reported(tmp_path: Path) -> None:
     with pytest.raises(TranscriptError, match="nothing.jsonl"):
         ReplayEndpoint(tmp_path / "nothing.jsonl")

@@ -60,7 +60,7 @@ def test_what_is_printed_parses_again():
         ("on(not, table)", 4, "a name is expected"),
     ],
 )
-def test_what_is_no_fact_is_told_with_its_column(text, column, words):
+def test_what_is_no_fact_is_reported_with_its_column(text, column, words):
     with pytest.raises(FactSyntaxError, match=f"column {column} ") as raised:
         parse_literals(text)
     assert words in str(raised.value)

@@ -115,7 +115,7 @@ def test_what_is_written_is_read_as_the_same_problem(tmp_path):
         ("(clear ?x) (clear ?y)", "(claer ?x)", 8, "unknown predicate 'claer'; did you mean 'clear'?"),
     ],
 )
-def test_a_malformed_domain_is_told_with_file_and_line(files, old, new, line, words):
+def test_a_malformed_domain_is_reported_with_file_and_line(files, old, new, line, words):
     assert old in DOMAIN
     with pytest.raises(PddlError) as raised:
         read_pddl(*files(DOMAIN.replace(old, new)))
@@ -136,7 +136,7 @@ def test_a_malformed_domain_is_told_with_file_and_line(files, old, new, line, wo
         (PROBLEM, "", 1, "one (define …) is expected, not 0"),
     ],
 )
-def test_what_makes_no_sense_in_a_problem_is_told_with_file_and_line(files, old, new, line, words):
+def test_what_makes_no_sense_in_a_problem_is_reported_with_file_and_line(files, old, new, line, words):
     assert old in PROBLEM
     with pytest.raises(PddlError) as raised:
         read_pddl(*files(problem=PROBLEM.replace(old, new)))
@@ -144,12 +144,12 @@ def test_what_makes_no_sense_in_a_problem_is_told_with_file_and_line(files, old,
     assert words in str(raised.value)
 
 
-def test_a_malformed_problem_is_told_with_file_and_line(files):
+def test_a_malformed_problem_is_reported_with_file_and_line(files):
     with pytest.raises(PddlError, match=r"problem\.pddl:5: forall takes a variable"):
         read_pddl(*files(problem=PROBLEM.replace("(and (on a b))", "(forall (on a b))")))
 
 
-def test_a_file_that_is_not_there_is_told(tmp_path):
+def test_a_file_that_is_not_there_is_reported(tmp_path):
     with pytest.raises(PddlError, match="cannot be read"):
         read_pddl(tmp_path / "none.pddl", tmp_path / "none.pddl")
 
@@ -163,7 +163,7 @@ def test_fast_downward_solves_it_and_the_validator_agrees_with_both_planners():
 
 
 @needs_fast_downward
-def test_fast_downward_says_that_there_is_no_plan():
+def test_fast_downward_reports_that_there_is_no_plan():
     with pytest.raises(Unsolvable):
         FastDownwardPlanner().plan(drawer_problem("on(cup, Table/Top)", "open(chest/drawer); hand_empty"))
 
@@ -199,7 +199,7 @@ def test_the_validator_needs_no_engine_and_finds_the_missing_step():
         ("(increase (total-cost) 2)", "(increase (total-cost) ?x)", "increase"),
     ],
 )
-def test_what_is_not_supported_is_told_and_not_left_out(files, old, new, words):
+def test_what_is_not_supported_is_reported_and_not_left_out(files, old, new, words):
     assert old in DOMAIN
     with pytest.raises(PddlError) as raised:
         read_pddl(*files(DOMAIN.replace(old, new)))

@@ -171,7 +171,7 @@ def test_equality_keeps_two_parameters_apart():
         planned(kitchen("swapped(mug, mug)", operators=(swap,)))
 
 
-def test_what_nothing_brings_about_is_told():
+def test_what_nothing_brings_about_is_reported():
     with pytest.raises(Unsolvable, match=r"no action achieves that on\(mug, table\)") as raised:
         planned(kitchen("on(mug, table) and on(cup, table)", operators=(PICK, PUT, CLOSE)))
     assert raised.value.missing == (Literal(parse_fact("on(mug, table)")),)
@@ -253,7 +253,7 @@ def test_equal_problems_give_equal_plans():
         (["table", "table"], "object should be a thing, table is a place"),
     ],
 )
-def test_wrong_arguments_of_an_action_are_told(arguments, words):
+def test_wrong_arguments_of_an_action_are_reported(arguments, words):
     with pytest.raises(PlanningError, match=words):
         instantiate(kitchen(""), PICK, arguments)
 

@@ -82,7 +82,7 @@ def stand_in(tmp_path: Path) -> StandIn:
     return make
 
 
-def test_every_frame_is_told_when_it_is_painted(
+def test_every_frame_is_reported_when_it_is_painted(
     tmp_path: Path, stand_in: StandIn, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
@@ -101,7 +101,9 @@ def test_every_frame_is_told_when_it_is_painted(
         ("", "has not painted"),
     ],
 )
-def test_when_blender_fails_its_last_words_are_told(tmp_path: Path, stand_in: StandIn, body: str, words: str) -> None:
+def test_when_blender_fails_its_last_words_are_reported(
+    tmp_path: Path, stand_in: StandIn, body: str, words: str
+) -> None:
     with pytest.raises(BlenderError, match=words):
         paint(_job(tmp_path), stand_in(body), lambda _: None)
 

@@ -85,7 +85,7 @@ def pixels_that_run(client: ViewerClient) -> int:
 
 
 @pytest.mark.parametrize("content", [b"", b"RRF2", b"<script>alert(1)</script>" * 50, b"RRF2" + bytes(range(256)) * 40])
-def test_what_is_no_recording_is_told(tmp_path: Path, content: bytes) -> None:
+def test_what_is_no_recording_is_reported(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "recording.rrd"
     path.write_bytes(content)
     with pytest.raises(RecordingError, match="Rerun recording"):
