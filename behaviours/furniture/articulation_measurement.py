@@ -157,9 +157,7 @@ def articulation_from_motion(
     motion = Pose(after) @ _turn(handle.hinge_direction, angle) @ Pose(-before)
     moved = motion @ seen @ front.pose.inverse()
     boards = [
-        PlacedShape(_wider(placed.shape, leaf.furniture.position_error), moved @ placed.pose)
-        if isinstance(placed.shape, Box)
-        else PlacedShape(placed.shape, moved @ placed.pose)
+        PlacedShape(_larger(placed.shape, (0.0, leaf.furniture.position_error, 0.0)), moved @ placed.pose)
         for placed in leaf.leaf.shapes
     ]
     bar = handle_shape(handle)
@@ -168,19 +166,16 @@ def articulation_from_motion(
 
 def grown(leaf: Obstacle, by: float) -> Obstacle:
     """Return the leaf with boxes enlarged by ``by`` metres on each side."""
-    return replace(leaf, shapes=tuple(replace(placed, shape=_larger(placed.shape, by)) for placed in leaf.shapes))
+    sides = (by, by, by)
+    return replace(leaf, shapes=tuple(replace(placed, shape=_larger(placed.shape, sides)) for placed in leaf.shapes))
 
 
-def _larger(shape: Shape, by: float) -> Shape:
+def _larger(shape: Shape, by: tuple[float, float, float]) -> Shape:
+    """Return a box enlarged ``by`` these metres on each side; other shapes as they are."""
     if not isinstance(shape, Box):
         return shape
-    x, y, z = (extent + 2.0 * by for extent in shape.size)
+    x, y, z = (size + 2.0 * more for size, more in zip(shape.size, by, strict=True))
     return Box((x, y, z))
-
-
-def _wider(box: Box, error: float) -> Box:
-    x, y, z = box.size
-    return Box((x, y + 2.0 * error, z))
 
 
 def _turn(axis: NDArray[np.float64] | None, angle: float) -> Pose:

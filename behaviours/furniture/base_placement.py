@@ -34,30 +34,37 @@ CLOSE_BEARINGS = tuple(math.radians(degrees) for degrees in range(-90, 91, 15))
 TURNS = (0.0, -0.5, 0.5)
 
 
-class FindCloseStand(FindBasePlacement):
+class FindStandAtArticulation(FindBasePlacement):
+    """Base class of skills that place the base for the arm to move a door or drawer."""
+
+    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+
+    def _along(
+        self, leaf: FurnitureArticulation, ways: Iterator[ArticulationPath], work: str
+    ) -> SkillCoroutine[Sequence[PathPlacement]]:
+        """Return placements from which the arm follows one of ``ways``; ``work``: what for, for the failure."""
+        stands: Sequence[PathPlacement] = yield self.compute("stand_planning", find_stands, self.skills, leaf, ways)
+        if not stands:
+            raise SkillFailure("no_stand", f"no free base placement lets the arm {work}")
+        return stands
+
+
+class FindCloseStand(FindStandAtArticulation):
     """Choose a base placement from which the arm can push a door or drawer shut from its believed opening.
 
     Each further call gives another placement, until none is left.
     """
 
-    articulation = In[str](ArticulationName, "furniture/leaf of the map")
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,
         "no_stand": "look where it stands now: FindLookStand, DetectHandle",
     }
     DECLARATION = Declaration(effects=("stand_known({articulation})",))
 
-    def _best(self) -> SkillCoroutine[Pose2D]:
-        """Search the ways to push in turn for a base placement."""
+    def _ranked(self) -> SkillCoroutine[Sequence[PathPlacement]]:
+        """Search the ways to push in turn for base placements."""
         leaf = find_articulation(self.skills, self.articulation)
-        stands = yield self.compute("stand_planning", self._rank, leaf)
-        if not stands:
-            raise SkillFailure("no_stand", f"no free base placement lets the arm push {leaf.articulation} shut")
-        best: Pose2D = stands[0].pose
-        return best
-
-    def _rank(self, leaf: FurnitureArticulation) -> Sequence[PathPlacement]:
-        return find_stands(self.skills, leaf, self._ways(leaf))
+        return self._along(leaf, self._ways(leaf), f"push {leaf.articulation} shut")
 
     def _ways(self, leaf: FurnitureArticulation) -> Iterator[ArticulationPath]:
         skills = self.skills
@@ -136,13 +143,12 @@ class FindLookStand(Skill):
         raise SkillFailure("no_stand", f"no room to stand in front of {articulation}")
 
 
-class FindOpenStand(FindBasePlacement):
+class FindOpenStand(FindStandAtArticulation):
     """Choose a base placement from which the arm can grasp a handle and follow it over the requested opening.
 
     The arm stays on one branch of inverse kinematics. Each further call gives another placement, until none is left.
     """
 
-    articulation = In[str](ArticulationName, "furniture/leaf of the map")
     handle = In(str, "a believed handle")
     opening = In[float](NonNegative, "how far to open: metres of a drawer, radians of a door")
     FAILS: ClassVar = {
@@ -152,23 +158,13 @@ class FindOpenStand(FindBasePlacement):
     }
     DECLARATION = Declaration(pre=("handle_known({handle})",), effects=("stand_known({articulation})",))
 
-    def _best(self) -> SkillCoroutine[Pose2D]:
-        """Rank base placements around the handle by how well the arm follows the whole path."""
-        name: str = self.handle
-        articulation: str = self.articulation
-        belief = self.skills.world.handles.get(name)
+    def _ranked(self) -> SkillCoroutine[Sequence[PathPlacement]]:
+        """Rank base placements around the handle by how well the arm follows the whole path, for all grasps."""
+        belief = self.skills.world.handles.get(self.handle)
         if belief is None:
-            raise SkillFailure("handle_not_found", f"the handle {name} has not been seen; detect it first")
-        opening = plan_opening(self.skills, articulation, belief, self.opening)
-        stands = yield self.compute("stand_planning", self._rank, opening, belief)
-        if not stands:
-            raise SkillFailure("no_stand", f"no free base placement lets the arm open {articulation} as far as asked")
-        best: Pose2D = stands[0].pose
-        return best
-
-    def _rank(self, opening: Opening, belief: HandleBelief) -> Sequence[PathPlacement]:
-        """Rank the base placements for all grasps."""
-        return find_stands(self.skills, opening.leaf, self._ways(opening, belief))
+            raise SkillFailure("handle_not_found", f"the handle {self.handle} has not been seen; detect it first")
+        opening = plan_opening(self.skills, self.articulation, belief, self.opening)
+        return self._along(opening.leaf, self._ways(opening, belief), f"open {self.articulation} as far as asked")
 
     def _ways(self, opening: Opening, belief: HandleBelief) -> Iterator[ArticulationPath]:
         from bestman_bt.manipulation.base_placement import placements_around

@@ -23,7 +23,7 @@ from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface
 from bestman_bt.world_model.world_model import BasePose
 
 if TYPE_CHECKING:
-    from bestman_bt.manipulation.base_placement import BasePlacement
+    from bestman_bt.manipulation.base_placement import BasePlacement, PathPlacement
     from bestman_bt.manipulation.collision.base import CollisionWorld
 
 
@@ -60,14 +60,14 @@ class FindBasePlacement(ArmNode, Skill, ABC):
 
     def execute(self) -> SkillCoroutine[None]:
         """Return the best placement that has not been returned yet."""
-        best = yield from self._best()
+        best: Pose2D = (yield from self._ranked())[0].pose
         self._tried.append(best)
         self.stand = best
         self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
 
     @abstractmethod
-    def _best(self) -> SkillCoroutine[Pose2D]:
-        """Return the best of the placements that are new. Raises SkillFailure (``no_stand``) if none is left."""
+    def _ranked(self) -> SkillCoroutine[Sequence[BasePlacement | PathPlacement]]:
+        """Return the placements that are new, best first. Raises SkillFailure (``no_stand``) if none is left."""
 
     def _is_new(self, stand: Pose2D) -> bool:
         return all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)
@@ -94,7 +94,7 @@ class FindStandAtFurniture(FindBasePlacement):
         super().on_load()
         self._target = np.full(2, np.inf)
 
-    def _best(self) -> SkillCoroutine[Pose2D]:
+    def _ranked(self) -> SkillCoroutine[Sequence[BasePlacement]]:
         """Return the best placement along the furniture by the arm's reach; those tried before only once all have been
         tried.
         """
@@ -108,7 +108,7 @@ class FindStandAtFurniture(FindBasePlacement):
             stands = yield from self._first_reached(furniture, targets)
         if not stands:
             raise self._why_none(furniture, targets[0])
-        return stands[0].pose
+        return stands
 
     def _first_reached(
         self, furniture: MapFurniture, targets: Sequence[StandTarget]

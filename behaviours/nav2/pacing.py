@@ -267,13 +267,11 @@ class GoalUpdater(Decorator):
         """Choose the goal, then tick the child."""
         for what in ("goal", "goals"):
             given, update = self.get_input(f"input_{what}"), self.get_input(f"{what}_update")
-            chosen = update if update is not None and self._is_newer(what) else given
+            is_newer = self._written(f"{what}_update") >= self._written(f"input_{what}")
+            chosen = update if update is not None and is_newer else given
             if chosen is not None:
                 self.set_output(f"output_{what}", chosen)
         return self.child.execute_tick()
-
-    def _is_newer(self, what: str) -> bool:
-        return self._written(f"{what}_update") >= self._written(f"input_{what}")
 
     def _written(self, port: str) -> float:
         """Return when the entry that a port leads to was written, seconds; a literal counts as older

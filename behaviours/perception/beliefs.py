@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -100,7 +100,8 @@ def believe_objects(
     )
     world.objects = dict(tracked.objects)
     world.changes += tracked.changes
-    _forget_views(skills, [change.name for change in tracked.changes])
+    for change in tracked.changes:
+        skills.observations.pop(change.name, None)
     for name, cluster in zip(tracked.identities, clusters, strict=True):
         remember_view(skills, name, ViewObservation(cluster.seen_from(view.map_from_base), view.in_map))
     return tracked.identities
@@ -154,11 +155,6 @@ def _part_of_furniture(skills: SkillContext, view: RGBDView, cluster: Cluster, s
             if floor - MAP_ERROR < place[2] < piece.height + MAP_ERROR:
                 return True
     return False
-
-
-def _forget_views(skills: SkillContext, names: Iterable[str]) -> None:
-    for name in names:
-        skills.observations.pop(name, None)
 
 
 def _sighting(view: RGBDView, found: Detection, surface: str | None) -> ObjectBelief:

@@ -24,7 +24,6 @@ from behaviours.skill import (
 from bestman_bt.engine import In, InOut, Out, SyncAction
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.messages.shapes import NonNegative
-from bestman_bt.world_model.world_model import ObjectBelief
 
 if TYPE_CHECKING:
     from bestman_bt.perception.detection.base import DetectedScene
@@ -49,7 +48,8 @@ class RememberSeen(ErrorReporting, SyncAction):
         """Read the belief."""
         wanted: Sequence[str] = self.objects
         before: Sequence[str] = self.seen or ()
-        now = [belief.name for belief in self.skills.world.objects.values() if _is_wanted(belief, wanted)]
+        beliefs = self.skills.world.objects.values()
+        now = [belief.name for belief in beliefs if belief.name in wanted or belief.model.name in wanted]
         seen = list(dict.fromkeys([*before, *now]))
         self.seen = seen
         return self.succeed(", ".join(seen) or "nothing")
@@ -167,10 +167,6 @@ def _model(skills: SkillContext, name: str) -> ObjectModel:
     if name in skills.world.models:
         return skills.world.models[name]
     raise SkillFailure("unknown_object", f"no model of {name!r} and no detection with this label")
-
-
-def _is_wanted(belief: ObjectBelief, wanted: Sequence[str]) -> bool:
-    return belief.name in wanted or belief.model.name in wanted
 
 
 def _untidy(node: _SeenInRegion) -> list[str]:

@@ -20,7 +20,7 @@ from hal.api import Camera, ForceTorque
 BOARD = CharucoBoard(7, 5, 0.04, 0.03)
 """As ``docs/calibration.md`` prints it."""
 LONGEST_AGE, TRIES = 1.0, 5
-"""Seconds; images of which the newest counts. Skills take images of up to half a second."""
+"""Seconds; images of which the newest counts, as many as skills take. They accept images of up to half a second."""
 BOARD_TOLERANCE, BOARD_TURN = 0.015, math.radians(3.0)
 """What a ruler and a spirit level measure a board's place to, and a camera sees it."""
 
@@ -32,7 +32,8 @@ def camera(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
         yield not_applicable(subject.model.name, "no camera is behind a connection")
     found: list[CheckFinding | None] = []
     for name, part in cameras.items():
-        age, image = min(((_age(subject, image), image) for image in _images(part)), key=lambda pair: pair[0])
+        images = (part.capture() for _ in range(TRIES))
+        age, image = min(((subject.robot.clock.now() - one.stamp, one) for one in images), key=lambda pair: pair[0])
         size = f"{image.intrinsics.width}×{image.intrinsics.height}"
         text = f"an image of {size} that is {1e3 * age:.0f} ms old (at most {1e3 * LONGEST_AGE:.0f})"
         yield judged(name, age <= LONGEST_AGE, text, age_s=age)
@@ -46,16 +47,6 @@ def camera(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
         blind = f"it sees no {BOARD.columns}×{BOARD.rows} ChArUco board from here"
         none = judged(name, False, blind) if not any(found) else not_applicable(f"{name}, frame", blind)
         yield finding or none
-
-
-def _images(part: Camera) -> Iterator[RGBDImage]:
-    """Yield images, as many as skills take to get one that is new enough."""
-    for _ in range(TRIES):
-        yield part.capture()
-
-
-def _age(subject: BroughtUpRobot, image: RGBDImage) -> float:
-    return subject.robot.clock.now() - image.stamp
 
 
 def board_finding(name: str, image: RGBDImage, base_from_eye: Pose, base_from_board: Pose) -> CheckFinding | None:

@@ -82,7 +82,7 @@ def command(  # noqa: PLR0913 - its options, each by its name
             )  # fmt: skip
             coverage = coverage or Coverage(run.tree)
             coverage.add(run.transitions)
-            results.append((number, _without_changes(run)))
+            results.append((number, replace(run, changes=[], transitions=[])))  # a thousand of them are kept
         assert coverage is not None
         _warn_of_idle_rules(played, coverage)
         document = _document(str(path), results, coverage)
@@ -125,11 +125,6 @@ def _enums(texts: Iterable[str]) -> dict[str, int]:
             raise typer.BadParameter(f"should be NAME=NUMBER, got '{text}'", param_hint="--enum")
         found[name] = int(value)
     return found
-
-
-def _without_changes(run: SimulatedRun) -> SimulatedRun:
-    """Return the run without its long lists: a thousand of them are kept."""
-    return replace(run, changes=[], transitions=[])
 
 
 def _warn_of_idle_rules(scenario: Scenario, coverage: Coverage) -> None:

@@ -80,13 +80,10 @@ class SubstitutionRules:
     def _rule(self, node: Node) -> str | TestNodeConfig | None:
         names = (node.name, node.type_id)
         for pattern, rule in self.rules.items():
-            if pattern in names or re.fullmatch(fnmatch.translate(_literal_brackets(pattern)), node.path):
+            literal_brackets = pattern.replace("[", "[[]")
+            if pattern in names or re.fullmatch(fnmatch.translate(literal_brackets), node.path):
                 return rule
         return None
-
-
-def _literal_brackets(pattern: str) -> str:
-    return pattern.replace("[", "[[]")
 
 
 def _config(name: str, value: Any) -> TestNodeConfig:

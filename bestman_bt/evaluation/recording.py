@@ -82,10 +82,8 @@ class RecordedBeliefs:
         scan = base.last_scan
         if scan is not None and scan is not self._scan and stamp >= self._next_scan:
             self._scan, self._next_scan = scan, stamp + SCAN_EVERY
-            self._recorder.scan("lidar", scan.scan, self._at_lidar_height(scan.map_from_lidar))
-
-    def _at_lidar_height(self, map_from_lidar: Pose2D) -> Pose:
-        return Pose(np.array([*map_from_lidar.xy, self._lidar_height]), map_from_lidar.to_pose().quaternion)
+            position = np.array([*scan.map_from_lidar.xy, self._lidar_height])
+            self._recorder.scan("lidar", scan.scan, Pose(position, scan.map_from_lidar.to_pose().quaternion))
 
     def _record_grasps(self, entry: WrittenEntry, stamp: float) -> None:
         """Record the remaining grasps, if the entry has or had some."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from datetime import datetime
@@ -117,7 +117,7 @@ class WatchedExecution:
             "root": STATUS_NAMES[now.states[1]],
             "run": Path(self.run.folder).name,
             "folder": self.run.folder,
-            "active": [node.path for node in self._running_leaves()],
+            "active": [node.path for node in self.tree.nodes if node.is_leaf and now.states[node.uid] == RUNNING],
             "last_failure": None,
             "parts": {},
             "robot": {},
@@ -130,9 +130,6 @@ class WatchedExecution:
     def forget(self, outbox: SubscriberQueue) -> None:
         """Send no more events to ``outbox``."""
         self._stream.forget(outbox)
-
-    def _running_leaves(self) -> Iterable[Any]:
-        return (node for node in self.tree.nodes if node.is_leaf and self.standing.states[node.uid] == RUNNING)
 
 
 def file_name(text: str) -> str:

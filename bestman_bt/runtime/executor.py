@@ -220,7 +220,8 @@ class Executor:
                     self.tree.halt()
                     self.tree.wait_until_stopped(self.period)
                 self._shut_down()
-                self._refuse_tasks()
+                while self._tasks:
+                    self._tasks.popleft()[1].cancel()
                 self._stepped.set()
                 self._over = True
         elapsed = self.clock.now() - start
@@ -299,10 +300,6 @@ class Executor:
                 future.set_exception(error)
             else:
                 future.set_result(None)
-
-    def _refuse_tasks(self) -> None:
-        while self._tasks:
-            self._tasks.popleft()[1].cancel()
 
     @contextmanager
     def interrupts(self) -> Iterator[None]:

@@ -84,7 +84,7 @@ def import_part(urdf: Path, request: PartRequest, srdf: Srdf | None = None) -> I
     if "limits" in data:
         data["limits"] = written_limits(tree, data["joints"], data["limits"])
     robot = _alone(urdf, request.name, data)
-    links = set(_links_of(robot))
+    links = {link.get("name", "") for link in ET.fromstring(robot.urdf).findall("link")}
     if srdf is not None:
         pairs = [sorted(pair) for pair in srdf.disabled_pairs if set(pair) <= links]
     else:
@@ -187,10 +187,6 @@ def _read(urdf: Path, request: PartRequest, srdf: Srdf | None) -> tuple[UrdfTree
     return tree, joints
 
 
-def _links_of(robot: RobotModel) -> list[str]:
-    return [link.get("name", "") for link in ET.fromstring(robot.urdf).findall("link")]
-
-
 def _text(data: Mapping[str, Any], notes: Sequence[str]) -> str:
     head = "".join(f"# {note}\n" for note in notes)
     return head + yaml.safe_dump(dict(data), sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
@@ -276,9 +272,10 @@ def infer_gripper(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
         "the widths take the closed fingers to meet; the friction, the pads and the largest force are guesses",
         "check the tool frame in the picture: z leaves the hand, y is the closing direction",
     ]
+    rpy = np.asarray(pinocchio.rpy.matrixToRpy(axes))
     fields: dict[str, Any] = {
         "root": root,
-        "frames": {"tool": {"link": root, "xyz": _rounded(place), "rpy": _rounded(_roll_pitch_yaw(axes))}},
+        "frames": {"tool": {"link": root, "xyz": _rounded(place), "rpy": _rounded(rpy)}},
         "tool": "tool",
         "joints": names,
         **({} if sliding and min(ends) == 0.0 else {"open_at": f"{opened} {unit}", "closed_at": f"{closed} {unit}"}),
@@ -492,10 +489,6 @@ def _radius(elements: list[ET.Element], wheel: str) -> float:
     shapes = link.findall("collision") or link.findall("visual")
     points = np.concatenate([origin_pose(s).apply(outline(s.find("geometry"))) for s in shapes])
     return float(np.ptp(points[:, 2]) / 2)
-
-
-def _roll_pitch_yaw(axes: Array) -> Array:
-    return np.asarray(pinocchio.rpy.matrixToRpy(axes))
 
 
 def _rounded(values: Array) -> list[float]:

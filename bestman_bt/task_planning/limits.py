@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from urllib.parse import quote, unquote
 
@@ -149,11 +149,9 @@ class PlanLimits:
         for number, action in enumerate(actions, start=1):
             if self.abilities is not None and action.name not in self.abilities:
                 faults.append(f"step {number}: {action.name} is not allowed")
-            faults += [f"step {number}: {name} may not be named" for name in self._forbidden_in(action.arguments)]
+            forbidden = [name for name in action.arguments if name in self.forbidden]
+            faults += [f"step {number}: {name} may not be named" for name in forbidden]
         return faults
-
-    def _forbidden_in(self, names: Iterable[str]) -> list[str]:
-        return [name for name in names if name in self.forbidden]
 
 
 def plan_within(planner: TaskPlanner, problem: PlanningProblem, limits: PlanLimits) -> TaskPlan:

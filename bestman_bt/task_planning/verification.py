@@ -178,14 +178,12 @@ class _Check:
             for second in other:
                 one, two = self.actions[first], self.actions[second]
                 both = Counter(one.parts) + Counter(two.parts)
-                scarce = sorted(part for part, count in both.items() if count > self._available(part))
+                robot = self.robot
+                scarce = sorted(p for p, count in both.items() if count > (1 if robot is None else _count(robot, p)))
                 if scarce:
                     yield _fault(parallel, "", f"{one} and {two} side by side both need the {scarce[0]}")
                 elif depend(one, two) and not set(one.parts) & set(two.parts):
                     yield _fault(parallel, "", f"{one} and {two} side by side: one changes what the other needs")
-
-    def _available(self, part: str) -> int:
-        return 1 if self.robot is None else _count(self.robot, part)
 
 
 def _count(robot: RobotModel, part: str) -> int:

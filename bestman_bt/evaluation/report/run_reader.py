@@ -63,8 +63,10 @@ def read_run_report(folder: Path) -> RunReport:
     Raises ReportError if nothing can be read.
     """
     notes: list[str] = []
-    result: RunResult | None = _part(folder, RESULT_FILE, _read_result, notes)
-    config: str = _part(folder, CONFIG_FILE, _read_config, notes) or ""
+    result: RunResult | None = _part(
+        folder, RESULT_FILE, lambda path: RunResult.from_document(read_result(path.parent)), notes
+    )
+    config: str = _part(folder, CONFIG_FILE, lambda path: path.read_text(encoding="utf-8"), notes) or ""
     about: dict[str, Any] = _part(folder, CONFIG_FILE, lambda path: _read_about(config), notes if config else []) or {}
     history = RunHistory()
     if has_record(folder) or is_log(folder):
@@ -151,14 +153,6 @@ def _flat(values: dict[Any, Any], prefix: str) -> Iterator[tuple[str, str]]:
             yield from _flat(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
-
-
-def _read_result(path: Path) -> RunResult:
-    return RunResult.from_document(read_result(path.parent))
-
-
-def _read_config(path: Path) -> str:
-    return path.read_text(encoding="utf-8")
 
 
 def _read_about(config: str) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -115,17 +115,14 @@ class _Furnisher:
 def furnish(plan: FloorPlan, wall_thickness: float, rng: np.random.Generator) -> list[ApartmentPiece] | None:
     """Return furniture for all rooms, the largest first, or None if a required piece found no place."""
     furnisher = _Furnisher(rng, wall_thickness, [*_before_doorways(plan.doorways, wall_thickness)])
-    for room, furnishing in zip(_largest_first(plan.rooms), _furnishings(len(plan.rooms), rng), strict=True):
+    rooms = sorted(plan.rooms, key=lambda room: -room.area)
+    for room, furnishing in zip(rooms, _furnishings(len(rooms), rng), strict=True):
         if furnishing.dining and not furnisher.dining_group(room):
             return None
         for kind in furnishing.walls:
             if not furnisher.along_walls(room, kind) and kind in NEEDED:
                 return None
     return furnisher.placed
-
-
-def _largest_first(rooms: Sequence[Room]) -> list[Room]:
-    return sorted(rooms, key=lambda room: -room.area)
 
 
 def _furnishings(count: int, rng: np.random.Generator) -> list[_Furnishing]:
