@@ -1,6 +1,6 @@
 """What a driver does for each episode, without the episodes: simulated results through the journal, and their shards.
 
-    python benchmarks/journal_scale.py [--episodes 100000] [--shards 64]
+    python -m benchmarks.journal_scale [--episodes 100000] [--shards 64]
 
 Prints processor time per episode, memory, disk, and the time to merge. docs/scale.md has the figures.
 """
@@ -14,10 +14,12 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from bestman_bt.evaluation.journal import EpisodeKey, Journal, read_episodes
+from bestman_bt.configuration.run import load_run
+from bestman_bt.evaluation.code_version import code_fingerprint, config_fingerprint
+from bestman_bt.evaluation.evaluation import Evaluation
+from bestman_bt.evaluation.journal import EpisodeKey, Journal
 from bestman_bt.evaluation.result import Outcome, RunResult
-from bestman_bt.evaluation.shards import merged_episodes
-from bestman_bt.evaluation.summary import summarize
+from bestman_bt.evaluation.suite import Suite, SuiteEntry
 from bestman_bt.evaluation.versions import versions
 
 AUDIT = ("teleports", "grasp_constraints", "ground_truth_reads", "collisions", "joint_limit_violations")
@@ -34,25 +36,26 @@ def main() -> None:
         "fetch_cup", 0, True, Outcome.SUCCESS, "SUCCESS", True, None,
         dict.fromkeys(AUDIT, 0), METRICS, 40.0, 8.0, versions(), DURATIONS,
     )  # fmt: skip
+    config = load_run("fetch_cup")
+    suite = Suite("scale", (SuiteEntry("fetch_cup", config, asked.episodes),))
+    keys = EpisodeKey(config_fingerprint(config), 0, code_fingerprint())
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+        shards = Path(name) / "shards"
+        tell("imported", 0.0, asked.episodes)
         began = time.process_time()
         for shard in range(asked.shards):
-            with Journal(folder / f"{shard}" / "episodes.jsonl") as journal:
+            with Journal(shards / f"{shard}" / "episodes.jsonl") as journal:
                 for seed in range(shard, asked.episodes, asked.shards):
-                    journal.add(EpisodeKey("config", seed, "code"), "commit", replace(one, seed=seed))
+                    journal.add(replace(keys, seed=seed), "commit", replace(one, seed=seed))
         tell("written", began, asked.episodes)
-        files = sorted(folder.rglob("episodes.jsonl"))
-        size = sum(path.stat().st_size for path in files)
+        size = sum(path.stat().st_size for path in shards.rglob("episodes.jsonl"))
         print(f"disk: {size / 1e6:.0f} MB, {size / asked.episodes:.0f} bytes each")
         began = time.process_time()
-        results, contradictions = merged_episodes({path: read_episodes(path) for path in files})
-        assert len(results) == asked.episodes
-        assert not contradictions
-        tell("merged", began, asked.episodes)
-        began = time.process_time()
-        summarize("fetch_cup", 0, list(results.values()), 1.0)
-        tell("summarised", began, asked.episodes)
+        with Evaluation(suite, Path(name) / "merged") as evaluation:
+            document = evaluation.merge([shards])
+        assert document["entries"][0]["succeeded"] == asked.episodes
+        assert not document["contradictions"]
+        tell("merged and summarised", began, asked.episodes)
 
 
 def tell(what: str, began: float, episodes: int) -> None:

@@ -24,9 +24,10 @@ from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunRequest
-from bestman_bt.evaluation.comparison import within
+from bestman_bt.evaluation.comparison import ComparedEntries, within
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.interval import Precision
+from bestman_bt.evaluation.journal import JournalError
 from bestman_bt.evaluation.launchers.launcher import Launcher, LaunchOptions
 from bestman_bt.evaluation.markdown import accuracy_words, markdown, own_targets, verdict
 from bestman_bt.evaluation.result import RunResult
@@ -46,6 +47,7 @@ class EvaluationView:
         self._began = time.perf_counter()
         self._finished_before = self._done()
         self._live: Live | None = None
+        self._next_picture = 0.0
 
     def __enter__(self) -> EvaluationView:
         for note in self._evaluation.notes:
@@ -75,14 +77,17 @@ class EvaluationView:
         elif self._live is None or result.unearned or (result.success and entry.control):
             unearned = f", but {result.unearned}" if result.unearned else ""
             self._print(f"{entry.name}, seed {result.seed}: {result.outcome}{unearned}")
-        if self._live is not None:
+        began = time.perf_counter()
+        if self._live is not None and began >= self._next_picture:
             self._live.update(self._picture(), refresh=True)
+            now = time.perf_counter()
+            self._next_picture = now + 20 * (now - began)
 
     def _print(self, text: str) -> None:
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def _done(self) -> int:
-        return sum(len(results) for results in self._evaluation.results.values())
+        return sum(summary.episodes for summary in self._evaluation.summaries.values())
 
     def _picture(self) -> RenderableType:
         total = self._evaluation.asked.total()
@@ -198,9 +203,10 @@ class JobOptions:
         typer.Option(metavar="DIR…", help="Run nothing: one summary of the shards below.", show_default=False),
     ] = None
 
-    def made(self, folder: Path) -> Launcher:
+    def made(self, folder: Path, monitor: bool) -> Launcher:
         """Return the launcher of an evaluation kept in ``folder``. Raises ConfigurationError, UnknownNameError."""
-        launcher: Launcher = LAUNCHERS.resolve(self.launcher)(LaunchOptions(self.jobs, self.address or "", folder))
+        options = LaunchOptions(self.jobs, self.address or "", folder, monitor)
+        launcher: Launcher = LAUNCHERS.resolve(self.launcher)(options)
         return launcher
 
     def check(self) -> None:
@@ -269,7 +275,11 @@ def evaluate(
             raise ConfigurationError([Problem("--until", None, "", why)])
         _refuse_other_suite(folder / "summary.json", suite)
         evaluation = Evaluation(suite, folder, keep_old, shard, balance)
-        document = _evaluate(evaluation, folder, execution.made(folder), compare, merged)
+        try:
+            document = _evaluate(evaluation, folder, execution.made(folder, page.monitor), compare, merged)
+        except JournalError as error:
+            CONSOLE.print(f"bestman-bt: {error}", highlight=False, markup=False, soft_wrap=True)
+            sys.exit(130)
         print_json(document)
     if not as_json:
         print_result(document)
@@ -281,7 +291,7 @@ def _evaluate(
 ) -> dict[str, Any]:
     """Run what is not finished with a table on standard error; write ``summary.json``, ``summary.md``, comparisons.
 
-    ``merged``: folders of shards; nothing is run then.
+    ``merged``: folders of shards; nothing is run then. Raises JournalError if a file cannot be written.
     """
     with evaluation:
         CONSOLE.print(f"kept in {folder}", highlight=False, soft_wrap=True)
@@ -295,18 +305,25 @@ def _evaluate(
             CONSOLE.print(f"note: {note}", highlight=False, soft_wrap=True)
         compared = within(evaluation.finished_entries()) if compare and not document["interrupted"] else []
         document["comparisons"] = [one.document() for one in compared]
-        text = json.dumps(document, indent=2, allow_nan=False) + "\n"
-        (folder / "summary.json").write_text(text, encoding="utf-8")
-        lines = ["", "## Comparisons", "", *(line for one in compared for line in (*one.lines(), ""))]
-        (folder / "summary.md").write_text(
-            markdown(document) + ("\n".join(lines) if compared else ""), encoding="utf-8"
-        )
-        for one in compared:
-            one.draw(folder / re.sub(r"[^\w.=-]+", "_", f"{one.names[1]}_against_{one.names[0]}.svg"))
-        if len(compared) > 1:
-            draw_settings(folder / "settings.svg", evaluation.finished_entries())
+        try:
+            _write_summary(folder, document, evaluation, compared)
+        except OSError as error:
+            why = f"{error.filename or folder} cannot be written: {error.strerror}"
+            raise JournalError(f"{why}; the episodes are kept: make room there and repeat the command") from error
         CONSOLE.print(f"written: {folder / 'summary.md'}", highlight=False, soft_wrap=True)
     return document
+
+
+def _write_summary(
+    folder: Path, document: dict[str, Any], evaluation: Evaluation, compared: Sequence[ComparedEntries]
+) -> None:
+    (folder / "summary.json").write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    lines = ["", "## Comparisons", "", *(line for one in compared for line in (*one.lines(), ""))]
+    (folder / "summary.md").write_text(markdown(document) + ("\n".join(lines) if compared else ""), encoding="utf-8")
+    for one in compared:
+        one.draw(folder / re.sub(r"[^\w.=-]+", "_", f"{one.names[1]}_against_{one.names[0]}.svg"))
+    if len(compared) > 1:
+        draw_settings(folder / "settings.svg", evaluation.finished_entries())
 
 
 def _refuse_other_suite(summary: Path, suite: Suite) -> None:

@@ -10,16 +10,16 @@ from pathlib import Path
 from typing import Any
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem
-from bestman_bt.configuration.run import RunConfig
 from bestman_bt.evaluation.code_version import code_fingerprint, commit, config_fingerprint
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry
-from bestman_bt.evaluation.journal import EpisodeKey, Journal, read_episodes
-from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LauncherLostError
+from bestman_bt.evaluation.journal import EpisodeKey, Journal, JournalError, read_episodes
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher
 from bestman_bt.evaluation.launchers.local import LocalProcesses
+from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
 from bestman_bt.evaluation.result import Outcome, RunResult
-from bestman_bt.evaluation.shards import ConflictingResults, KnownDurations, Shard, find_journals, merged_episodes
+from bestman_bt.evaluation.shards import ConflictingResults, KnownDurations, Shard, find_journals, merge_journals
 from bestman_bt.evaluation.suite import Suite, SuiteEntry, check_targets
-from bestman_bt.evaluation.summary import summarize
+from bestman_bt.evaluation.summary import Summary
 from bestman_bt.evaluation.versions import versions
 
 OnResult = Callable[[SuiteEntry, RunResult], None]
@@ -42,19 +42,22 @@ class Evaluation:
         balance: KnownDurations | None = None,
     ) -> None:
         self.suite = suite
-        self.results: dict[str, dict[int, RunResult]] = {entry.name: {} for entry in suite.entries}
-        """Entry → seed → result."""
+        self.summaries = {entry.name: Summary() for entry in suite.entries}
+        """Entry → summary of its finished episodes."""
         self.notes: list[str] = []
         """What a reader of the figures has to know, in words."""
         self.contradictions: list[ConflictingResults] = []
         self._folder, self._keep_old, self._shard = folder, keep_old, shard
         self._code, self._commit = code_fingerprint(), commit()
         self._configs = {entry.name: config_fingerprint(entry.config) for entry in suite.entries}
+        self._codes: dict[str, dict[int, str]] = {entry.name: {} for entry in suite.entries}
+        """Entry → seed of a finished episode → fingerprint of the code that ran it."""
+        self._unsaved: dict[EpisodeKey, RunResult] = {}
         self._planned = self._round()
         if shard is not None:
             seconds = None
             if balance is not None:
-                seconds = [balance.seconds(self._configs[one.name], config.seed) for one, config in self._planned]
+                seconds = [balance.seconds(self._configs[one.name], seed) for one, seed in self._planned]
             self._planned = shard.part(self._planned, seconds)
         self.asked = Counter(entry.name for entry, _ in self._planned)
         """Entry → how many episodes are planned."""
@@ -76,12 +79,13 @@ class Evaluation:
         self._stack.close()
 
     def run(self, launcher: Launcher | None = None, on_result: OnResult | None = None) -> dict[str, Any]:
-        """Run the missing episodes and return the document. Ctrl-C, a stopped episode or a lost launcher ends it early.
+        """Run the missing episodes and return the document. Ctrl-C, a stopped episode, a lost launcher or a full disk
+        ends it early.
 
         ``launcher``: None: this process. Raises ConfigurationError if it refuses the episodes.
         """
         launcher = launcher or LocalProcesses()
-        planned: list[tuple[SuiteEntry, RunConfig]] = []
+        planned: list[tuple[SuiteEntry, int]] = []
         self._interrupted = True
         try:
             while missing := list(self._missing()):
@@ -98,7 +102,7 @@ class Evaluation:
             self._interrupted = False
         except KeyboardInterrupt:
             pass
-        except LauncherLostError as error:
+        except (LauncherLostError, JournalError) as error:
             self.notes.append(str(error))
         finally:
             launcher.cancel()
@@ -107,14 +111,16 @@ class Evaluation:
             self.notes.append("the code was changed while the evaluation ran: run it again for figures that count")
         return self.document()
 
-    def _round(self) -> list[tuple[SuiteEntry, RunConfig]]:
-        """Return the episodes up to now: all, or as many as the results so far ask for."""
-        precision, planned = self.suite.precision, []
+    def _round(self) -> list[tuple[SuiteEntry, int]]:
+        """Return entry and seed of the episodes up to now: all, or as many as the results so far ask for."""
+        precision, planned = self.suite.precision, list[tuple[SuiteEntry, int]]()
         for entry in self.suite.entries:
             most = entry.episodes
             if precision is not None and not entry.control:
-                most = precision.episodes([one.success for one in self._results_of(entry)], most)
-            planned += [(entry, config) for config in entry.configs()[:most]]
+                failed = self.summaries[entry.name].failed_seeds
+                most = precision.episodes([seed not in failed for seed in sorted(self._codes[entry.name])], most)
+            first = entry.config.seed
+            planned += [(entry, seed) for seed in range(first, first + min(most, entry.episodes))]
         return planned
 
     def _plan_further(self) -> bool:
@@ -126,9 +132,12 @@ class Evaluation:
         self.asked = Counter(entry.name for entry, _ in self._planned)
         return len(self._planned) > before
 
-    def _requests(self, planned: Iterable[tuple[SuiteEntry, RunConfig]]) -> list[EpisodeRequest]:
+    def _requests(self, planned: Iterable[tuple[SuiteEntry, int]]) -> list[EpisodeRequest]:
         runs = None if self._folder is None else self._folder.resolve() / "runs"
-        return [EpisodeRequest(config, runs, self._code, self._configs[entry.name]) for entry, config in planned]
+        return [
+            EpisodeRequest(entry.config_of(seed), runs, self._code, self._configs[entry.name])
+            for entry, seed in planned
+        ]
 
     def merge(self, folders: Iterable[Path]) -> dict[str, Any]:
         """Import the episodes of all journals below the folders, and return the document.
@@ -140,10 +149,12 @@ class Evaluation:
         assert self._journal is not None
         mine = self._folder / "episodes.jsonl"
         others = {path: read_episodes(path) for path in find_journals(folders) if path.resolve() != mine.resolve()}
-        wanted = {(self._configs[entry.name], config.seed) for entry, config in self._planned}
+        wanted: dict[str, set[int]] = {}
+        for entry, seed in self._planned:
+            wanted.setdefault(self._configs[entry.name], set()).add(seed)
         problems = []
         for path, keys in others.items():
-            foreign = sum((key.config, key.seed) not in wanted for key in keys)
+            foreign = sum(key.seed not in wanted.get(key.config, ()) for key in keys)
             if foreign:
                 why = f"{foreign} of {len(keys)} episodes are not of this suite, its settings, its seeds or its files"
                 problems.append(Problem(str(path), None, "", why))
@@ -153,18 +164,19 @@ class Evaluation:
                 problems.append(Problem(str(path), None, "", why))
         if problems:
             raise ConfigurationError(problems)
-        found, self.contradictions = merged_episodes({mine: self._journal.results, **others})
-        for key, result in found.items():
-            if key not in self._journal.results:
-                self._journal.add(key, self._commit, result)
+        try:
+            self.contradictions = merge_journals(self._journal, others)
+        except JournalError as error:
+            self.notes.append(str(error))
+            self._interrupted = True
         self._take_finished(self._journal)
         return self.document()
 
     def document(self) -> dict[str, Any]:
         """Return the current state: totals, and each entry's summary with its targets, met or missed."""
         missing: dict[str, list[int]] = {entry.name: [] for entry in self.suite.entries}
-        for entry, config in self._missing():
-            missing[entry.name].append(config.seed)
+        for entry, seed in self._missing():
+            missing[entry.name].append(seed)
         entries = [{**self.entry_document(entry), "missing": missing[entry.name]} for entry in self.suite.entries]
         return {
             "evaluation": self.suite.name,
@@ -195,15 +207,15 @@ class Evaluation:
         ]
 
     def _results_of(self, entry: SuiteEntry) -> list[RunResult]:
-        return [result for _, result in sorted(self.results[entry.name].items())]
+        kept = self._unsaved if self._journal is None else self._journal.results
+        config = self._configs[entry.name]
+        return [kept[EpisodeKey(config, seed, code)] for seed, code in sorted(self._codes[entry.name].items())]
 
     def entry_document(self, entry: SuiteEntry) -> dict[str, Any]:
         """Return the summary of one entry; ``met``: all its episodes are done, and its targets met or else all
         successful.
         """
-        results = self._results_of(entry)
-        busy = sum(result.wall_time_s for result in results)
-        summary = summarize(entry.config.name, entry.config.seed, results, busy)
+        summary = self.summaries[entry.name].document(entry.config.name, entry.config.seed)
         targets = check_targets(entry.asked, summary) if entry.asked is not None else []
         met = all(target.met for target in targets) if targets else not summary["failures"]
         return {
@@ -212,35 +224,39 @@ class Evaluation:
             "config": self._configs[entry.name],
             "settings": entry.settings,
             "asked_episodes": self.asked[entry.name],
-            "met": met and len(results) == self.asked[entry.name],
+            "met": met and summary["episodes"] == self.asked[entry.name],
             "targets": [asdict(target) for target in targets],
             **summary,
         }
 
-    def _missing(self) -> Iterator[tuple[SuiteEntry, RunConfig]]:
-        for entry, config in self._planned:
-            if config.seed not in self.results[entry.name]:
-                yield entry, config
+    def _missing(self) -> Iterator[tuple[SuiteEntry, int]]:
+        for entry, seed in self._planned:
+            if seed not in self._codes[entry.name]:
+                yield entry, seed
 
     def _take_finished(self, journal: Journal) -> None:
-        old: dict[tuple[str, int], RunResult] = {
-            (key.config, key.seed): result for key, result in journal.results.items() if key.code != self._code
-        }
+        results = journal.results
+        old = {(key.config, key.seed): key for key in results if key.code != self._code}
         kept = 0
-        for entry, config in list(self._missing()):
-            where = (self._configs[entry.name], config.seed)
-            result = journal.results.get(EpisodeKey(*where, self._code))
-            if result is None and where in old:
+        for entry, seed in self._missing():
+            key = EpisodeKey(self._configs[entry.name], seed, self._code)
+            if key not in results and (key.config, seed) in old:
                 kept += 1
-                result = old[where] if self._keep_old else None
-            if result is not None:
-                self.results[entry.name][config.seed] = result
+                key = old[key.config, seed] if self._keep_old else key
+            if key in results:
+                self._count(entry, key, results[key])
         if kept:
             end = "and count all the same" if self._keep_old else "and are run again; --keep-old counts them"
             self.notes.append(f"{kept} finished episodes were run with other code {end}")
 
     def _finish(self, entry: SuiteEntry, result: RunResult) -> None:
-        self.results[entry.name][result.seed] = result
-        if self._journal is not None:
-            key = EpisodeKey(self._configs[entry.name], result.seed, self._code)
+        key = EpisodeKey(self._configs[entry.name], result.seed, self._code)
+        if self._journal is None:
+            self._unsaved[key] = result
+        else:
             self._journal.add(key, self._commit, result)
+        self._count(entry, key, result)
+
+    def _count(self, entry: SuiteEntry, key: EpisodeKey, result: RunResult) -> None:
+        self._codes[entry.name][result.seed] = key.code
+        self.summaries[entry.name].add(result)

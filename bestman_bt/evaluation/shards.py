@@ -10,8 +10,7 @@ from statistics import fmean
 from typing import Any, TypeVar
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem
-from bestman_bt.evaluation.journal import EpisodeKey, read_episodes
-from bestman_bt.evaluation.result import RunResult
+from bestman_bt.evaluation.journal import EpisodeKey, Journal, StoredEpisodes, read_episodes
 
 T = TypeVar("T")
 
@@ -76,7 +75,7 @@ class KnownDurations:
         self._episodes: dict[tuple[str, int], float] = {}
         configs: dict[str, list[float]] = {}
         for path in find_journals([folder]):
-            for key, result in read_episodes(path).items():
+            for key, result in read_episodes(path).read():
                 self._episodes[key.config, key.seed] = result.wall_time_s
                 configs.setdefault(key.config, []).append(result.wall_time_s)
         self._configs = {config: fmean(times) for config, times in configs.items()}
@@ -113,20 +112,20 @@ def find_journals(folders: Iterable[Path]) -> list[Path]:
     return list(found)
 
 
-def merged_episodes(
-    episodes: Mapping[Path, Mapping[EpisodeKey, RunResult]],
-) -> tuple[dict[EpisodeKey, RunResult], list[ConflictingResults]]:
-    """Return the episodes of all journals, the first result of each, and the conflicting results."""
-    results: dict[EpisodeKey, RunResult] = {}
-    origins: dict[EpisodeKey, Path] = {}
-    contradictions = []
-    for path, found in episodes.items():
-        for key, result in found.items():
-            if key not in results:
-                results[key], origins[key] = result, path
-            elif differing := tuple(_differing(results[key].to_document(), result.to_document())):
-                contradictions.append(ConflictingResults(key, (str(origins[key]), str(path)), differing))
-    return results, contradictions
+def merge_journals(journal: Journal, others: Mapping[Path, StoredEpisodes]) -> list[ConflictingResults]:
+    """Add the episodes of other journals to ``journal``, of each the first result; return the conflicting results.
+
+    Raises JournalError if they cannot be written.
+    """
+    mine, contradictions = frozenset(journal.results), []
+    for path, episodes in others.items():
+        for key, line in episodes.lines():
+            if key not in journal.results:
+                journal.add_line(key, line)
+            elif differing := tuple(_differing(journal.results[key].to_document(), episodes[key].to_document())):
+                first = journal.path if key in mine else next(one for one in others if key in others[one])
+                contradictions.append(ConflictingResults(key, (str(first), str(path)), differing))
+    return contradictions
 
 
 def _differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:

@@ -111,8 +111,11 @@ class SuiteEntry:
 
     def configs(self) -> list[RunConfig]:
         """Return one configuration per episode."""
-        entry = self.name if self.asked is not None else ""
-        return [replace(self.config, seed=self.config.seed + i, entry=entry) for i in range(self.episodes)]
+        return [self.config_of(self.config.seed + i) for i in range(self.episodes)]
+
+    def config_of(self, seed: int) -> RunConfig:
+        """Return the configuration of one episode."""
+        return replace(self.config, seed=seed, entry=self.name if self.asked is not None else "")
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import socket
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -89,3 +90,13 @@ def request(path: Path, message: dict[str, Any], timeout: float = 5.0) -> dict[s
     if not answer.get("ok"):
         raise ControlError(str(answer.get("error", "refused")))
     return answer
+
+
+def ask_events(path: Path, topics: Iterable[str]) -> Iterator[bytes]:
+    """Subscribe to an executor and yield each event as its line, until it ends. Raises OSError."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+        connection.connect(str(path))
+        connection.sendall(json.dumps({"do": "subscribe", "topics": list(topics)}).encode() + b"\n")
+        with connection.makefile("rb") as lines:
+            lines.readline()  # the answer
+            yield from lines

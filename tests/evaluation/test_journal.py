@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import errno
 import os
+import resource
 import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from bestman_bt.configuration.errors import ConfigurationError
-from bestman_bt.evaluation.journal import EpisodeKey, Journal, read_episodes
+from bestman_bt.evaluation.journal import EpisodeKey, Journal, JournalError, read_episodes
 from tests.evaluation.test_summary import result
 
 KEY = EpisodeKey("c0ffee", 7, "abc")
@@ -37,6 +40,32 @@ def test_a_line_that_was_cut_off_does_not_count_and_is_written_over(tmp_path: Pa
         cut.add(other, "", result(8))
     with Journal(path) as whole:
         assert list(whole.results) == [KEY, other]
+
+
+@contextmanager
+def room_for(size: int) -> Iterator[None]:
+    """Let this process write no file beyond ``size`` bytes, as a disk that fills."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_full_disk_is_told_and_keeps_what_is_in_the_journal(tmp_path: Path) -> None:
+    path = tmp_path / "episodes.jsonl"
+    others = [EpisodeKey("c0ffee", seed, "abc") for seed in (8, 9)]
+    with Journal(path) as journal:
+        journal.add(KEY, "", result(7))
+    with room_for(path.stat().st_size + 100), Journal(path) as journal:
+        with pytest.raises(JournalError, match=r"episodes.jsonl cannot be written any more: .*; the 1 episodes in it"):
+            journal.add(others[0], "", result(8))
+        assert list(journal.results) == [KEY]
+    with Journal(path) as again:
+        assert list(again.results) == [KEY]
+        again.add(others[1], "", result(9))
+    assert list(read_episodes(path)) == [KEY, others[1]]
 
 
 def test_a_file_that_is_no_journal_is_refused_by_its_line_and_left_as_it_is(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import pickle
@@ -20,10 +21,10 @@ from behaviours.failure import NodeFailure
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunConfig
 from bestman_bt.engine.own_files import describe_error
-from bestman_bt.errors import Error
 from bestman_bt.evaluation.code_version import config_fingerprint
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
-from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, code_here
+from bestman_bt.evaluation.launchers.remote_events import EventAddress, forwarded_events
+from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, LauncherLostError, code_here
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.evaluation.versions import versions
@@ -33,12 +34,8 @@ WALL_LIMIT = 3600.0
 """Seconds of wall time after which an episode is taken to hang."""
 MOST_LOSSES = 3
 """How often an episode may lose its worker before that counts as its error."""
-
-
-class LauncherLostError(Error):
-    """Raised if the workers are lost or refuse the episodes; finished episodes are kept."""
-
-    code = "launcher_lost"
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
+"""What a full disk answers, which says nothing of the episode that it meets."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +44,8 @@ class EpisodeRequest:
 
     ``folder``: parent of its run folder; None saves nothing. ``code``: the fingerprint of the code that must run it,
     empty: any. ``files``: the fingerprint of its configuration with the files that it names, checked along with the
-    code. ``wall_limit``: seconds of wall time after which the episode counts as hanging.
+    code. ``wall_limit``: seconds of wall time after which the episode counts as hanging. ``events``: the driver that
+    wants to see it live, if any.
     """
 
     config: RunConfig
@@ -55,6 +53,7 @@ class EpisodeRequest:
     code: str = ""
     files: str = ""
     wall_limit: float = WALL_LIMIT
+    events: EventAddress | None = None
 
     def pickled(self) -> bytes:
         """Return the pickled request. Raises ConfigurationError if a value of its configuration cannot be pickled."""
@@ -83,17 +82,29 @@ class EpisodeRequest:
         return ""
 
     def run(self) -> RunResult:
-        """Return the result of the run; an exception gives a result with the error."""
-        run_folder = make_run_folder(self.config, self.folder) if self.folder is not None else None
+        """Return the result of the run; an exception gives a result with the error.
+
+        Raises LauncherLostError if its files cannot be written, as on a full disk.
+        """
         start = time.perf_counter()
         try:
-            with _without_warnings():  # shown when the suite was made
-                setup = prepare_episode(self.config)
-            return run_episode(setup, run_folder)
-        except Exception as error:  # noqa: BLE001 - one episode that breaks is a failed episode, not the end of the batch
-            result = self.failed_result(describe_error(error), time.perf_counter() - start)
-        if run_folder is not None:
-            result.write(run_folder / RESULT_FILE)
+            run_folder = make_run_folder(self.config, self.folder) if self.folder is not None else None
+            try:
+                with _without_warnings():  # shown when the suite was made
+                    setup = prepare_episode(self.config)
+                with forwarded_events(self.events):
+                    return run_episode(setup, run_folder)
+            except Exception as error:
+                if isinstance(error, OSError) and error.errno in NO_ROOM:
+                    raise
+                result = self.failed_result(describe_error(error), time.perf_counter() - start)
+            if run_folder is not None:
+                result.write(run_folder / RESULT_FILE)
+        except (OSError, ConfigurationError) as error:
+            raise LauncherLostError(
+                f"{platform.node()} cannot write the files of an episode: {error}; what has finished is kept: repeat "
+                "the command once there is room"
+            ) from error
         return result
 
     def failed_result(self, why: str, seconds: float = 0.0) -> RunResult:
@@ -120,11 +131,13 @@ class LaunchOptions:
 
     ``jobs``: number of parallel episodes; None: one on this machine, the capacity of a cluster. ``address``: of the
     cluster; empty: the default one. ``folder``: of the evaluation, for the launcher's own files; None: a temporary one.
+    ``monitor``: the show the episodes in the monitors of this machine, wherever they run.
     """
 
     jobs: int | None = None
     address: str = ""
     folder: Path | None = None
+    monitor: bool = False
 
 
 class Launcher(ABC):

@@ -13,14 +13,21 @@ import time
 import zipfile
 from collections import deque
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from bestman_bt.configuration.data import data_root
 from bestman_bt.configuration.errors import ConfigurationError, Problem
-from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LauncherLostError, LaunchOptions
-from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, code_here, run_in_own_process
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LaunchOptions
+from bestman_bt.evaluation.launchers.remote_events import EventReceiver
+from bestman_bt.evaluation.launchers.worker_process import (
+    EpisodeAnswer,
+    LauncherLostError,
+    code_here,
+    run_in_own_process,
+)
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.extras import require_extra
 
@@ -45,6 +52,7 @@ class RayTasks(Launcher):
         self._pending: dict[Any, int] = {}
         self._ray: Any = None
         self._task: Any = None
+        self._events: EventReceiver | None = None
 
     def submit(self, requests: Sequence[EpisodeRequest]) -> None:
         """Queue further episodes; the first ones connect to the cluster."""
@@ -79,6 +87,9 @@ class RayTasks(Launcher):
         """Disconnect, which ends the tasks that still run."""
         self._waiting.clear()
         self._pending.clear()
+        if self._events is not None:
+            self._events.close()
+            self._events = None
         if self._ray is not None:
             # It waits for a head that may be lost.
             closing = threading.Thread(target=self._ray.shutdown, daemon=True)
@@ -109,6 +120,8 @@ class RayTasks(Launcher):
             raise _problem(f"{address or 'a Ray of this machine'} cannot be used: {error}") from error
         self._ray = ray
         self._head = str(ray.get_runtime_context().gcs_address)
+        if self.options.monitor:
+            self._events = EventReceiver(ray.util.get_node_ip_address())
         self._task = ray.remote(num_cpus=1, max_retries=0)(run_in_own_process)
         try:
             self._refuse_other_code(code)
@@ -136,7 +149,7 @@ class RayTasks(Launcher):
             raise ConfigurationError(Problem("--launcher ray", None, "", why) for why in problems)
 
     def _give(self, place: int) -> None:
-        request = self.requests[place]
+        request = replace(self.requests[place], events=None if self._events is None else self._events.address)
         reference = self._task.remote(request.pickled(), request.wall_limit, str(Path.cwd()))
         self._pending[reference] = place
 

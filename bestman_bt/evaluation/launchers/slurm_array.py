@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem
-from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LauncherLostError, LaunchOptions
-from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, run_in_own_process
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LaunchOptions
+from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, LauncherLostError, run_in_own_process
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.extras import require_extra
 
@@ -158,7 +158,10 @@ class _Part:
 
 def run_share(episodes: Sequence[tuple[int, tuple[bytes, float]]], file: str, folder: str) -> None:
     """Run the episodes of a task, except those that it had finished before Slurm restarted it."""
-    finished = {_parsed(line)[0] for line in Path(file).read_bytes().split(b"\n")[:-1]}
+    whole, newline, torn = Path(file).read_bytes().rpartition(b"\n")
+    if torn:  # the task was killed while it wrote
+        os.truncate(file, len(whole + newline))
+    finished = {_parsed(line)[0] for line in whole.split(b"\n") if line}
     for place, (request, wall_limit) in episodes:
         if place not in finished:
             answer = run_in_own_process(request, wall_limit, folder)

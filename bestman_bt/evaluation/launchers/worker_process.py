@@ -20,6 +20,8 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from bestman_bt.errors import Error
+
 _PROGRAM = """
 import signal, sys
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # interrupts are the parent's
@@ -35,6 +37,12 @@ _ENDED = {
     _ALONE: "its worker was left alone",
 }
 """Exit codes that tell nothing of the episode: a person, the kernel's memory killer or a scheduler ended the worker."""
+
+
+class LauncherLostError(Error):
+    """Raised if the workers are lost or refuse the episodes; finished episodes are kept."""
+
+    code = "launcher_lost"
 
 
 @dataclass(frozen=True)
@@ -164,6 +172,8 @@ def _answer(request: bytes) -> EpisodeAnswer:
         if result.success or not asked.code or code_fingerprint() == asked.code:
             return EpisodeAnswer(result=pickle.dumps(result))
         return EpisodeAnswer(lost="the code was changed or taken away below its worker")
+    except LauncherLostError as error:
+        return EpisodeAnswer(refused=str(error))
     except Exception as error:  # noqa: BLE001 - ``run`` catches those of the episode: this one is the worker's
         return EpisodeAnswer(lost=f"its worker failed ({type(error).__name__}: {error})")
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 import inspect
 import pickle
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.code_version import code_fingerprint
-from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LauncherLostError
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LaunchOptions
 from bestman_bt.evaluation.launchers.local import LocalProcesses
-from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer
+from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, LauncherLostError
 from bestman_bt.evaluation.result import Outcome
 from bestman_bt.registry import LAUNCHERS
 from tests.evaluation.test_summary import result
@@ -67,3 +68,16 @@ def test_what_an_answer_stands_for(request_of_one: EpisodeRequest) -> None:
     assert given_up is not None
     assert given_up.failure is not None
     assert (given_up.outcome, given_up.failure.why) == (Outcome.ERROR, "node lost, 3 times in a row")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_place_that_takes_no_files_ends_the_evaluation_and_is_no_result(
+    request_of_one: EpisodeRequest, tmp_path: Path, jobs: int
+) -> None:
+    (tmp_path / "full").write_text("")
+    launcher = LocalProcesses(LaunchOptions(jobs))
+    launcher.submit([replace(request_of_one, folder=tmp_path / "full" / "runs")])
+    with pytest.raises(LauncherLostError, match=r"cannot write the files of an episode: .*; what has finished is kept"):
+        list(launcher.results())
+    launcher.cancel()

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +16,13 @@ import pytest
 
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import RunRequest, load_run
+from bestman_bt.evaluation.code_version import code_fingerprint
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, LaunchOptions
 from bestman_bt.evaluation.launchers.ray_tasks import RayTasks
 from bestman_bt.evaluation.suite import Suite, make_suite
 from bestman_bt.extras import is_installed
+from bestman_bt.monitor.control_client import ask_events, running_executors
 from tests.evaluation.launchers.journal_lines import without_times
 from tests.evaluation.launchers.ray_cluster import OPTIONS, RayCluster
 
@@ -90,6 +95,29 @@ def test_killed_nodes_and_drivers_lose_and_double_nothing(suite: Suite, cluster:
     assert again.returncode == 0, told
     assert "episodes are finished already" in told
     assert without_times(tmp_path / "driver", SEEDS) == expected
+
+
+def test_monitors_of_the_driver_see_episodes_of_nodes_that_are_elsewhere(
+    suite: Suite, cluster: RayCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "sleeps.xml").write_text(
+        '<root BTCPP_format="4"><BehaviorTree ID="Main"><Sleep msec="60000"/></BehaviorTree></root>'
+    )
+    with tempfile.TemporaryDirectory() as here, ThreadPoolExecutor(1) as pool:
+        monkeypatch.setenv("XDG_RUNTIME_DIR", here)
+        launcher = RayTasks(LaunchOptions(address=cluster.address, monitor=True))
+        launcher.submit(
+            [EpisodeRequest(load_run("pick_bench", tree=tmp_path / "sleeps.xml", seed=3), code=code_fingerprint())]
+        )
+        results = pool.submit(lambda: list(launcher.results()))
+        while not (sockets := running_executors()):
+            assert not results.done()
+            time.sleep(0.05)
+        events = [json.loads(line) for line in ask_events(sockets[0], ["states"])]
+        assert [result.tree_status for _, result in results.result()] == ["SUCCESS"]
+        launcher.cancel()
+    assert (events[0]["task"], events[0]["seed"]) == ("pick_bench", 3)
+    assert events[-1]["event"] == "end"
 
 
 def test_without_a_head_the_driver_tells_so_and_a_new_one_goes_on(suite: Suite, tmp_path: Path) -> None:

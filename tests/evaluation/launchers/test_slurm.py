@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import os
+import pickle
 import shutil
 import signal
 import subprocess
@@ -17,6 +19,7 @@ from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.launchers import slurm_array
 from bestman_bt.evaluation.launchers.launcher import LaunchOptions
 from bestman_bt.evaluation.launchers.slurm_array import SlurmArray
+from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer
 from bestman_bt.evaluation.suite import Suite, make_suite
 from bestman_bt.extras import is_installed
 from tests.evaluation.launchers.journal_lines import without_times
@@ -75,6 +78,14 @@ def test_a_task_that_is_killed_loses_and_doubles_nothing(
     assert killed
     assert document["met"]
     assert without_times(tmp_path / executor, SEEDS) == without_times(tmp_path / "here", SEEDS)
+
+
+def test_a_task_that_slurm_starts_again_goes_on_behind_its_last_whole_answer(tmp_path: Path) -> None:
+    file = tmp_path / "answers"
+    whole = b"4 " + base64.b64encode(pickle.dumps(EpisodeAnswer(crashed="code 3"))) + b"\n"
+    file.write_bytes(whole + b"5 gASV")
+    slurm_array.run_share([(4, (b"never run", 1.0))], str(file), ".")
+    assert file.read_bytes() == whole
 
 
 def test_without_sbatch_slurm_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,72 @@
+"""Episodes whose executors this machine does not see: their events come through the driver."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from multiprocessing import AuthenticationError
+from multiprocessing.connection import Client
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bestman_bt.configuration.run import load_run
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest
+from bestman_bt.evaluation.launchers.remote_events import EventReceiver
+from bestman_bt.evaluation.launchers.worker_process import WorkerProcess
+from bestman_bt.monitor.control_client import ControlError, ask_events, request, running_executors
+
+SLEEPS = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Sleep name="rest" msec="60000"/></BehaviorTree></root>'
+
+
+@pytest.fixture
+def receiver() -> Iterator[EventReceiver]:
+    made = EventReceiver("127.0.0.1")
+    yield made
+    made.close()
+
+
+def seen(worker: WorkerProcess) -> tuple[list[dict[str, Any]], str]:
+    """The events that a monitor is told of the one episode that runs, and what the executor answers to a stop."""
+    while not (sockets := running_executors()):
+        assert worker.answer(0.05) is None
+    try:
+        request(sockets[0], {"do": "stop"})
+        told = "stopped"
+    except ControlError as error:
+        told = str(error)
+    return [json.loads(line) for line in ask_events(sockets[0], ["states"])], told
+
+
+@pytest.mark.slow
+def test_an_episode_on_another_machine_is_seen_here_from_its_tree_to_its_end(
+    receiver: EventReceiver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "sleeps.xml").write_text(SLEEPS)
+    config = load_run("pick_bench", tree=tmp_path / "sleeps.xml", seed=3)
+    with tempfile.TemporaryDirectory() as elsewhere:
+        with monkeypatch.context() as patch:
+            patch.setenv("XDG_RUNTIME_DIR", elsewhere)
+            worker = WorkerProcess()
+        worker.give(replace(EpisodeRequest(config), events=receiver.address).pickled(), 300.0)
+        events, told = seen(worker)
+        while (answer := worker.answer(0.1)) is None:
+            pass
+        worker.kill()
+    assert answer.result
+    run, tree = events[:2]
+    assert (run["task"], run["seed"], run["folder"]) == ("pick_bench", 3, "")
+    assert run["source"].startswith("process ")
+    assert [node["name"] for node in tree["nodes"]] == ["rest"]
+    assert events[-1]["event"] == "end"
+    assert told == "this execution is only watched: 'stop' has to be requested from its own process"
+
+
+def test_who_does_not_know_the_key_is_not_listened_to(receiver: EventReceiver) -> None:
+    where = (receiver.address.host, receiver.address.port)
+    with pytest.raises(AuthenticationError):
+        Client(where, authkey=b"guessed")
+    Client(where, authkey=receiver.address.key).close()
