@@ -34,7 +34,7 @@ CLOSE_BEARINGS = tuple(math.radians(degrees) for degrees in range(-90, 91, 15))
 TURNS = (0.0, -0.5, 0.5)
 
 
-class FindStandAtArticulation(FindBasePlacement):
+class _FindStandAtArticulation(FindBasePlacement):
     """Base class of skills that place the base for the arm to move a door or drawer."""
 
     articulation = In[str](ArticulationName, "furniture/leaf of the map")
@@ -49,7 +49,7 @@ class FindStandAtArticulation(FindBasePlacement):
         return stands
 
 
-class FindCloseStand(FindStandAtArticulation):
+class FindCloseStand(_FindStandAtArticulation):
     """Choose a base placement from which the arm can push a door or drawer shut from its believed opening.
 
     Each further call gives another placement, until none is left.
@@ -143,7 +143,7 @@ class FindLookStand(Skill):
         raise SkillFailure("no_stand", f"no room to stand in front of {articulation}")
 
 
-class FindOpenStand(FindStandAtArticulation):
+class FindOpenStand(_FindStandAtArticulation):
     """Choose a base placement from which the arm can grasp a handle and follow it over the requested opening.
 
     The arm stays on one branch of inverse kinematics. Each further call gives another placement, until none is left.
