@@ -106,9 +106,9 @@ class _Site:
         if run is None:
             return _error("there is no such run; GET /api/runs lists them", 404)
         if request.method == "GET" and what in CONTROLS and "control" in request.path_params:
-            return _error(f"{what} is asked by POST", 405, {"Allow": "POST"})
+            return _error(f"{what} needs a POST request", 405, {"Allow": "POST"})
         if self.config.read_only and what != "status":
-            return _error("this monitor only shows", 403)
+            return _error("this monitor is read-only", 403)
         try:
             asked = await _asked(request)
             if what in CONTROLS:
@@ -134,7 +134,7 @@ class _Site:
         try:
             await Viewer(self.runs, websocket.send_text, websocket.receive_text, self.config.read_only).run()
         except WebSocketDisconnect:
-            _LOG.debug("a page has gone")
+            _LOG.debug("a page has disconnected")
         except KeyError:  # a binary message, which no page sends
             await websocket.close(1003, "texts only")
         finally:

@@ -257,7 +257,7 @@ def _setup(
 
 
 def _at_its_entry(config: RunConfig, problem: Problem) -> Problem:
-    """Return a plug-in's fault, at the line of the task that names the plug-in; ``--plugin`` where an option does."""
+    """Return a plug-in's fault with the source of the plug-in: the line of the task, or the option ``--plugin``."""
     written = config.written.data.get("plugins")
     for index, plugin in enumerate(written if isinstance(written, list) else ()):
         if problem.source == f"--plugin {plugin}":

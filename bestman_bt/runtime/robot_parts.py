@@ -195,7 +195,7 @@ class _ArmParts:
 
     @cached_property
     def tactile(self) -> Sequence[TactileSensor]:
-        """Pads of the fingers, which may be none."""
+        """The tactile pads of the fingers; may be empty."""
         return [TactileSensor(part) for part in self._parts.of_arm("tactile", Tactile, self._arm)]
 
     @cached_property

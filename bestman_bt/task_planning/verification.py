@@ -200,7 +200,7 @@ def _dry_run(source: str | Path, problem: PlanningProblem, registry: NodeRegistr
     run = dry_run(source, world, registry)
     missing = " and ".join(map(str, problem.unmet_in(world.state)))
     if run.status == RUNNING:
-        yield TreeProblem(_name(source), 0, "", "", "in a dry run it does not end")
+        yield TreeProblem(_name(source), 0, "", "", "the dry run does not end")
     elif run.status != SUCCESS:
         node, why = run.why[-1] if run.why else ("", "it fails")
         for path, words in reversed(run.why):

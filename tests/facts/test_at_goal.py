@@ -162,7 +162,7 @@ def test_a_goal_for_the_base_and_one_for_an_object_are_too_many(tmp_path: Path) 
         " {placed: {at: place, object: cup, source: table, surface: counter}}]}"
     )
     with pytest.raises(
-        ConfigurationError, match=r"yaml:2: goals\[1\].placed: goals\[0\].* both would be the tree's 'goal'"
+        ConfigurationError, match=r"yaml:2: goals\[1\].placed: goals\[0\].* both would fill the tree's entry 'goal'"
     ):
         prepare(load_run(path))
 

@@ -24,7 +24,7 @@ def test_a_cup_that_nobody_touched_is_not_lifted(tmp_path: Path) -> None:
     result = judged(tmp_path, LIFT, Staged())
     assert not result.success
     told = why(result)
-    assert "0 mm above where it stood, 50 mm are asked" in told
+    assert "0 mm above its former place, 50 mm are required" in told
     assert "not in the hand" in told
     assert "touching the table" in told
     assert result.metrics == {"lifted_mm": pytest.approx(0.0, abs=1.0)}
@@ -73,7 +73,7 @@ def test_a_cup_is_lifted_from_the_height_on_that_is_asked(in_hand: ScriptedEnd) 
     in_hand.truth.poses["cup"] = shifted(in_hand.truth.poses["cup"], z=-0.002)
     verdict = in_hand.verdict("lifted")
     assert not verdict.holds
-    assert "mm above where it stood" in verdict.why
+    assert "mm above its former place" in verdict.why
 
 
 def test_a_cup_that_is_held_against_something_is_not_lifted(in_hand: ScriptedEnd) -> None:

@@ -19,7 +19,7 @@ def test_a_drawer_that_nobody_touched_is_not_open(tmp_path: Path) -> None:
     result = judged(tmp_path, DRAWER, Staged())
     assert result.tree_status == "SUCCESS"
     assert not result.success
-    assert why(result) == "the drawer_chest/drawer_3 is open by 0.0 mm, at least 200 mm are asked"
+    assert why(result) == "the drawer_chest/drawer_3 is open by 0.0 mm, at least 200 mm are required"
     assert result.metrics == {"opening_mm": pytest.approx(0.0, abs=0.1)}
 
 

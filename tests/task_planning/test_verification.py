@@ -250,4 +250,4 @@ def test_a_tree_that_misses_the_goal_is_refused() -> None:
 
 def test_a_tree_that_never_ends_is_refused() -> None:
     (fault,) = faults_of("<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>")
-    assert fault.message == "in a dry run it does not end"
+    assert fault.message == "the dry run does not end"

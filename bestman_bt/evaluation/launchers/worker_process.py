@@ -1,6 +1,6 @@
 """A worker process: a separate interpreter that runs episodes in sequence; a crash affects only the current one.
 
-Light to import: the processes that only pass episodes on never load what runs them.
+The module imports quickly: processes that only forward episodes do not load the packages that run them.
 """
 
 from __future__ import annotations

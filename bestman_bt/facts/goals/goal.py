@@ -173,7 +173,9 @@ def goals_of(task: DrawnTask, faults: list[Problem] | None = None) -> tuple[Goal
         clash = next((one for one in others if one is not goal and not (kind.several and type(one) is kind)), None)
         if clash is not None:
             entry = kind.fills[others.index(clash)]
-            wrong.append(goal.fault(f"{dotted(clash.path)} is asked, too, and both would be the tree's {entry!r}"))
+            wrong.append(
+                goal.fault(f"{dotted(clash.path)} is a goal, too, and both would fill the tree's entry {entry!r}")
+            )
         found.append(goal)
     return tuple(found)
 

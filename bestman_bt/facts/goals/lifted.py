@@ -55,7 +55,9 @@ class Lifted(Goal[LiftedFields]):
         height = float(truth.object_pose(name).position[2] - stood.position[2])
         faults = []
         if height < self.asked.height:
-            faults.append(f"{1e3 * height:.0f} mm above where it stood, {1e3 * self.asked.height:.0f} mm are asked")
+            faults.append(
+                f"{1e3 * height:.0f} mm above its former place, {1e3 * self.asked.height:.0f} mm are required"
+            )
         if not truth.touches_robot(name):
             faults.append("not in the hand")
         faults += [f"touching the {other}" for other in truth.supports(name)]

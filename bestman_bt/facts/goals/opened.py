@@ -93,8 +93,8 @@ class Opened(Goal[OpenedFields]):
         position = evidence.truth.articulation_position(name)
         faults = []
         if self.asked.at_least is not None and position < self.asked.at_least:
-            faults.append(f"at least {scale * self.asked.at_least:.0f}{unit} are asked")
+            faults.append(f"at least {scale * self.asked.at_least:.0f}{unit} are required")
         if self.asked.at_most is not None and position > self.asked.at_most:
-            faults.append(f"at most {scale * self.asked.at_most:.0f}{unit} are asked")
+            faults.append(f"at most {scale * self.asked.at_most:.0f}{unit} are required")
         why = f"the {name} is open by {scale * position:.1f}{unit}, {', '.join(faults)}" if faults else ""
         return Verdict(not faults, why, {metric: scale * position})

@@ -43,7 +43,7 @@ Placed: TypeAlias = tuple[coal.CollisionGeometry, pinocchio.SE3]
 
 
 def octree(voxels: VoxelObstacle) -> coal.OcTree:
-    """Return the voxels in the frame of their grid."""
+    """Return the octree of occupied voxels, in the frame of their grid."""
     return coal.makeOctree((voxels.indices + 0.5) * voxels.resolution, voxels.resolution)
 
 

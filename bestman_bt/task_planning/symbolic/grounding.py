@@ -198,7 +198,7 @@ def _joined(problem: PlanningProblem) -> tuple[list[Action], set[Literal]]:
 
 
 class _Join:
-    """Finds the bindings of all operators for which their conditions hold of facts that were given, each once."""
+    """Finds every binding of the operators whose conditions are among the added facts, each once."""
 
     def __init__(self, problem: PlanningProblem) -> None:
         self._problem = problem

@@ -29,7 +29,9 @@ class Eye:
 
 
 def eye_on(bounds: NDArray[np.float64], azimuth: float = -2.2, elevation: float = 0.8) -> Eye:
-    """Look from outside and above at the middle of a (2, 3) bounding box; angles in radians, seen from the middle."""
+    """Return a view from outside and above of the middle of a (2, 3) bounding box, metres; angles from the middle to
+    the eye, radians.
+    """
     centre, extent = bounds.mean(axis=0), bounds[1] - bounds[0]
     look_at = np.array([centre[0], centre[1], min(0.5, bounds[1][2] / 2)])
     distance = max(2.5, 0.66 * float(np.linalg.norm(extent[:2])))
