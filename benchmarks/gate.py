@@ -88,7 +88,7 @@ class XArmSdk(Wire):
     def ask(self, question: Callable[[Any], tuple[int, Any]]) -> Any:
         return question(self)[1]
 
-    def tell(self, what: str, command: Callable[[Any], int]) -> None:
+    def send(self, what: str, command: Callable[[Any], int]) -> None:
         command(self)
 
     def get_joint_states(self, is_radian: bool, num: int) -> tuple[int, Any]:
