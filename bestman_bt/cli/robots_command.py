@@ -76,4 +76,6 @@ def _print_text(
         print(f"  {kind}")
         for part in parts:
             print(f"    {part['name']:<20} {part['description']}")
-    print(f"\nAny base, arm and end effector go together, {ways} ways: bestman-bt robot show BASE+ARM+HAND")
+    print(
+        f"\nAny base, arm and end effector can be combined, {ways} robots in all: bestman-bt robot show BASE+ARM+HAND"
+    )
