@@ -53,7 +53,7 @@ def execute(nodes: int) -> None:
     with WatchedExecution(run, describe_tree(large_tree(nodes)), None, refuse) as watched:
         while True:
             tick += 1
-            watched.tell_states(time.time() - started, [(uid, 2 + tick % 2) for uid in range(1, nodes + 1)])
+            watched.publish_states(time.time() - started, [(uid, 2 + tick % 2) for uid in range(1, nodes + 1)])
             due += 1 / RATE
             time.sleep(max(0.0, due - time.monotonic()))
 
