@@ -204,7 +204,8 @@ class _Bench:
             return True
         parents, word = [driver.pid], "worker_process"
         if run.launcher == "ray":
-            assert self._cluster is not None
+            if self._cluster is None:  # its head is lost: the command ends, and the next one has a new cluster
+                return False
             if victim == "raylet":
                 self._cluster.kill_node()
                 return True
