@@ -7,7 +7,7 @@ pyperplan with a greedy search and h_FF. unified-planning's validator judges the
 
 Fast Downward: extra `planning`. pyperplan (GPL): `pip install pyperplan`; without it its column is empty.
 
-Example: python benchmarks/competition_domains.py --first-seed 500 --seeds 5 --limit 60 --json
+Example: python benchmarks/competition_domains.py --first-seed 500 --seeds 5 --json
 """
 
 from __future__ import annotations
@@ -248,7 +248,7 @@ def measured(planner: str, stated: Stated, limit: int) -> dict[str, Any]:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     try:
         done = subprocess.run(
-            command, capture_output=True, text=True, check=False, timeout=4 * limit, preexec_fn=restrict
+            command, capture_output=True, text=True, check=False, timeout=20 * limit, preexec_fn=restrict
         )
     except subprocess.TimeoutExpired:
         return {"result": "limit"}
@@ -311,7 +311,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--first-seed", type=int, default=500)
     parser.add_argument("--seeds", type=int, default=5, help="problems of each domain and size")
-    parser.add_argument("--limit", type=int, default=60, help="seconds of processor time for each plan")
+    parser.add_argument("--limit", type=int, default=30, help="seconds of processor time for each plan")
     parser.add_argument(
         "--eai", type=Path, metavar="FILE.whl", help="the wheel eai-eval: pip download --no-deps eai-eval"
     )
