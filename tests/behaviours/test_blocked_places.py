@@ -81,7 +81,7 @@ def test_a_place_that_was_seen_in_part_is_worth_a_second_look(skills: Any, libra
 def test_a_drawer_that_did_not_open_is_tried_again_after_another_is_shut(skills: Any, library: NodeRegistry) -> None:
     world, hidden = skills.world, "drawer_chest/drawer_1"
     world.articulations[DRAWER] = 0.3
-    world.blocked, world.told = {hidden}, {"cup": hidden}
+    world.blocked, world.given_places = {hidden}, {"cup": hidden}
     problem = Domain.of(library).problem(Beliefs(world), "located(cup)")
     actions = [str(action) for action in SymbolicPlanner().plan(problem).actions]
     assert actions == [f"CloseContainer({DRAWER})", f"OpenContainer({hidden})", f"Search(cup, {hidden})"]
@@ -92,7 +92,7 @@ def test_plans_go_round_a_blocked_place_or_unblock_it(skills: Any, library: Node
     problem = Domain.of(library).problem(Beliefs(skills.world), "located(cup)")
     plan = SymbolicPlanner().plan(problem)
     assert "Search(cup, table/top)" not in [str(action) for action in plan.actions]
-    skills.world.told = {"cup": "table/top"}
+    skills.world.given_places = {"cup": "table/top"}
     problem = Domain.of(library).problem(Beliefs(skills.world), "located(cup)")
     actions = [str(action) for action in SymbolicPlanner().plan(problem).actions]
     assert actions[-1] == "Search(cup, table/top)"
@@ -101,7 +101,7 @@ def test_plans_go_round_a_blocked_place_or_unblock_it(skills: Any, library: Node
 
 def test_where_nothing_can_move_a_blocked_place_is_the_reason(skills: Any, library: NodeRegistry) -> None:
     scene = load_scene("swap_objects", {})
-    skills.world = WorldModel(semantic_map(draw_world(scene, 0)), dict(scene.models), told={"cup": "table/top"})
+    skills.world = WorldModel(semantic_map(draw_world(scene, 0)), dict(scene.models), given_places={"cup": "table/top"})
     skills.world.blocked = {"table/top"}
     problem = Domain.of(library).problem(Beliefs(skills.world), "located(cup)")
     with pytest.raises(Unsolvable):

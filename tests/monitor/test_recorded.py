@@ -317,19 +317,19 @@ def test_known_run_folders_cost_nothing_until_something_changes(
     async def watch() -> None:
         runs = RunList([tmp_path])
         await runs._look_for_folders()
-        runs._tell_changes()
+        runs._notify_changes()
         (run,) = runs._recorded.values()
         looked.clear()
         await runs._look_for_folders()
-        runs._tell_changes()
+        runs._notify_changes()
         assert not [path for path in looked if path.is_relative_to(folder)]
         assert runs.version == 1
         await run.open()
-        runs._tell_changes()
+        runs._notify_changes()
         assert runs.version == 2
         shutil.copytree(folder, tmp_path / "another")
         await runs._look_for_folders()
-        runs._tell_changes()
+        runs._notify_changes()
         assert (runs.version, len(runs.summaries())) == (3, 2)
 
     asyncio.run(watch())

@@ -161,7 +161,7 @@ def test_where_it_was_looked_for_in_vain_it_is_not_expected_until_it_was_lost_ag
 
 
 def test_it_is_sought_where_it_was_told_to_be_and_only_then_elsewhere(world):
-    world.told["mug"] = DRAWER
+    world.given_places["mug"] = DRAWER
     assert believed(world, f"unseen(mug, {DRAWER})")
     assert not believed(world, "unseen(mug, table/top)")
     world.searched["mug", DRAWER] = 2.0
@@ -234,7 +234,7 @@ def test_a_drawer_is_a_place_and_a_container(world, domain):
 
 
 def test_from_a_closed_drawer_it_is_searched_taken_brought_and_the_drawer_closed(world, domain):
-    world.told["mug"] = DRAWER
+    world.given_places["mug"] = DRAWER
     assert plan(domain, world, "on(mug, table) and closed(drawer_3)") == [
         f"OpenContainer({DRAWER})",
         f"Search(mug, {DRAWER})",

@@ -177,7 +177,7 @@ def test_a_picture_that_leads_out_of_the_folder_is_left_out(tmp_path: Path, name
         ("transitions.btlog", b"MZ" + bytes(100), "is not a .btlog file"),
         ("transitions.btlog", b"BTCPP4-FileLogger2\x01\xff\xff\xff\x7f", "cut off within its XML"),
         ("events.jsonl", b"\x00\xff\n" * 3, "events.jsonl was not read to its end"),
-        ("log.jsonl", b'{"event":"x","time":1e999,"level":"info"}\n', "the time inf is none"),
+        ("log.jsonl", b'{"event":"x","time":1e999,"level":"info"}\n', "inf is not a time"),
     ],
 )
 def test_a_damaged_part_is_noted_and_the_others_are_reported(
