@@ -19,6 +19,7 @@ import logging
 import os
 import platform
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -44,6 +45,8 @@ MEMORY = 4 << 30
 """Bytes of address space of a planner."""
 NOT_READ = 3
 """Exit code of a planner that does not support a file."""
+LIMIT, FAST_DOWNWARD_LIMITS = 4, range(20, 25)
+"""Exit code of a planner that ran out of time or memory; Fast Downward's own for that."""
 
 
 def _problem(domain: str, objects: dict[str, Iterable[str]], state: Iterable[str], goal: Iterable[str]) -> str:
@@ -208,6 +211,8 @@ def fast_downward(domain: str, problem: str) -> list[str] | None:
         ]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         plan = Path(folder) / "sas_plan"
+        if done.returncode < 0 or done.returncode in FAST_DOWNWARD_LIMITS:
+            sys.exit(LIMIT)
         if not plan.exists():
             print((done.stderr or done.stdout).strip().splitlines()[-1:], file=sys.stderr)
             return None
@@ -238,7 +243,11 @@ MODULES = {"symbolic": "bestman_bt", "fast_downward": "up_fast_downward", "pyper
 
 
 def measured(planner: str, stated: Stated, limit: int) -> dict[str, Any]:
-    """Run a planner in a process of its own. ``result``: solved, unsolved, not read, or limit (of time or memory)."""
+    """Run a planner in a process of its own.
+
+    ``result``: solved, unsolved, not read, limit (of time or memory), or error. The limit of time holds for each of its
+    processes, and for the sum of a plan that counts.
+    """
 
     def restrict() -> None:
         resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
@@ -246,21 +255,31 @@ def measured(planner: str, stated: Stated, limit: int) -> dict[str, Any]:
 
     command = [sys.executable, __file__, "--one", planner, str(stated.domain), str(stated.problem)]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, check=False, timeout=20 * limit, preexec_fn=restrict
-        )
-    except subprocess.TimeoutExpired:
-        return {"result": "limit"}
+    with subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=restrict,
+    ) as process:
+        try:
+            out, err = process.communicate(timeout=20 * limit)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            return {"result": "limit"}
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    if done.returncode == NOT_READ:
-        return {"result": "not read", "why": done.stderr.strip().splitlines()[-1]}
-    if done.returncode != 0:
+    why = (err.strip().splitlines() or [""])[-1]
+    if process.returncode == NOT_READ:
+        return {"result": "not read", "why": why}
+    if process.returncode == LIMIT or process.returncode < 0 or "MemoryError" in why or seconds > limit:
         return {"result": "limit", "seconds": seconds}
-    plan = json.loads(done.stdout)
+    if process.returncode != 0:
+        return {"result": "error", "why": why}
+    plan = json.loads(out)
     if plan is None:
-        return {"result": "unsolved", "seconds": seconds, "why": done.stderr.strip()}
+        return {"result": "unsolved", "seconds": seconds, "why": why}
     return {"result": "solved", "seconds": seconds, "length": len(plan), "valid": _valid(stated, plan)}
 
 

@@ -25,6 +25,7 @@ ROOT = Path(__file__).parents[1]
 PAGE, FOLDER = ROOT / "docs" / "comparisons.md", ROOT / "docs" / "reproductions"
 SINGLE = ("problems", "episodes", "left_out", "unsolved", "touching", "families")
 """Keys of JSON documents that list single problems."""
+END = "<!-- end -->"
 Document = dict[str, Any]
 Rows = Iterable[Iterable[object]]
 
@@ -66,8 +67,8 @@ def _planners(found: dict[str, Document]) -> Rows:
             if one is None or not one["solved"]:
                 cells.append("-" if one is None else f"0 ({', '.join(one['results'])})")
                 continue
-            seconds = one["seconds"]
-            cells.append(f"{one['solved']}; {one['length']:g}; {seconds['median']} / {seconds['largest']} s")
+            seconds, length = one["seconds"], "-" if one["length"] is None else f"{one['length']:g}"
+            cells.append(f"{one['solved']}; {length}; {seconds['median']} / {seconds['largest']} s")
         yield row["group"], row["problems"], *cells
 
 
@@ -155,7 +156,7 @@ def _without_single_problems(value: Any) -> Any:
 
 def measured(name: str, arguments: str, data: Path, commit: str) -> Document | None:
     """Run a command and keep its document; None, with the reason on the standard error, if it fails."""
-    command = [sys.executable, *arguments.replace("DATA", str(data)).split()]
+    command = [sys.executable, *(word.replace("DATA", str(data)) for word in arguments.split())]
     print(f"{name}: python {arguments}", file=sys.stderr, flush=True)
     done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode != 0:
@@ -174,9 +175,8 @@ def with_table(page: str, name: str, comparison: Comparison, found: dict[str, Do
     lines = [comparison.head, ["---"] * len(comparison.head), *comparison.rows(found)]
     table = "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
     mark = f"<!-- scripts/comparisons.py: {name} -->"
-    text, count = re.subn(
-        rf"(?<={re.escape(mark)}\n).*?(?=\n<!-- end -->)", f"\n{table}\n\nCommit {commit}.\n", page, flags=re.DOTALL
-    )
+    block = f"{mark}\n\n{table}\n\nCommit {commit}.\n\n{END}"
+    text, count = re.subn(rf"{re.escape(mark)}\n(?:(?!<!-- ).)*{END}", lambda _: block, page, flags=re.DOTALL)
     if count != 1:
         raise ValueError(f"{PAGE} should have {mark} once, and has it {count} times")
     return text
@@ -198,16 +198,17 @@ def main() -> int:
     commit = subprocess.run(
         ["git", "describe", "--always", "--dirty", "--exclude=*"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.strip()
+    data = asked.data.resolve()
     FOLDER.mkdir(exist_ok=True)
     failed = False
     for name in asked.names or COMPARISONS:
         comparison = COMPARISONS[name]
-        words = " ".join(comparison.commands.values()).replace("DATA", str(asked.data)).split()
-        missing = [word for word in words if word.startswith(f"{asked.data}/") and not Path(word).exists()]
+        words = [word for line in comparison.commands.values() for word in line.split() if word.startswith("DATA")]
+        missing = [path for path in (word.replace("DATA", str(data)) for word in words) if not Path(path).exists()]
         if missing:
             print(f"{name}: left out, there is no {', '.join(dict.fromkeys(missing))}", file=sys.stderr)
             continue
-        found = {each: measured(each, line, asked.data, commit) for each, line in comparison.commands.items()}
+        found = {each: measured(each, line, data, commit) for each, line in comparison.commands.items()}
         whole = {each: document for each, document in found.items() if document is not None}
         failed |= len(whole) < len(found)
         if len(whole) == len(found):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import import_module
@@ -270,13 +270,15 @@ def parameters_of(algorithm: type[Any], slot: str, preset: Mapping[str, Any]) ->
         return None
     kind: Any = algorithm  # mypy takes the types of dataclasses for unhashable
     given = SLOTS[slot].given if slot else ()
-    return _parameters_of(kind, (*given, *_fixed(kind, preset)))
+    return _parameters_of(kind, (*given, *_fixed(kind, given, preset)))
 
 
-def _fixed(algorithm: Any, preset: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields that the class requires and the preset sets."""
+def _fixed(algorithm: Any, given: Collection[str], preset: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields that the class requires and the preset sets, without those that the session has ``given``."""
+    if not dataclasses.is_dataclass(algorithm):
+        return {}
     required = [field.name for field in dataclasses.fields(algorithm) if _default_of(field) is dataclasses.MISSING]
-    return {name: preset[name] for name in required if name in preset}
+    return {name: preset[name] for name in required if name in preset and name not in given}
 
 
 def _default_of(field: dataclasses.Field[Any]) -> Any:
@@ -332,13 +334,13 @@ def _choose(
             source, line = inspect.getsourcefile(beside), inspect.getsourcelines(beside)[1]
             message = f"the fields of {beside.__name__} should match the dataclass fields of {algorithm.__name__}"
             raise ConfigurationError([Problem(str(source), line, f"algorithms.{slot}", message)])
+        fixed = _fixed(algorithm, SLOTS[slot].given, preset)
         parameters_type = parameters_of(algorithm, slot, preset)
         if parameters_type is None:
             if values:
                 message = f"{name} takes no parameters, got {', '.join(values)}"
                 raise ConfigurationError([config.problem(("algorithms", slot), message)])
-            return algorithm, {}
-        fixed = _fixed(algorithm, preset)
+            return algorithm, fixed
         known = {field.name: _default_of(field) for field in dataclasses.fields(parameters_type)}
         below = {field: value for field, value in preset.items() if field in known}
         given = below | _completed({k: v for k, v in values.items() if k not in fixed}, known | below)

@@ -50,8 +50,6 @@ IDLE = 0.02
 """Wall time, seconds, in which a real-time clock advances and a simulated one does not."""
 REST_TIME = 0.5
 """Seconds in which a robot must come to rest, and for which it must then stay at rest."""
-SETTLING = 0.2
-"""Seconds after a stop in which readings may be older than the stop: two control periods of 20 Hz and their latency."""
 LAG = 0.5
 """Seconds by which readings of a robot in another process may lag on a busy machine."""
 REST_JOINT_SPEED = 0.01
@@ -239,14 +237,9 @@ def mass_on(model: RobotModel, joints: tuple[str, ...]) -> float:
 
 
 def settle(robot: Robot) -> None:
-    """Stop, wait until all parts are at rest, one second at most, and clear the stop; for use between two checks."""
+    """Clear a stop and wait until all parts are at rest; for use between two checks."""
     robot.stop()
-    last = robot.clock.now() + 2 * REST_TIME
-    robot.clock.sleep(SETTLING)
-    while robot.clock.now() < last and (
-        moving_parts(robot) or any(gripper.state().moving for gripper in parts_of(robot, Gripper))
-    ):
-        robot.clock.sleep(POLL)
+    robot.clock.sleep(2 * REST_TIME)
     robot.clear_stop()
 
 

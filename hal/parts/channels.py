@@ -197,9 +197,10 @@ class JointChannel(ABC):
         """Brake joints that efforts have moved, as hard as their drives can; only if ``takes_efforts`` is set.
 
         Called every control period until they are at rest: set-points within the limits cannot brake joints that are
-        faster than the limits.
+        faster than the limits. By default the joints are held where they are.
         """
-        raise NotImplementedError
+        positions = self.read().positions
+        self.send(positions, np.zeros_like(positions))
 
     @abstractmethod
     def send(self, positions: Array, velocities: Array) -> None:

@@ -197,7 +197,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         self._astray = self._waiting = self._slip = self._held = 0.0
         self._lapses_in = 0.0
         self._efforts: Array | None = None
-        self._halting = False  # joints that efforts have moved
+        self._halting, self._halted = False, 0.0  # joints that efforts have moved; for so many seconds
         self._gave_way = False  # with a motion under way, which has not been informed
         self.comes_into_limits = False
 
@@ -314,7 +314,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     def cycle(self, elapsed: float) -> None:
         """Run one control period, ``elapsed`` seconds after the last one: send the next set-point if one is due."""
-        if self._must_halt():
+        if self._must_halt(elapsed):
             self._channel.halt()
         elif (due := self._next_setpoint(elapsed)) is not None:
             self._channel.send(*due)
@@ -335,13 +335,19 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         row[3 * n : 4 * n], row[4 * n : 5 * n], row[5 * n :] = reading.positions, reading.velocities, reading.efforts
         self.trace.note(self._gate.reason)
 
-    def _must_halt(self) -> bool:
-        """Return whether joints that efforts have moved are still to be braked; once at rest, set-points hold them."""
+    def _must_halt(self, elapsed: float) -> bool:
+        """Return whether joints that efforts have moved are still to be braked; once at rest, set-points hold them.
+
+        They hold them in any case after twice the time of a stop, so that a noisy reading does not keep them from it.
+        """
         with self._connection.lock:
             if self._efforts is None or not self._halting:
+                self._halted = 0.0
                 return False
+            self._halted += elapsed
             speeds = np.abs(self._channel.read().velocities)
-            if np.max(speeds) < self.model.part.constraints.stopped_velocity:
+            at_rest = np.max(speeds) < self.model.part.constraints.stopped_velocity
+            if at_rest or self._halted > 2.0 * self._tracking.stop_time:
                 self._leave_effort_mode()
             return self._efforts is not None
 

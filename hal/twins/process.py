@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import queue
 import subprocess
@@ -45,6 +46,7 @@ class TwinProcess:
         self._command += [word for setting in settings for word in ("--set", setting)]
         self._start_timeout = start_timeout
         self._process: subprocess.Popen[str] | None = None
+        self._relay = threading.Thread()
         self._announced: dict[str, Any] = {}
 
     @property
@@ -89,8 +91,8 @@ class TwinProcess:
         assert output is not None
         assert errors is not None
         said: list[str] = []
-        relay = threading.Thread(target=_relay, args=(errors, said), daemon=True)
-        relay.start()
+        self._relay = threading.Thread(target=_relay, args=(errors, said), daemon=True)
+        self._relay.start()
         first: queue.SimpleQueue[str] = queue.SimpleQueue()
         threading.Thread(target=lambda: first.put(output.readline()), daemon=True).start()
         try:
@@ -99,8 +101,7 @@ class TwinProcess:
             line = ""
         if not line.strip():
             process.kill()
-            process.wait()
-            relay.join()
+            self.close()
             raise TwinError(f"the twins did not start: {(said or ['no output'])[-1]}")
         self._announced = json.loads(line)
 
@@ -115,6 +116,7 @@ class TwinProcess:
                 process.wait(timeout=5.0)
             except subprocess.TimeoutExpired:
                 process.kill()
+            self._relay.join(1.0)
 
     def __enter__(self) -> Self:
         self.start()
@@ -128,4 +130,5 @@ def _relay(errors: TextIO, said: list[str]) -> None:
     """Pass on what the process writes, and keep it."""
     for line in errors:
         said.append(line.rstrip())
-        sys.stderr.write(line)
+        with contextlib.suppress(OSError, ValueError):  # the twins must not wait for a reader
+            sys.stderr.write(line)

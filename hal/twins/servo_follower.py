@@ -37,12 +37,18 @@ class ServoFollower:
         """Reset: the joints are at rest at their set-point."""
         self._goal, self._velocity = self.setpoint.copy(), np.zeros_like(self.setpoint)
 
-    def take(self, goal: Array, arrived: float) -> None:
-        """Process a set-point that arrived at ``arrived`` seconds of the machine's clock."""
+    def take(self, arrived: float, *goals: Array) -> None:
+        """Process set-points that were found at ``arrived`` seconds of the machine's clock.
+
+        Several are found where the process was held up: when each of them came is not known, so each may have come
+        after all of the time.
+        """
         between = max(self._since, arrived - self._arrived)
         reach = JUMP_FACTOR * self._speed * max(min(between, 0.1), NOMINAL_INTERVAL) + JUMP_MARGIN
-        self.too_fast = self.too_fast or bool(np.any(np.abs(goal - self._goal) > reach))
-        self._goal, self._since, self._arrived = goal, 0.0, arrived
+        for goal in goals:
+            self.too_fast = self.too_fast or bool(np.any(np.abs(goal - self._goal) > reach))
+            self._goal = goal
+        self._since, self._arrived = 0.0, arrived
 
     def advance(self, dt: float) -> Array:
         """Return the joints' set-point ``dt`` seconds later, never faster than their limits; exact for a goal that

@@ -183,11 +183,9 @@ class URProgram:
             elif self.follower is None:
                 self.halt()
                 self.follower = ServoFollower(self._arm.positions(), self._speed)
-            # A controller that was not held up would have compared each set-point with the one before.
-            for each, registers in map(_command, arrived):
-                goal = np.array(registers[:6])
-                if each == command and self.follower is not None and self._reachable(goal):
-                    self.follower.take(np.clip(goal, self._lower, self._upper), time.monotonic())
+            goals = [np.array(registers[:6]) for each, registers in map(_command, arrived) if each == command]
+            if self.follower is not None and all(map(self._reachable, goals)):
+                self.follower.take(time.monotonic(), *(np.clip(goal, self._lower, self._upper) for goal in goals))
         elif command in (Command.SPEED_JOINTS, Command.SPEED_TOOL):
             target = np.array(numbers[:6])
             if self.follower is not None or self._motion is not None:

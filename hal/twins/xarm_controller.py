@@ -222,7 +222,7 @@ class XArmController:
             goal[joint] = 2.0 * middle - goal[joint]
         if self._follower is None:
             self._follower = ServoFollower(self._arm.positions(), self._speed)
-        self._follower.take(goal, arrived)
+        self._follower.take(arrived, goal)
 
     def _halt(self) -> None:
         self._arm.stop()

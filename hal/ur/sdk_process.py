@@ -111,6 +111,7 @@ class SDKProcess:
         self._heard: float | None = None  # of the parent; None: it has not begun to give signs of life
         self._lapsed = ""
         self._followed: list[float] | None = None  # the last set-point; None: the next one begins a stream
+        self._followed_at = 0.0
         self._renewed_until: float | None = None  # None: the controller moves along nothing of its own
         self._stop: Callable[[], None] = self.stop_speed
         self._answers: dict[str, Callable[..., Any]] = {
@@ -183,7 +184,7 @@ class SDKProcess:
         self._renewed_until = None
         self._upload()
         self._set_up()
-        self._lapsed = ""
+        self._lapsed, self._followed = "", None
 
     def identity(self) -> tuple[str, str, list[float], list[float], list[float], float]:
         """Return model, serial number, joints, tool pose, tool offset from the flange, and load at the flange, kg."""
@@ -316,11 +317,13 @@ class SDKProcess:
         self._heard = time.monotonic()
         if target is None or self._lapsed or self._control is None:
             return
-        settings, last = self._settings, self._followed
-        if last is not None and max(abs(a - b) for a, b in zip(target, last, strict=True)) > settings["longest_step"]:
+        settings, now = self._settings, time.monotonic()
+        if self._followed is None or now - self._followed_at > settings["heartbeat"]:
+            self._followed = self._receive.getActualQ()  # people may have moved an arm that rested
+        if max(abs(new - old) for new, old in zip(target, self._followed, strict=True)) > settings["longest_step"]:
             self._lapse("set-points were held up, and the next one was too far from the last")
             return
-        self._followed = target
+        self._followed, self._followed_at = target, now
         self._control.servoJ(target, 0.0, 0.0, 1.0 / settings["rate"], settings["lookahead"], settings["gain"])
         self._kicked = time.monotonic()
 

@@ -1,6 +1,8 @@
 """The tables of docs/comparisons.md: scripts/comparisons.py measures each at the commit that it names."""
 
-from scripts.comparisons import COMPARISONS, with_table
+from dataclasses import replace
+
+from scripts.comparisons import COMPARISONS, PAGE, with_table
 
 
 def test_a_new_table_replaces_the_old_one_between_its_marks() -> None:
@@ -14,3 +16,15 @@ def test_a_new_table_replaces_the_old_one_between_its_marks() -> None:
     assert new.startswith("before")
     assert new.endswith("<!-- end -->\n\nafter\n")
     assert with_table(new, "engine", COMPARISONS["engine"], {"engine": {"wide": row}}, "2f") == new
+
+
+def test_every_table_of_the_page_can_be_replaced() -> None:
+    """From an empty table, and from one that is there."""
+    page = PAGE.read_text(encoding="utf-8")
+    for name, comparison in COMPARISONS.items():
+        shown = replace(comparison, rows=lambda found: [["cell"]])
+        for _ in range(2):
+            page = with_table(page, name, shown, {}, "0123abcd")
+    assert page.count("| cell |") == len(COMPARISONS)
+    assert all(f"<!-- scripts/comparisons.py: {name} -->" in page for name in COMPARISONS)
+    assert page.count("\n## ") == PAGE.read_text(encoding="utf-8").count("\n## ")

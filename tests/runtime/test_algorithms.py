@@ -14,11 +14,13 @@ from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import load_tree
 from bestman_bt.errors import InputError
+from bestman_bt.manipulation.motion_planning.base import MotionPlanner
 from bestman_bt.manipulation.motion_planning.ompl_planners import BIT_STAR, KPIECE
 from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar
 from bestman_bt.navigation.local_planning.critics import CriticWeights
 from bestman_bt.navigation.local_planning.dwa import DWA
+from bestman_bt.navigation.localization.scan_to_map import ScanToMap
 from bestman_bt.navigation.slam.pose_graph_slam import PoseGraphSlam
 from bestman_bt.perception.detection.color_shape import ColorShape
 from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan
@@ -34,6 +36,7 @@ from bestman_bt.runtime.algorithms import (
     parameters_of,
 )
 from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.world_model.semantic_map import SemanticMap
 from tests.behaviours.at_the_table import tree_of
 
 WITHOUT_PARAMETERS = ("collision/coal_world", "localization/wheel_odometry")
@@ -168,6 +171,30 @@ def test_a_preset_of_an_algorithm_that_uses_another_leaves_this_to_the_session()
         ALGORITHMS.add("detection/none", object())
         with pytest.raises(InputError, match="instance of a dataclass"):
             make_algorithm(run, "detection", segmentation=other)
+
+
+@dataclass
+class Labelled(MotionPlanner):
+    label: str
+
+    def plan(self, start, goals, world, limits, rng, constraint=None):
+        raise NotImplementedError
+
+
+def test_a_preset_keeps_what_it_fixes_and_leaves_to_the_session_what_that_fills() -> None:
+    def made(slot: str, *needs: Any) -> Any:
+        return make_algorithm(
+            load_run("navigate_kitchen", settings=[f"algorithms.{slot}.algorithm=mine"]), slot, *needs
+        )
+
+    empty, room = SemanticMap([], {}), SemanticMap([], {})
+    with undone(ALGORITHMS):
+        ALGORITHMS.add("localization/mine", ScanToMap(empty, iterations=3))
+        ALGORITHMS.add("motion_planning/mine", Labelled("all of it"))
+        localizer = made("localization", room)
+        assert made("motion_planning").label == "all of it"
+    assert localizer.planar_map is room
+    assert localizer.iterations == 3
 
 
 def test_faults_of_several_slots_are_reported_at_once() -> None:

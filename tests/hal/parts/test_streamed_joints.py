@@ -672,6 +672,30 @@ def test_efforts_that_are_commanded_anew_end_the_halt_of_earlier_ones(latch: Sto
     assert channel.halts == 2
 
 
+def test_a_reading_that_never_comes_to_rest_does_not_keep_the_joints_from_being_held(latch: StopLatch) -> None:
+    channel = Torques(2)
+    channel.halt = lambda: None  # type: ignore[method-assign]
+    group = StreamedJointGroup("head", MODEL, channel, latch, PERIOD)
+    group.attach()
+    channel.tremble = 0.5
+    group.command(efforts=[3.0, -2.0])
+    sent = len(channel.sent)
+    group.stop()
+    run(group, 0.5)
+    assert len(channel.sent) == sent
+    run(group, 0.2)
+    assert len(channel.sent) > sent
+
+
+def test_a_channel_without_a_halt_of_its_own_holds_the_joints_where_they_are(latch: StopLatch) -> None:
+    channel = Torques(2)
+    channel.off, channel.tremble = np.array([0.4, -0.1]), 0.5
+    JointChannel.halt(channel)
+    positions, velocities = channel.sent[-1]
+    assert positions == pytest.approx([0.4, -0.1])
+    assert not velocities.any()
+
+
 def test_a_controller_that_connects_anew_holds_the_joints_where_efforts_have_left_them(latch: StopLatch) -> None:
     channel = Torques(2)
     channel.stream_at_rest = True

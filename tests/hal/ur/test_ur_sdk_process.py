@@ -61,6 +61,7 @@ SETTINGS = {
     "longest_step": 0.2,
     "watchdog": 1.0 / PATIENCE,  # a motion of the controller's own may go on for so long without being renewed
 }
+UNHURRIED = {**SETTINGS, "heartbeat": PATIENCE}
 ARM = [0.1] * 6
 
 
@@ -110,7 +111,7 @@ def test_a_set_point_that_is_too_far_from_the_last_one_is_not_sent_and_the_arm_i
     link: URLink, calls: Path
 ) -> None:
     """As after this process was held up: of all set-points that wait, only the newest counts."""
-    link.open("127.0.0.1", SETTINGS, PATIENCE)
+    link.open("127.0.0.1", UNHURRIED, PATIENCE)
     for target in (ARM, [0.29] * 6, [*[0.29] * 5, 0.51]):
         link.send(target)
         link.call("arm", timeout=PATIENCE)  # answered after the set-point was read
@@ -120,19 +121,32 @@ def test_a_set_point_that_is_too_far_from_the_last_one_is_not_sent_and_the_arm_i
     assert report is not None
     assert "held up" in report.lapsed
     link.call("recover", timeout=PATIENCE)
-    link.send([0.51] * 6)
+    link.send(ARM)
     wait_for(lambda: count(calls, "servoJ") == 3, "set-points are followed again")
 
 
-def test_after_a_motion_of_the_controllers_own_a_stream_begins_anywhere(link: URLink, calls: Path) -> None:
-    link.open("127.0.0.1", SETTINGS, PATIENCE)
-    link.send(ARM)
-    link.call("arm", timeout=PATIENCE)
-    link.call("speed_joints", ARM, 1.0, timeout=PATIENCE)
-    link.call("stop_speed", timeout=PATIENCE)
-    link.send([1.0] * 6)
-    wait_for(lambda: count(calls, "servoJ") == 2, "the set-point is followed")
+@pytest.mark.parametrize("between", ["speed_joints", "recover"])
+def test_a_stream_that_begins_anew_is_measured_from_where_the_arm_is(link: URLink, calls: Path, between: str) -> None:
+    """The scripted arm is at 0 throughout, as one that was stopped, or moved by hand, since the last set-point."""
+    link.open("127.0.0.1", UNHURRIED, PATIENCE)
+    for position in (0.15, 0.3, 0.45):
+        link.send([position] * 6)
+        link.call("arm", timeout=PATIENCE)
+    if between == "recover":
+        link.call("recover", timeout=PATIENCE)
+    else:
+        link.call("speed_joints", ARM, 1.0, timeout=PATIENCE)
+        link.call("stop_speed", timeout=PATIENCE)
+    link.send([0.05] * 6)
+    wait_for(lambda: count(calls, "servoJ") == 4, "the set-point is followed")
     assert not lapsed(link)
+
+
+def test_the_first_set_point_may_not_be_far_from_the_arm(link: URLink, calls: Path) -> None:
+    link.open("127.0.0.1", SETTINGS, PATIENCE)
+    link.send([0.3] * 6)
+    wait_for(lambda: lapsed(link), "the arm is braked")
+    assert "servoJ" not in calls.read_text()
 
 
 def test_a_motion_of_the_controllers_own_is_braked_when_the_program_is_silent(link: URLink, calls: Path) -> None:
