@@ -17,6 +17,7 @@ VERBS = {
     "plan": "plan for a goal in words or facts, make a tree of the plan and check it",
     "eval": "run a task over many seeds and summarise",
     "sweep": "run the same seeds with several settings and compare",
+    "collect": "record judged successes of a task as a dataset for learning",
     "compare": "compare two evaluations seed by seed",
     "look": "show what the robot perceives of the furniture in a scene",
     "cloud": "show, thin, clean, convert and draw a cloud of points",
@@ -56,7 +57,10 @@ VERBS = {
 NUMBERS = {"int": "whole number", "int range": "whole number", "float": "number", "float range": "number"}
 """What typer calls the types of options → what people do."""
 
-STARTING = ("demo", "run", "plan", "eval", "sweep", "look", "twin", "monitor", "render", "replay", "robot", "calibrate")
+STARTING = (
+    *("demo", "run", "plan", "eval", "sweep", "collect", "look"),
+    *("twin", "monitor", "render", "replay", "robot", "calibrate"),
+)
 """Verbs that start something: where their input is wrong, they say that nothing was started."""
 
 

@@ -65,6 +65,11 @@ class Trace:
         block.used += 1
         return row
 
+    def latest(self) -> NDArray[np.float32] | None:
+        """Return the last row (C,), None before the first."""
+        block = self._blocks[-1] if self._blocks else None
+        return None if block is None else block.values[block.used - 1].copy()
+
     def note(self, reason: str) -> None:
         """Record why the gate holds back set-points; empty if it does not. A text that differs only in its numbers is
         not a new reason."""

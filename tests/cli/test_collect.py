@@ -1,0 +1,93 @@
+"""Datasets of judged successes: what ``bestman-bt collect`` keeps, resumes and refuses."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as parquet
+import pytest
+
+from bestman_bt.configuration.run import load_run
+from bestman_bt.evaluation.collection import ATTEMPTS, Collection
+from tests.cli.command_line import Answer
+
+Command = Callable[..., Answer]
+SEED = 4100
+
+
+def attempts(folder: Path) -> list[dict]:
+    return [json.loads(line) for line in (folder / ATTEMPTS).read_text().splitlines()]
+
+
+@pytest.fixture(scope="module")
+def collected(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("collected") / "picks"
+    config = load_run("pick_bench", seed=SEED)
+    collection = Collection(config, folder, config.task.description, ())
+    collection.collect(1, 1, lambda result: None)
+    assert collection.kept == 1
+    return folder
+
+
+@pytest.mark.slow
+def test_a_judged_success_is_kept_with_what_was_measured_commanded_and_ticked(collected: Path) -> None:
+    info = json.loads((collected / "meta/info.json").read_text())
+    table = parquet.read_table(collected / "data/chunk-000/file-000.parquet").to_pydict()
+    state, action = np.array(table["observation.state"]), np.array(table["action"])
+    names = info["features"]["observation.state"]["names"]
+    assert len(state) == info["total_frames"] > 100
+    width = names.index("gripper/width")
+    assert np.ptp(state[:, width]) > 0.02
+    arm = [index for index, name in enumerate(names) if name.startswith("arm/")]
+    assert np.ptp(state[:, arm], axis=0).max() > 0.5
+    lag = np.abs(action[:-1, arm] - state[1:, arm]).max()  # a tick later the joints are where they were sent
+    assert 0.0 < lag < 0.1
+    assert any("Grasp" in node for node in table["node"])
+    assert [(one["outcome"], one["episode"]) for one in attempts(collected)][-1] == ("success", 0)
+
+
+@pytest.mark.slow
+def test_a_second_call_runs_nothing_that_has_ended_and_a_failure_is_listed_but_not_kept(
+    collected: Path, bestman_bt: Command
+) -> None:
+    before = attempts(collected)
+    again = ("collect", "pick_bench", "-o", collected, "--seed", SEED)
+    assert bestman_bt(*again, "--episodes", "1").code == 0
+    assert attempts(collected) == before
+    short = bestman_bt(*again, "--episodes", "2", "--most", "2", "--set", "time_limit=2 s")
+    assert short.code == 1
+    assert "1 of 2 episodes" in short.out
+    (failed,) = attempts(collected)[len(before) :]
+    assert (failed["episode"], failed["outcome"]) == (None, "failure")
+    assert failed["why"]
+    assert json.loads((collected / "meta/info.json").read_text())["total_episodes"] == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("pick_bench", "--camera", "moon"), "'moon' is no camera of bench_arm"),
+        (("pick_bench", "--set", "tick_rate=12.5 Hz"), "should be whole for a dataset, got 12.5 Hz"),
+        (("no_such_task",), "no_such_task"),
+    ],
+)
+def test_what_cannot_be_recorded_is_refused_before_anything_starts(
+    bestman_bt: Command, folder: Path, arguments: tuple[str, ...], words: str
+) -> None:
+    answer = bestman_bt("collect", *arguments, "-o", "set")
+    assert answer.code == 2
+    assert words in answer.err
+    assert "nothing was started" in answer.err
+    assert not (folder / "set").exists()
+
+
+def test_a_folder_that_holds_something_else_is_not_written_to(bestman_bt: Command, folder: Path) -> None:
+    (folder / "set").mkdir()
+    (folder / "set" / "mine.txt").write_text("precious")
+    answer = bestman_bt("collect", "pick_bench", "-o", "set")
+    assert answer.code == 2
+    assert "neither empty nor a dataset" in answer.err
+    assert [path.name for path in (folder / "set").iterdir()] == ["mine.txt"]
