@@ -94,7 +94,9 @@ class Evaluation:
                 for place, result in launcher.results():
                     if result.outcome is Outcome.CANCELLED:
                         raise KeyboardInterrupt
-                    entry = planned[place][0]
+                    entry, seed = planned[place]
+                    if seed in self._codes[entry.name]:  # the launcher has yielded it twice
+                        continue
                     self._finish(entry, result)
                     if on_result is not None:
                         on_result(entry, result)

@@ -130,10 +130,10 @@ class Journal:
             self._file.flush()
         except OSError as error:
             raise self._not_written(error) from error
-        if time.monotonic() - self._synced >= SYNC_EVERY:
-            self._sync()
         self._offsets[key] = self._end
         self._end += len(line)
+        if time.monotonic() - self._synced >= SYNC_EVERY:
+            self._sync()
 
     def _sync(self) -> None:
         assert self._file is not None

@@ -114,6 +114,24 @@ def test_every_seed_of_every_entry_is_run_and_reported_with_its_entry(episodes: 
     assert (document["met"], document["code"], document["commit"]) == (False, "code", "1234")
 
 
+class Repeating(Episodes):
+    """Yields each result twice."""
+
+    def results(self) -> Iterator[tuple[int, RunResult]]:
+        for place, made in super().results():
+            yield place, made
+            yield place, made
+
+
+def test_a_result_that_a_launcher_yields_twice_counts_once(tmp_path: Path) -> None:
+    told = []
+    with Evaluation(suite(ALL), tmp_path) as evaluation:
+        document = evaluation.run(Repeating(succeed), lambda entry, result: told.append(result.seed))
+    assert told == [5, 6, 7]
+    assert (document["episodes"], document["entries"][0]["succeeded"], document["met"]) == (3, 3, True)
+    assert len((tmp_path / "episodes.jsonl").read_text().splitlines()) == 3
+
+
 def test_results_that_come_in_another_order_are_those_of_their_seeds(episodes: Callable[..., Episodes]) -> None:
     episodes(pretend, succeed, backwards=True)
     document = evaluated(suite(ALL))

@@ -68,6 +68,22 @@ def test_a_full_disk_is_told_and_keeps_what_is_in_the_journal(tmp_path: Path) ->
     assert list(read_episodes(path)) == [KEY, others[1]]
 
 
+def test_an_episode_that_is_written_counts_although_the_disk_does_not_confirm_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fsync(_: object) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    other = EpisodeKey("c0ffee", 8, "abc")
+    with Journal(tmp_path / "episodes.jsonl") as journal:
+        with monkeypatch.context() as patch:
+            patch.setattr("bestman_bt.evaluation.journal.os.fsync", fsync)
+            with pytest.raises(JournalError, match="the 1 episodes in it are kept"):
+                journal.add(KEY, "", result(7))
+        journal.add(other, "", result(8))
+        assert [journal.results[key].seed for key in (KEY, other)] == [7, 8]
+
+
 def test_a_file_that_is_no_journal_is_refused_by_its_line_and_left_as_it_is(tmp_path: Path) -> None:
     path = tmp_path / "episodes.jsonl"
     path.write_text('{"task": "fetch_cup"}\n')

@@ -7,6 +7,7 @@ import logging
 import os
 import pickle
 import platform
+import shutil
 import time
 import warnings
 from abc import ABC, abstractmethod
@@ -36,6 +37,8 @@ MOST_LOSSES = 3
 """How often an episode may lose its worker before that counts as its error."""
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 """What a full disk answers, which says nothing of the episode that it meets."""
+LITTLE_ROOM = 16 << 20
+"""Free bytes below which the disk of a run folder is taken to be full."""
 
 
 @dataclass(frozen=True)
@@ -95,15 +98,17 @@ class EpisodeRequest:
                 with forwarded_events(self.events):
                     return run_episode(setup, run_folder)
             except Exception as error:
-                if isinstance(error, OSError) and error.errno in NO_ROOM:
+                if run_folder is not None and _is_disk_full(error, run_folder):
                     raise
                 result = self.failed_result(describe_error(error), time.perf_counter() - start)
             if run_folder is not None:
                 result.write(run_folder / RESULT_FILE)
         except (OSError, ConfigurationError) as error:
+            cause = error if isinstance(error, OSError) else error.__cause__
+            is_full = isinstance(cause, OSError) and cause.errno in NO_ROOM
             raise LauncherLostError(
                 f"{platform.node()} cannot write the files of an episode: {error}; what has finished is kept: repeat "
-                "the command once there is room"
+                f"the command once {'there is room' if is_full else 'they can be written'}"
             ) from error
         return result
 
@@ -131,7 +136,7 @@ class LaunchOptions:
 
     ``jobs``: number of parallel episodes; None: one on this machine, the capacity of a cluster. ``address``: of the
     cluster; empty: the default one. ``folder``: of the evaluation, for the launcher's own files; None: a temporary one.
-    ``monitor``: the show the episodes in the monitors of this machine, wherever they run.
+    ``monitor``: show the episodes in the monitors of this machine, wherever they run.
     """
 
     jobs: int | None = None
@@ -195,6 +200,13 @@ class Launcher(ABC):
         if self.lost[place] < MOST_LOSSES:
             return None
         return self.requests[place].failed_result(f"{answer.lost}, {MOST_LOSSES} times in a row", answer.seconds)
+
+
+def _is_disk_full(error: Exception, folder: Path) -> bool:
+    """Return whether the disk of ``folder`` is full; inotify and shared memory answer ENOSPC, too."""
+    if not isinstance(error, OSError) or error.errno not in NO_ROOM:
+        return False
+    return error.errno == errno.EDQUOT or shutil.disk_usage(folder).free < LITTLE_ROOM
 
 
 @cache

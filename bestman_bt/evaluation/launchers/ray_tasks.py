@@ -53,6 +53,7 @@ class RayTasks(Launcher):
         self._ray: Any = None
         self._task: Any = None
         self._events: EventReceiver | None = None
+        self._unseen: list[str] = []
 
     def submit(self, requests: Sequence[EpisodeRequest]) -> None:
         """Queue further episodes; the first ones connect to the cluster."""
@@ -82,6 +83,11 @@ class RayTasks(Launcher):
                     self._waiting.appendleft(place)
                 else:
                     yield place, result
+
+    @property
+    def notes(self) -> list[str]:
+        """Remarks on the execution, also on episodes that no monitor shows."""
+        return super().notes + self._unseen
 
     def cancel(self) -> None:
         """Disconnect, which ends the tasks that still run."""
@@ -121,7 +127,10 @@ class RayTasks(Launcher):
         self._ray = ray
         self._head = str(ray.get_runtime_context().gcs_address)
         if self.options.monitor:
-            self._events = EventReceiver(ray.util.get_node_ip_address())
+            try:
+                self._events = EventReceiver(ray.util.get_node_ip_address())
+            except OSError as error:  # the address that the cluster sees need not be one of this machine
+                self._unseen.append(f"episodes of other machines are not shown: {error.strerror}")
         self._task = ray.remote(num_cpus=1, max_retries=0)(run_in_own_process)
         try:
             self._refuse_other_code(code)

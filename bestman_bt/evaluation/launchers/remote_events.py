@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import secrets
 import socket
+import struct
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from multiprocessing import AuthenticationError
-from multiprocessing.connection import Client, Connection, Listener
+from multiprocessing.connection import Client, Connection, answer_challenge, deliver_challenge
 
 from bestman_bt.monitor.control_client import ask_events, socket_folder
 from bestman_bt.monitor.watched import WatchedExecution, refuse
@@ -18,6 +20,12 @@ from bestman_bt.records.events import Event, EventError, RunEvent, TreeEvent, fr
 
 LOOK = 0.05
 """Seconds between two looks for the executor of an episode."""
+HANDSHAKE = 10
+"""Seconds that a client has for each message of the handshake."""
+MOST_CONNECTIONS = 100
+"""Largest number of connections, each of one episode; further episodes are not shown."""
+RETRY = 0.2
+"""Seconds between two attempts to accept a connection where that failed, as without a free file descriptor."""
 
 
 @dataclass(frozen=True)
@@ -35,23 +43,45 @@ class EventReceiver:
 
     def __init__(self, host: str) -> None:
         key = secrets.token_bytes(32)
-        self._listener = Listener((host, 0), authkey=key)
-        self.address = EventAddress(host, self._listener.address[1], key, _place())
+        self._server = socket.create_server((host, 0))
+        self.address = EventAddress(host, self._server.getsockname()[1], key, _place())
+        self._free = threading.Semaphore(MOST_CONNECTIONS)
         self._closed = False
         threading.Thread(target=self._accept, name="remote-events", daemon=True).start()
 
     def close(self) -> None:
         """Take no further episodes."""
         self._closed = True
-        with suppress(OSError, EOFError):
-            socket.create_connection((self.address.host, self.address.port), timeout=1.0).close()  # ends ``accept``
-        self._listener.close()
+        self._server.shutdown(socket.SHUT_RDWR)  # ends ``accept``
+        self._server.close()
 
     def _accept(self) -> None:
         while not self._closed:
-            with suppress(OSError, EOFError, AuthenticationError):
-                connection = self._listener.accept()
-                threading.Thread(target=_publish, args=(connection,), daemon=True).start()
+            try:
+                accepted, _ = self._server.accept()
+            except OSError:
+                time.sleep(RETRY)
+                continue
+            if self._free.acquire(blocking=False):
+                threading.Thread(target=self._receive, args=(accepted,), daemon=True).start()
+            else:
+                accepted.close()
+
+    def _receive(self, accepted: socket.socket) -> None:
+        """Publish the events of a connection whose other end shows that it knows the key."""
+        try:
+            with (
+                suppress(OSError, EOFError, AuthenticationError),
+                accepted,
+                Connection(os.dup(accepted.fileno())) as connection,
+            ):
+                _set_timeout(accepted, HANDSHAKE)
+                deliver_challenge(connection, self.address.key)
+                answer_challenge(connection, self.address.key)
+                _set_timeout(accepted, 0)  # an episode may be silent for long
+                _publish(connection)
+        finally:
+            self._free.release()
 
 
 @contextmanager
@@ -70,10 +100,15 @@ def _place() -> tuple[str, str]:
     return socket.gethostname(), str(socket_folder())
 
 
+def _set_timeout(connection: socket.socket, seconds: int) -> None:
+    """Limit the time that a read from the file descriptor waits, which Python's timeouts do not; 0: no limit."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", seconds, 0))
+
+
 def _publish(connection: Connection) -> None:
     run: RunEvent | None = None
     shown: WatchedExecution | None = None
-    with connection, ExitStack() as stack, suppress(EOFError, OSError):
+    with ExitStack() as stack:
         node = connection.recv_bytes().decode()
         while True:
             try:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import errno
 import inspect
+import os
 import pickle
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.code_version import code_fingerprint
+from bestman_bt.evaluation.launchers import launcher as launcher_module
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LaunchOptions
 from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, LauncherLostError
@@ -78,6 +82,35 @@ def test_a_place_that_takes_no_files_ends_the_evaluation_and_is_no_result(
     (tmp_path / "full").write_text("")
     launcher = LocalProcesses(LaunchOptions(jobs))
     launcher.submit([replace(request_of_one, folder=tmp_path / "full" / "runs")])
-    with pytest.raises(LauncherLostError, match=r"cannot write the files of an episode: .*; what has finished is kept"):
+    with pytest.raises(LauncherLostError, match=r"cannot write the files of an episode: .* once they can be written$"):
         list(launcher.results())
     launcher.cancel()
+
+
+def full(*_: object) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_full_disk_ends_the_evaluation_until_there_is_room(
+    request_of_one: EpisodeRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = replace(request_of_one, folder=tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr("bestman_bt.evaluation.run_folder.make_folder", full)
+        with pytest.raises(LauncherLostError, match=r"No space left on device; .* once there is room$"):
+            asked.run()
+    monkeypatch.setattr(launcher_module, "prepare_episode", full)
+    monkeypatch.setattr(launcher_module.shutil, "disk_usage", lambda _: SimpleNamespace(free=4096))
+    with pytest.raises(LauncherLostError, match=r"No space left on device; .* once there is room$"):
+        asked.run()
+
+
+@pytest.mark.parametrize("is_saved", [True, False])
+def test_an_episode_without_inotify_or_shared_memory_is_an_error_where_the_disk_has_room(
+    request_of_one: EpisodeRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_saved: bool
+) -> None:
+    monkeypatch.setattr(launcher_module, "prepare_episode", full)
+    got = replace(request_of_one, folder=tmp_path if is_saved else None).run()
+    assert got.failure is not None
+    assert got.outcome is Outcome.ERROR
+    assert "No space left on device" in got.failure.why

@@ -120,6 +120,18 @@ def test_monitors_of_the_driver_see_episodes_of_nodes_that_are_elsewhere(
     assert events[-1]["event"] == "end"
 
 
+def test_a_driver_that_cannot_listen_at_its_address_shows_no_episodes_and_notes_it(
+    suite: Suite, cluster: RayCluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    launcher = RayTasks(LaunchOptions(address=cluster.address, monitor=True))
+    monkeypatch.setattr("ray.util.get_node_ip_address", lambda: "192.0.2.1")  # reserved for documentation
+    with Evaluation(suite) as evaluation:
+        document = evaluation.run(launcher)
+    assert document["met"]
+    (note,) = document["notes"]
+    assert note.startswith("episodes of other machines are not shown: Cannot assign requested address")
+
+
 def test_without_a_head_the_driver_tells_so_and_a_new_one_goes_on(suite: Suite, tmp_path: Path) -> None:
     with RayCluster() as lost:
         driver = command(lost.address, tmp_path / "out")

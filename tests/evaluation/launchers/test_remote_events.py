@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import socket
 import tempfile
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from multiprocessing import AuthenticationError
@@ -14,6 +18,7 @@ from typing import Any
 import pytest
 
 from bestman_bt.configuration.run import load_run
+from bestman_bt.evaluation.launchers import remote_events
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest
 from bestman_bt.evaluation.launchers.remote_events import EventReceiver
 from bestman_bt.evaluation.launchers.worker_process import WorkerProcess
@@ -70,3 +75,48 @@ def test_who_does_not_know_the_key_is_not_listened_to(receiver: EventReceiver) -
     with pytest.raises(AuthenticationError):
         Client(where, authkey=b"guessed")
     Client(where, authkey=receiver.address.key).close()
+
+
+def test_who_connects_and_says_nothing_keeps_nobody_out_and_is_not_waited_for(
+    receiver: EventReceiver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(remote_events, "HANDSHAKE", 1)
+    where, key = (receiver.address.host, receiver.address.port), receiver.address.key
+    with Client(where, authkey=key) as known, socket.create_connection(where) as silent:
+        Client(where, authkey=key).close()
+        while silent.recv(1024):
+            pass
+        assert not known.poll()  # it is not closed: an episode may be silent
+
+
+def test_connections_beyond_the_most_are_closed_and_leave_their_place_to_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(remote_events, "MOST_CONNECTIONS", 1)
+    receiver = EventReceiver("127.0.0.1")
+    where, key = (receiver.address.host, receiver.address.port), receiver.address.key
+    with Client(where, authkey=key), pytest.raises((EOFError, ConnectionError)):
+        Client(where, authkey=key)
+    is_free = False
+    while not is_free:
+        try:
+            Client(where, authkey=key).close()
+            is_free = True
+        except (EOFError, ConnectionError):
+            time.sleep(0.01)
+    receiver.close()
+
+
+def test_without_free_file_descriptors_it_tries_again_and_does_not_spin(monkeypatch: pytest.MonkeyPatch) -> None:
+    tries: list[float] = []
+
+    def accept(_: socket.socket) -> None:
+        tries.append(time.monotonic())
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    monkeypatch.setattr(socket.socket, "accept", accept)
+    receiver = EventReceiver("127.0.0.1")
+    while len(tries) < 2:
+        time.sleep(0.01)
+    receiver.close()
+    assert tries[1] - tries[0] >= remote_events.RETRY
