@@ -207,7 +207,7 @@ class NavigateTo(Skill):
                 raise
 
     def _back_up(self) -> SkillCoroutine[float]:
-        """Return the distance straight back that is free, metres."""
+        """Drive straight back as far as there is room; return the distance, metres."""
         room = self._room_behind()
         if room > 0.0:
             yield self.skills.base.drive(-room)

@@ -73,9 +73,9 @@ class RunView:
                         CONSOLE.print(str(event), highlight=False, markup=False, soft_wrap=True)
 
             def on_inner(inner: Tree, leaf: Node) -> None:
-                texts = next(numbers)
-                shown.take(describe_tree(inner, texts))
-                follow(inner, texts)
+                number = next(numbers)
+                shown.take(describe_tree(inner, number))
+                follow(inner, number)
 
             followed.subscribe(on_changes)
             followed.subscribe_to_inner(on_inner)
@@ -120,8 +120,8 @@ class RunView:
         if result.audit:
             counts = ", ".join(f"{counter_words(name)} {result.audit[name]}" for name in (*CHEATS, "collisions"))
             table.add_row("audit", f"{counts}, deepest contact {result.audit['max_penetration_mm']:.2f} mm")
-            for texts in result.audit["disturbances"]:
-                table.add_row("disturbance", texts)
+            for disturbance in result.audit["disturbances"]:
+                table.add_row("disturbance", disturbance)
         _add_files(table, result, folder)
         RESULTS.print()
         RESULTS.print(table, highlight=False)
@@ -151,4 +151,4 @@ def _metric_words(metrics: Mapping[str, float]) -> str:
 def _print_messages(tree: Tree, shown: LiveTree) -> None:
     for node in tree.nodes:
         if node.feedback_message:
-            shown.print_message(node.uid, node.feedback_message)
+            shown.set_message(node.uid, node.feedback_message)

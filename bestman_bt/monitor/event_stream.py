@@ -147,7 +147,7 @@ class _Subscription:
 
 
 class EventStream:
-    """The events of an execution. ``tell`` only puts an item into a queue; a separate thread does the rest."""
+    """The events of an execution. ``publish`` only puts an item into a queue; a separate thread does the rest."""
 
     def __init__(self) -> None:
         self._waiting: queue.SimpleQueue[Making | None] = queue.SimpleQueue()

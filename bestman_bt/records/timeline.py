@@ -95,10 +95,8 @@ def outcomes(changes: Transitions) -> Transitions:
     other actions.
     """
     states = np.where(changes.statuses == NO, FAILURE, changes.statuses).astype(np.uint8)
-    merged_spans = np.flatnonzero((states == RUNNING) | (states == SUCCESS) | (states == FAILURE))
-    news = Transitions(
-        changes.times[merged_spans], changes.uids[merged_spans], states[merged_spans]
-    ).without_repetitions()
+    kept = np.flatnonzero((states == RUNNING) | (states == SUCCESS) | (states == FAILURE))
+    news = Transitions(changes.times[kept], changes.uids[kept], states[kept]).without_repetitions()
     returned = news.statuses != RUNNING
     return Transitions(news.times[returned], news.uids[returned], news.statuses[returned])
 

@@ -50,7 +50,7 @@ def _codes(port: str, text: object) -> list[str]:
 class FailureLines:
     """Combines failures of the tree and of the skills; a condition that is false is not a failure.
 
-    ``told``: failures reported by skills, oldest first; it grows during the run.
+    ``failures``: those reported by skills, oldest first; it grows during the run.
     """
 
     def __init__(self, failures: Sequence[NodeFailure] = ()) -> None:

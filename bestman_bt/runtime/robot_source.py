@@ -158,7 +158,7 @@ class PictureSource:
             camera.subscribe(partial(self._seen, camera.name))
 
     def begin(self, publish: Publish) -> None:
-        """Start publishing to ``tell``."""
+        """Start publishing to ``publish``."""
         self._publish = publish
 
     def after_tick(self, time: float, tick: int, wanted: frozenset[Topic]) -> None:

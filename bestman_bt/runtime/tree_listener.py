@@ -19,8 +19,8 @@ LONGEST_MESSAGE = 2000
 class TreeListener:
     """Publishes the states of a tree and the feedback of its leaves.
 
-    ``tell``: receives a function that creates events, and returns False if it was dropped; ``moment``: converts a clock
-    time to time and tick count of events; ``failed``: called with the uids of failed actions.
+    ``publish``: receives a function that creates events, and returns False if it was dropped; ``moment``: converts a
+    clock time to time and tick count of events; ``failed``: called with the uids of failed actions.
     """
 
     def __init__(

@@ -65,7 +65,7 @@ def _plain_boards(leaf: Articulation) -> list[PlacedShape]:
 
 
 def _boxes(parts: Sequence[PlacedShape]) -> list[PlacedShape]:
-    """Return the boxes of handles; those of bars and knobs are round, those of boards are not."""
+    """Return the boards, which are boxes; bars and knobs of handles are round and are left out."""
     return [part for part in parts if isinstance(part.shape, Box)]
 
 

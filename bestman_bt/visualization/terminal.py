@@ -171,7 +171,7 @@ class LiveTree:
         self._recent.extend(events)
         return events
 
-    def print_message(self, uid: int, message: str) -> None:
+    def set_message(self, uid: int, message: str) -> None:
         """Replace the message of a node, as when a running leaf reports progress."""
         self._messages[uid] = message
 

@@ -119,10 +119,10 @@ class WorldModel:
     drawers, ``furniture/leaf``, radians or metres; those not listed are closed; initially from the map. ``occupancy``:
     free and occupied space in the map frame, or None before any scan. ``searched``: (object, surface) → seconds of the
     last search in vain; ``searched_in_part``: searches during which a part of the surface was hidden.
-    ``told``: object → surface, as given by the user. ``locked``: doors and drawers that did not open. ``blocked``:
-    surfaces that were unreachable, and doors and drawers that could not be opened for a temporary reason; cleared when
-    a door or drawer moves. ``in_the_way``: (door or drawer, surface) for surfaces that were unreachable while it was
-    open. ``brought_about``: effects of your own abilities that have succeeded, as facts, the latest last.
+    ``given_places``: object → surface, as given by the user. ``locked``: doors and drawers that did not open.
+    ``blocked``: surfaces that were unreachable, and doors and drawers that could not be opened for a temporary reason;
+    cleared when a door or drawer moves. ``in_the_way``: (door or drawer, surface) for surfaces that were unreachable
+    while it was open. ``brought_about``: effects of your own abilities that have succeeded, as facts, the latest last.
     """
 
     map: SemanticMap

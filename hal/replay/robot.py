@@ -270,8 +270,8 @@ def same_target(asked: tuple[Any, ...], recorded: tuple[Any, ...]) -> bool:
 
 def describe_command(name: str, arguments: tuple[Any, ...], keywords: Mapping[str, Any]) -> str:
     """Return a command as readable text."""
-    entry = [_short(value) for value in arguments] + [f"{key}={_short(value)}" for key, value in keywords.items()]
-    return f"{name}({', '.join(entry)})"
+    texts = [_short(value) for value in arguments] + [f"{key}={_short(value)}" for key, value in keywords.items()]
+    return f"{name}({', '.join(texts)})"
 
 
 def _target(value: Any) -> Any:

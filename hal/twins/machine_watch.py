@@ -18,7 +18,7 @@ OLDEST_FRAME, FRAME_PIXELS = 0.3, 640 * 480
 class MachineWatch:
     """Collects delays, and reports them as text once per ``PERIOD`` if they are too large.
 
-    ``tell``: receives the text. ``given_up``: total seconds by which the world fell behind real time. Thread-safe.
+    ``report``: receives the text. ``given_up``: total seconds by which the world fell behind real time. Thread-safe.
     """
 
     def __init__(self, report: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:

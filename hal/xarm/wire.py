@@ -54,9 +54,9 @@ class ArmIdentity:
         """Return the difference from the arm of the robot file, or None."""
         if self.axes != len(model.joint_names):
             return f"the controller has {self.axes} joints, the robot file's arm has {len(model.joint_names)}"
-        identity: ArmKind = "lite6" if self.device_type == LITE6 else "xarm"
-        if identity != kind:
-            return f"the controller moves an arm of the kind {identity!r}, the option 'arm' says {kind!r}"
+        connected: ArmKind = "lite6" if self.device_type == LITE6 else "xarm"
+        if connected != kind:
+            return f"the controller moves an arm of the kind {connected!r}, the option 'arm' says {kind!r}"
         if not self.limits:  # a type that the SDK's table lacks
             return None
         for joint, (low, high), lower, upper in zip(

@@ -184,7 +184,7 @@ def creation_lines_recorded() -> Iterator[None]:
 
 
 def _class_at(behaviour: Behaviour) -> tuple[str, int]:
-    """Return file and line of ``update`` in a user's class, or None for a class of py_trees."""
+    """Return file and line of ``update`` in a user's class; ("", 0) for a class of py_trees."""
     code = getattr(type(behaviour).update, "__code__", None)
     if code is None or (type(behaviour).update.__module__ or "").startswith("py_trees."):
         return "", 0

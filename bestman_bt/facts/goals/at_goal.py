@@ -180,7 +180,7 @@ def _pieces_to_face(known: SemanticMap) -> list[str]:
 
 
 def _before_furniture(known: SemanticMap, footprint: Footprint, rng: np.random.Generator) -> Pose2D:
-    """Return poses that face the front of a piece, along it."""
+    """Return a pose that faces the front of a piece, anywhere along it."""
     pieces = _pieces_to_face(known)
     piece = known.furniture[pieces[int(rng.integers(len(pieces)))]]
     reach = max(0.0, piece.footprint[1] / 2 - 0.1)

@@ -62,7 +62,7 @@ def _print(words: str) -> None:
 class Groot2Watcher:
     """Watches the process at ``host``:``port`` between ``start`` and ``stop``, in a separate thread.
 
-    ``runs``: the folder for run folders and for the breakpoints of each tree; None records nothing. ``say``: called
+    ``runs``: the folder for run folders and for the breakpoints of each tree; None records nothing. ``log``: called
     with each problem, once while it lasts.
     """
 

@@ -83,7 +83,7 @@ class StraightEnds:
         return None
 
     def _leave(self, start: Pose2D) -> tuple[NDArray[np.float64], bool] | PlanningFailure:
-        """Return the direction (2,) in which the path goes on first, and whether the base drives there backwards."""
+        """Return the point (2,) that the base drives to first, and whether it drives there backwards."""
         best: tuple[int, NDArray[np.float64], bool] | None = None
         for direction in (-1.0, 1.0):
             poses = self._straight(start, direction)

@@ -70,7 +70,7 @@ def run(robot_model, table_worlds) -> Iterator[Run]:
 
 
 @pytest.mark.slow
-def test_what_the_monitor_is_reported_by_others_than_the_script_is_tampering(run: Run) -> None:
+def test_disturbances_that_others_than_the_script_report_are_tampering(run: Run) -> None:
     """The cheat reaches the monitor's own ear, and tells it of a teleport as somebody would who disturbs."""
     run.teleport(run.aside)
     now = run.robot.clock.now()

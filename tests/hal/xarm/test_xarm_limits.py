@@ -116,7 +116,7 @@ def test_nothing_leads_the_tool_out_of_its_workspace(twin: TwinProcess) -> None:
         assert np.max(np.abs(tool - place)) < 0.07
 
 
-def test_arms_are_slower_where_safety_reports_it(twin: TwinProcess) -> None:
+def test_the_joint_speed_of_safety_slows_an_arm(twin: TwinProcess) -> None:
     with connected(twin, safety__joint_speed=0.1) as robot:
         arm = robot.part("arm", Arm)
         assert arm.model.velocity[0] == pytest.approx(np.pi / 10)

@@ -56,7 +56,7 @@ def test_a_failure_keeps_its_reason_after_the_reset(live_tree):
 
 
 def test_progress_of_a_running_leaf_replaces_its_message(live_tree):
-    live_tree.print_message(6, "12 mm wide")
+    live_tree.set_message(6, "12 mm wide")
     assert any("▶ Grasp  12 mm wide" in line for line in rendered(live_tree))
 
 
@@ -93,7 +93,7 @@ def test_a_chain_that_cannot_be_folded_is_shown_around_what_runs():
 
 
 def test_long_messages_are_cut_at_the_edge_of_the_terminal(live_tree):
-    live_tree.print_message(6, "x" * 300)
+    live_tree.set_message(6, "x" * 300)
     assert max(len(line.rstrip()) for line in rendered(live_tree, width=60)) <= 60
 
 

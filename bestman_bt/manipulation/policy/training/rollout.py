@@ -36,9 +36,7 @@ def roll_out(
     judged: Pose | None = None,
     chunks: int = 16,
 ) -> Rollout:
-    """Run a policy from ``start`` (n,), radians, with the goal ``told``. Errors are relative to ``judged`` (default:
-    ``told``).
-    """
+    """Run a policy from ``start`` (n,), radians, to ``goal``. Errors are relative to ``judged`` (default: ``goal``)."""
     judged = judged or goal
     path, errors = [start], []
     velocities = np.zeros(len(start))
