@@ -39,10 +39,16 @@ class Comparison:
     rows: Callable[[dict[str, Document]], Rows]
 
 
+def _rounded(value: float | None) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
+
+
 def _engine(found: dict[str, Document]) -> Rows:
     for tree, row in found["engine"].items():
         if isinstance(row, dict):
-            yield tree, *("-" if value is None else f"{value:.3g}" for value in row.values())
+            yield tree, *(_rounded(value) for value in row.values())
 
 
 def _kitchen(found: dict[str, Document]) -> Rows:

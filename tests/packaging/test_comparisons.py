@@ -1,8 +1,23 @@
 """The tables of docs/comparisons.md: scripts/comparisons.py measures each at the commit that it names."""
 
+import json
+import re
 from dataclasses import replace
 
-from scripts.comparisons import COMPARISONS, PAGE, with_table
+from scripts.comparisons import COMPARISONS, FOLDER, PAGE, with_table
+
+
+def test_each_table_of_the_page_names_its_commit_which_is_that_of_the_data_that_are_kept() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    parts = dict(re.findall(r"<!-- scripts/comparisons\.py: (\w+) -->\n(.*?)<!-- end -->", page, re.DOTALL))
+    assert parts.keys() == COMPARISONS.keys()
+    kept = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in FOLDER.glob("*.json")}
+    assert {"engine", "planning_domains"} <= kept.keys() <= {c for one in COMPARISONS.values() for c in one.commands}
+    for name, text in parts.items():
+        (commit,) = re.findall(r"^Commit ([0-9a-f]{8,})\.$", text, re.MULTILINE)
+        for command in COMPARISONS[name].commands.keys() & kept.keys():
+            assert kept[command]["commit"] == commit
+            assert {"machine", "versions", "command"} <= kept[command].keys()
 
 
 def test_a_new_table_replaces_the_old_one_between_its_marks() -> None:
