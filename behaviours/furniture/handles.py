@@ -92,9 +92,7 @@ class DetectHandle(Skill):
         self.feedback_message = f"{best}: {skills.world.handles[best].handle.kind}, {len(chosen)} in all"
 
     def _on_leaf(self, leaf: FurnitureArticulation, seen: list[Handle]) -> list[Handle]:
-        """Return the handles on a door or drawer, which is believed to be as far open as the most reliable of them
-        shows.
-        """
+        """Return the handles on a door or drawer; its opening is estimated from the one of the highest confidence."""
         skills = self.skills
         openings = [(handle, opening_seen(leaf, handle)) for handle in seen]
         found = [(handle, opening) for handle, opening in openings if opening is not None]

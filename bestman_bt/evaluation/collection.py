@@ -20,6 +20,7 @@ from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model.sensor_parts import CameraPart
 from bestman_bt.runtime.robot_session import RobotSession
 from hal.api import Camera, Gripper, JointGroup, MobileBase, Part
+from hal.parts.black_box import Trace
 from hal.parts.channels import ControlledPart
 
 STATE, ACTION, NODE = "observation.state", "action", "node"
@@ -57,6 +58,12 @@ class RecordedPart:
         return cls(part.name, entries, tuple(map(traced.index, quantities.values())))
 
 
+def _trace(part: Part) -> Trace:
+    assert isinstance(part, ControlledPart)
+    assert part.trace is not None
+    return part.trace
+
+
 def _measured(part: Part) -> Iterable[float]:
     if isinstance(part, JointGroup):
         return map(float, part.positions())
@@ -76,13 +83,14 @@ class FrameRecorder:
     def watch(self, session: RobotSession, tree: Tree) -> Callable[[], None]:
         """Return the hook of ``run_episode``."""
         leaves, parts = [node for node in tree.nodes if not node.children], session.robot.parts
-        traces = [(one, getattr(parts[one.name], "trace")) for one in self._parts]  # noqa: B009 - of controlled parts
+        traces = [_trace(parts[one.name]) for one in self._parts]
 
         def after_tick() -> None:
-            rows = [(one, trace.latest()) for one, trace in traces]
-            if any(row is None for _, row in rows):
+            rows = [row for trace in traces if (row := trace.latest()) is not None]
+            if len(rows) < len(traces):
                 return  # before the first control period
-            self.end([float(row[column]) for one, row in rows for column in one.columns])
+            pairs = zip(self._parts, rows, strict=True)
+            self.end([float(row[column]) for one, row in pairs for column in one.columns])
             measured = [value for one in self._parts for value in _measured(parts[one.name])]
             running = ", ".join(leaf.path for leaf in leaves if leaf.state == RUNNING)
             self._pending = measured, running, _pictures(parts, self._writer.frames.cameras)
@@ -124,7 +132,7 @@ class Collection:
         lenses = {name: camera.intrinsics for name, camera in model.of(CameraPart).items()}
         for name in cameras:
             if name not in lenses:
-                why = f"{name!r} is no camera of {model.name}, which has {', '.join(lenses) or 'none'}"
+                why = f"{name!r} is not a camera of {model.name}, which has {', '.join(lenses) or 'none'}"
                 problems.append(Problem("--camera", None, "", why))
         if problems:
             raise ConfigurationError(problems)

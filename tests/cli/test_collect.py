@@ -69,7 +69,7 @@ def test_a_second_call_runs_nothing_that_has_ended_and_a_failure_is_listed_but_n
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("pick_bench", "--camera", "moon"), "'moon' is no camera of bench_arm"),
+        (("pick_bench", "--camera", "moon"), "'moon' is not a camera of bench_arm"),
         (("pick_bench", "--set", "tick_rate=12.5 Hz"), "should be whole for a dataset, got 12.5 Hz"),
         (("no_such_task",), "no_such_task"),
     ],

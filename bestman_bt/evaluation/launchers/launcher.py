@@ -97,7 +97,7 @@ class EpisodeRequest:
                     setup = prepare_episode(self.config)
                 with forwarded_events(self.events):
                     return run_episode(setup, run_folder)
-            except Exception as error:
+            except Exception as error:  # whatever a plug-in raises is the error of its episode
                 if run_folder is not None and _is_disk_full(error, run_folder):
                     raise
                 result = self.failed_result(describe_error(error), time.perf_counter() - start)

@@ -673,8 +673,11 @@ def test_efforts_that_are_commanded_anew_end_the_halt_of_earlier_ones(latch: Sto
 
 
 def test_a_reading_that_never_comes_to_rest_does_not_keep_the_joints_from_being_held(latch: StopLatch) -> None:
-    channel = Torques(2)
-    channel.halt = lambda: None  # type: ignore[method-assign]
+    class Restless(Torques):
+        def halt(self) -> None:
+            """The reading goes on trembling."""
+
+    channel = Restless(2)
     group = StreamedJointGroup("head", MODEL, channel, latch, PERIOD)
     group.attach()
     channel.tremble = 0.5
