@@ -80,7 +80,6 @@ comparisons: install
 	$(BIN)/python scripts/comparisons.py --data $(DATA)
 
 gallery: install
-	$(BIN)/uv pip install --quiet --python $(BIN)/python "av>=14,<18"
 	$(BIN)/python scripts/gallery --jobs $(JOBS)
 
 lint: style

@@ -21,6 +21,7 @@ PACKAGE_OF_EXTRA = {
     "rerun": "rerun",
     "sim": "pybullet",
     "slurm": "submitit",
+    "video": "av",
 }
 """Extra → the import name of the package that it cannot work without."""
 EXTRA_OF_SIMULATOR = {"mujoco": "mujoco", "pybullet": "sim"}

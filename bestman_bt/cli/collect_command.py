@@ -10,14 +10,16 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.launcher_options import LauncherOptions
 from bestman_bt.cli.options import Engine, Json, Plugins, Robot, Scene, Settings, grouped_options
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunConfig, RunRequest, run_of_options
 from bestman_bt.evaluation.collection import ATTEMPTS, Collection
+from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.extras import DEFAULT_SIMULATOR
-from bestman_bt.manipulation.policy.training.lerobot_dataset import DatasetError
+from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError
 
 
 @dataclass(frozen=True)
@@ -68,10 +70,13 @@ def command(
     out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="The dataset; an existing one grows.")],
     wanted: Wanted = Wanted(),
     world: World = World(),
+    execution: LauncherOptions = LauncherOptions(),
     as_json: Json = False,
 ) -> None:
     """Record judged successes of a task as a dataset of LeRobot."""
     with json_output(as_json) as print_json:
+        if problems := execution.problems():
+            raise ConfigurationError(problems)
         config = world.run(task, wanted.seed)
         instruction = wanted.words or config.task.description or config.name.replace("_", " ")
         try:
@@ -84,10 +89,25 @@ def command(
             text = f"seed {result.seed}: {result.outcome}{why}; {collection.kept} of {wanted.episodes} episodes"
             CONSOLE.print(text, highlight=False, markup=False, soft_wrap=True)
 
-        collection.collect(wanted.episodes, wanted.most or 2 * wanted.episodes, show)
+        interrupted = ""
+        try:
+            collection.collect(wanted.episodes, wanted.most or 2 * wanted.episodes, show, execution.made(out))
+        except KeyboardInterrupt:
+            interrupted = "interrupted: repeat the command to go on"
+        except LauncherLostError as error:
+            interrupted = str(error)
         print_json(
-            {"folder": str(out), "episodes": collection.kept, "asked": wanted.episodes, "instruction": instruction}
+            {
+                "folder": str(out),
+                "episodes": collection.kept,
+                "asked": wanted.episodes,
+                "instruction": instruction,
+                "interrupted": interrupted,
+            }
         )
     if not as_json:
         print(f"{out}: {collection.kept} of {wanted.episodes} episodes; every seed that was tried is in {ATTEMPTS}")
+    if interrupted:
+        CONSOLE.print(f"bestman-bt: {interrupted}", highlight=False, markup=False, soft_wrap=True)
+        sys.exit(130)
     sys.exit(0 if collection.kept >= wanted.episodes else 1)

@@ -19,6 +19,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.launcher_options import LauncherOptions
 from bestman_bt.cli.options import Engine, Json, MonitorOptions, Plugins, Robot, Scene, Settings, grouped_options
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.cli.started_monitor import show_in_monitor
@@ -28,7 +29,7 @@ from bestman_bt.evaluation.comparison import ComparedEntries, within
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.interval import Precision
 from bestman_bt.evaluation.journal import JournalError
-from bestman_bt.evaluation.launchers.launcher import Launcher, LaunchOptions
+from bestman_bt.evaluation.launchers.launcher import Launcher
 from bestman_bt.evaluation.markdown import accuracy_words, markdown, own_targets, verdict
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.evaluation.shards import KnownDurations, Shard
@@ -36,7 +37,6 @@ from bestman_bt.evaluation.suite import Suite, SuiteEntry, make_suite
 from bestman_bt.evaluation.summary import spread_words
 from bestman_bt.evaluation.sweep import draw_settings
 from bestman_bt.extras import DEFAULT_SIMULATOR
-from bestman_bt.registry import LAUNCHERS
 
 
 class EvaluationView:
@@ -177,19 +177,9 @@ class EpisodeOptions:
 
 
 @dataclass(frozen=True)
-class JobOptions:
-    """The number of processes, and the machines."""
+class JobOptions(LauncherOptions):
+    """The machines, and the part of the episodes that they run."""
 
-    jobs: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Episodes at the same time; 1, or all that the cluster has room for.", show_default=False
-        ),
-    ] = None
-    launcher: Annotated[str, typer.Option(help="What runs the episodes: local, or another launcher.")] = "local"
-    address: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="Of the launcher's cluster.", show_default=False)
-    ] = None
     shard: Annotated[
         str | None,
         typer.Option(metavar="K/N", help="Run part K of N; slurm: that of this array task.", show_default=False),
@@ -203,17 +193,9 @@ class JobOptions:
         typer.Option(metavar="DIR…", help="Run nothing: one summary of the shards below.", show_default=False),
     ] = None
 
-    def made(self, folder: Path, monitor: bool) -> Launcher:
-        """Return the launcher of an evaluation kept in ``folder``. Raises ConfigurationError, UnknownNameError."""
-        options = LaunchOptions(self.jobs, self.address or "", folder, monitor)
-        launcher: Launcher = LAUNCHERS.resolve(self.launcher)(options)
-        return launcher
-
     def check(self) -> None:
         """Raise ConfigurationError if the options contradict each other."""
-        problems = []
-        if self.address and self.launcher == "local":
-            problems.append(Problem("--address", None, "", "is of a cluster; name its --launcher"))
+        problems = self.problems()
         if self.merge and self.shard:
             problems.append(Problem("--merge", None, "", "takes all shards together; leave --shard out"))
         if self.balance and not self.shard:

@@ -24,9 +24,7 @@ def command(
         list[float] | None,
         typer.Option(metavar="SECONDS", help="A still of this moment; may be repeated. Else of the best one."),
     ] = None,
-    film: Annotated[
-        bool, typer.Option("--film", help="An mp4 of the whole run too; needs the extra 'gallery'.")
-    ] = False,
+    film: Annotated[bool, typer.Option("--film", help="An mp4 of the whole run too; needs the extra 'video'.")] = False,
     blender: Annotated[bool, typer.Option("--blender", help="Let Blender paint: slower, and handsomer.")] = False,
     size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.", callback=_size)] = "960x720",
     samples: Annotated[int, typer.Option(min=1, max=4096, help="Blender's light paths per pixel.")] = 32,

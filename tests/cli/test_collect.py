@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,10 @@ import pytest
 
 from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.collection import ATTEMPTS, Collection
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, LaunchOptions
+from bestman_bt.evaluation.launchers.local import LocalProcesses
+from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
+from bestman_bt.evaluation.result import RunResult
 from tests.cli.command_line import Answer
 
 Command = Callable[..., Answer]
@@ -66,12 +70,66 @@ def test_a_second_call_runs_nothing_that_has_ended_and_a_failure_is_listed_but_n
     assert json.loads((collected / "meta/info.json").read_text())["total_episodes"] == 1
 
 
+class Backwards(LocalProcesses):
+    """Runs the last episode first."""
+
+    def results(self) -> Iterator[tuple[int, RunResult]]:
+        self._waiting.reverse()
+        return super().results()
+
+
+class LostAfterOne(LocalProcesses):
+    """Is lost once an episode has ended."""
+
+    def results(self) -> Iterator[tuple[int, RunResult]]:
+        yield next(super().results())
+        raise LauncherLostError("the cluster is gone")
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.slow
+def test_the_dataset_does_not_depend_on_what_runs_the_episodes_nor_on_interruptions(tmp_path: Path) -> None:
+    config = load_run("pick_bench", seed=SEED)
+
+    def collect(name: str, launcher: LocalProcesses) -> None:
+        Collection(config, tmp_path / name, "pick", ()).collect(2, 4, lambda result: None, launcher)
+
+    collect("backwards", Backwards())
+    with pytest.raises(LauncherLostError):
+        collect("interrupted", LostAfterOne())
+    assert len(attempts(tmp_path / "interrupted")) == 1
+    collect("interrupted", LocalProcesses(LaunchOptions(jobs=2)))
+    assert [attempt["seed"] for attempt in attempts(tmp_path / "backwards")][:2] == [SEED, SEED + 1]
+    assert files(tmp_path / "interrupted") == files(tmp_path / "backwards")
+
+
+class Elsewhere(LocalProcesses):
+    """A machine that does not see the folder of the dataset."""
+
+    def results(self) -> Iterator[tuple[int, RunResult]]:
+        for place, _ in enumerate(self.requests):
+            yield place, EpisodeRequest(self.requests[place].config).run()
+
+
+@pytest.mark.slow
+def test_an_episode_that_a_machine_has_written_elsewhere_is_not_taken_for_kept(tmp_path: Path) -> None:
+    collection = Collection(load_run("pick_bench", seed=SEED), tmp_path / "set", "pick", ())
+    with pytest.raises(LauncherLostError, match="a folder that all machines see under one path"):
+        collection.collect(1, 1, lambda result: None, Elsewhere())
+    assert not (tmp_path / "set").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (("pick_bench", "--camera", "moon"), "'moon' is not a camera of bench_arm"),
         (("pick_bench", "--set", "tick_rate=12.5 Hz"), "should be whole for a dataset, got 12.5 Hz"),
         (("no_such_task",), "no_such_task"),
+        (("pick_bench", "--launcher", "moon"), "'moon'"),
+        (("pick_bench", "--address", "here:1"), "is of a cluster; name its --launcher"),
     ],
 )
 def test_what_cannot_be_recorded_is_refused_before_anything_starts(

@@ -32,6 +32,7 @@ ABSENT = (
     "msgpack",
     "ray",
     "submitit",
+    "av",
 )
 WORKS = (
     ["--help"],
@@ -125,7 +126,7 @@ def test_the_page_on_installation_reports_what_every_extra_adds() -> None:
 def test_the_extra_all_is_made_of_the_others() -> None:
     (everything,) = map(Requirement, EXTRAS["all"])
     assert everything.name == "bestman-bt"
-    assert set(EXTRAS) - everything.extras == {"all", "gallery", "planning", "pyrobosim", "ray", "slurm"}
+    assert set(EXTRAS) - everything.extras == {"all", "planning", "pyrobosim", "ray", "slurm", "video"}
 
 
 @pytest.mark.parametrize(

@@ -122,7 +122,7 @@ def require_film_writer() -> None:
     try:
         import av  # noqa: F401 - only whether it is there
     except ImportError as error:
-        raise FilmError(f"films need PyAV: {install_command('gallery')}") from error
+        raise FilmError(f"films need PyAV: {install_command('video')}") from error
 
 
 def write_film(pictures: Iterable[NDArray[np.uint8]], path: Path, largest: int = SMALL_FILM) -> None:

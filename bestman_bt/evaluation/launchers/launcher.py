@@ -30,6 +30,7 @@ from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.records.writer import RESULT_FILE
+from bestman_bt.runtime.resolved_config import ResolvedConfig
 
 WALL_LIMIT = 3600.0
 """Seconds of wall time after which an episode is taken to hang."""
@@ -96,9 +97,9 @@ class EpisodeRequest:
                 with _without_warnings():  # shown when the suite was made
                     setup = prepare_episode(self.config)
                 with forwarded_events(self.events):
-                    return run_episode(setup, run_folder)
+                    return self.run_prepared(setup, run_folder)
             except Exception as error:  # whatever a plug-in raises is the error of its episode
-                if run_folder is not None and _is_disk_full(error, run_folder):
+                if self.written is not None and _is_disk_full(error, self.written):
                     raise
                 result = self.failed_result(describe_error(error), time.perf_counter() - start)
             if run_folder is not None:
@@ -111,6 +112,15 @@ class EpisodeRequest:
                 f"the command once {'there is room' if is_full else 'they can be written'}"
             ) from error
         return result
+
+    @property
+    def written(self) -> Path | None:
+        """Return the folder below which the episode writes its files, None if it has none."""
+        return self.folder
+
+    def run_prepared(self, setup: ResolvedConfig, run_folder: Path | None) -> RunResult:
+        """Run the episode; raises what it raises."""
+        return run_episode(setup, run_folder)
 
     def failed_result(self, why: str, seconds: float = 0.0) -> RunResult:
         """Return the result of an episode that could not be run to its end, after ``seconds`` of wall time."""

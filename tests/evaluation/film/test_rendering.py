@@ -24,7 +24,6 @@ def few_sides(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("few_sides")
 def test_a_run_becomes_a_still_and_a_film(run: FilmedRun, tmp_path: Path) -> None:
-    pytest.importorskip("av", reason="films need the extra 'gallery'")
     told: list[str] = []
 
     written = render(run, tmp_path / "out", RenderOptions(at=(0.53,), film=True, size=(160, 120)), told.append)

@@ -14,11 +14,8 @@ import pytest
 
 from bestman_bt.manipulation.policy.base import Observation
 from bestman_bt.manipulation.policy.errors import PolicyObservationError
-from bestman_bt.manipulation.policy.training.demonstrations import (
-    DatasetError,
-    DemonstrationFormat,
-    DemonstrationRecorder,
-)
+from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError
+from bestman_bt.manipulation.policy.training.demonstrations import DemonstrationFormat, DemonstrationRecorder
 from bestman_bt.messages import Pose
 
 FORMAT = DemonstrationFormat(10, ("a", "b"), gripper=True, goal_size=3, cameras={"head": (48, 64)}, robot="two_joints")

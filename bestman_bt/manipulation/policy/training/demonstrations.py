@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.manipulation.policy.base import Observation
 from bestman_bt.manipulation.policy.errors import PolicyObservationError
-from bestman_bt.manipulation.policy.training.lerobot_dataset import DatasetError, DatasetFormat, DatasetWriter
+from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError
+from bestman_bt.manipulation.policy.training.lerobot_dataset import DatasetFormat, DatasetWriter
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,154 @@
+"""Episodes that are recorded frame by frame while they run: what the robot measured, was commanded and saw."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import astuple, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from bestman_bt.engine import RUNNING, Tree
+from bestman_bt.evaluation.episode import run_episode
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest
+from bestman_bt.evaluation.result import RunResult
+from bestman_bt.manipulation.policy.training.lerobot_dataset import DatasetFormat, DatasetWriter
+from bestman_bt.runtime.resolved_config import ResolvedConfig
+from bestman_bt.runtime.robot_session import RobotSession
+from hal.api import Camera, Gripper, JointGroup, MobileBase, Part
+from hal.parts.black_box import Trace
+from hal.parts.channels import ControlledPart
+
+STATE, ACTION, NODE = "observation.state", "action", "node"
+
+
+@dataclass(frozen=True)
+class RecordedPart:
+    """A part whose quantities are entries of state and action: joint positions, a gripper's width, base velocities.
+
+    ``entries``: names in a dataset, those of the part and of the quantity: ``arm/panda_joint1``, ``gripper/width``,
+    ``base/vx``. ``units``: of each, rad, m, m/s or rad/s. ``columns``: of the commanded values in the part's trace.
+    """
+
+    name: str
+    entries: tuple[str, ...]
+    units: tuple[str, ...]
+    columns: tuple[int, ...]
+
+    @classmethod
+    def of(cls, part: Part, sliding: Collection[str]) -> RecordedPart | None:
+        """Return what is recorded of a part, None if it is not actuated or keeps no trace; ``sliding``: joints that
+        slide.
+        """
+        if isinstance(part, JointGroup):
+            quantities = {joint: f"set position {joint}" for joint in part.joint_names}
+            units = tuple("m" if joint in sliding else "rad" for joint in part.joint_names)
+        elif isinstance(part, Gripper):
+            quantities, units = {"width": "set width"}, ("m",)
+        elif isinstance(part, MobileBase):
+            quantities, units = {axis: f"set {axis}" for axis in ("vx", "vy", "wz")}, ("m/s", "m/s", "rad/s")
+        else:
+            return None
+        traced = part.traced if isinstance(part, ControlledPart) else ()
+        if not set(quantities.values()) <= set(traced):
+            return None
+        entries = tuple(f"{part.name}/{quantity}" for quantity in quantities)
+        return cls(part.name, entries, units, tuple(map(traced.index, quantities.values())))
+
+
+def _trace(part: Part) -> Trace:
+    assert isinstance(part, ControlledPart)
+    assert part.trace is not None
+    return part.trace
+
+
+def _measured(part: Part) -> Iterable[float]:
+    if isinstance(part, JointGroup):
+        return map(float, part.positions())
+    if isinstance(part, Gripper):
+        return (part.width(),)
+    assert isinstance(part, MobileBase)
+    return astuple(part.velocity())
+
+
+class FrameRecorder:
+    """Takes a frame after each tick: what was measured, seen and running then, and the set-points one tick later."""
+
+    def __init__(self, writer: DatasetWriter, parts: Sequence[RecordedPart]) -> None:
+        self._writer, self._parts = writer, parts
+        self._pending: tuple[list[float], str, dict[str, NDArray[Any]]] | None = None
+
+    def watch(self, session: RobotSession, tree: Tree) -> Callable[[], None]:
+        """Return the hook of ``run_episode``."""
+        leaves, parts = [node for node in tree.nodes if not node.children], session.robot.parts
+        traces = [_trace(parts[one.name]) for one in self._parts]
+
+        def after_tick() -> None:
+            rows = [row for trace in traces if (row := trace.latest()) is not None]
+            if len(rows) < len(traces):
+                return  # before the first control period
+            pairs = zip(self._parts, rows, strict=True)
+            self.end([float(row[column]) for one, row in pairs for column in one.columns])
+            measured = [value for one in self._parts for value in _measured(parts[one.name])]
+            running = ", ".join(leaf.path for leaf in leaves if leaf.state == RUNNING)
+            self._pending = measured, running, _pictures(parts, self._writer.frames.cameras)
+
+        return after_tick
+
+    def end(self, commanded: Sequence[float] | None = None) -> None:
+        """Write the frame that waits for its action; the last one of an episode holds what was measured."""
+        if self._pending is not None:
+            measured, node, pictures = self._pending
+            self._writer.add_frame({STATE: measured, ACTION: commanded or measured, NODE: node}, pictures)
+        self._pending = None
+
+
+def _pictures(parts: Mapping[str, Part], cameras: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    found = {}
+    for name in cameras:
+        part = parts[name]
+        assert isinstance(part, Camera)
+        found[name] = part.capture().rgb
+    return found
+
+
+@dataclass(frozen=True)
+class RecordedEpisode(EpisodeRequest):
+    """An episode that leaves a dataset of its own, of one episode, if it is a judged success.
+
+    ``staged``: folder that gets the dataset, named by the seed; every machine sees it under this path. ``frames``,
+    ``parts``: the content of each frame. ``words``: the language instruction.
+    """
+
+    staged: Path = field(kw_only=True)
+    frames: DatasetFormat = field(kw_only=True)
+    parts: tuple[RecordedPart, ...] = field(kw_only=True)
+    words: str = field(kw_only=True)
+
+    @property
+    def written(self) -> Path | None:
+        """Return the folder of the datasets."""
+        return self.staged
+
+    def run_prepared(self, setup: ResolvedConfig, run_folder: Path | None) -> RunResult:
+        """Run the episode; its dataset is in place once it is complete, also where two workers run the same episode."""
+        folder = Path(tempfile.mkdtemp(prefix="recording-", dir=self.staged))
+        try:
+            writer = DatasetWriter(folder / "dataset", self.frames)
+            recorder = FrameRecorder(writer, self.parts)
+            try:
+                result = run_episode(setup, run_folder, watch=recorder.watch)
+                recorder.end()
+                if result.success and not result.unearned:
+                    writer.end_episode(self.words, seed=self.config.seed)
+                    finished = self.staged / str(self.config.seed)
+                    shutil.rmtree(finished, ignore_errors=True)
+                    (folder / "dataset").rename(finished)
+            finally:
+                writer.discard()
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+        return result

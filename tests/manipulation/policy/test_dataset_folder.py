@@ -1,0 +1,141 @@
+"""Datasets that grow: by episodes, by whole datasets, after a killed process."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow
+import pyarrow.parquet as parquet
+import pytest
+
+from bestman_bt.manipulation.policy.training.dataset_folder import ROWS_PER_FILE, DatasetError, DatasetFolder
+from bestman_bt.manipulation.policy.training.dataset_video import pictures
+from bestman_bt.manipulation.policy.training.lerobot_dataset import DatasetFormat, DatasetWriter
+
+FORMAT = DatasetFormat(
+    10, {"action": ("a", "b")}, ("node",), {"head": (32, 48)}, "two_joints", {"action": ("rad", "m")}
+)
+
+
+def written(folder: Path, episodes: list[tuple[int, str]], frames: DatasetFormat = FORMAT) -> DatasetFolder:
+    """Return a dataset of ``episodes``: length and task of each; the first number of its frames is the length."""
+    writer = DatasetWriter(folder, frames)
+    for length, task in episodes:
+        for step in range(length):
+            picture = np.full((32, 48, 3), 10 * length, dtype=np.uint8)
+            values = {"action": [length, step], "goal": [0.0], "node": "x"}
+            writer.add_frame(values, dict.fromkeys(frames.cameras, picture))
+        writer.end_episode(task, seed=length)
+    return DatasetFolder.read(folder)
+
+
+def contents(dataset: DatasetFolder) -> dict[str, Any]:
+    paths = [path for path in dataset.path.rglob("*") if path.is_file()]
+    return {
+        str(path.relative_to(dataset.path)): parquet.read_table(path).to_pydict()
+        if path.suffix == ".parquet"
+        else path.read_bytes()
+        for path in paths
+    }
+
+
+def test_appended_datasets_are_the_one_that_would_have_been_written_at_once(tmp_path: Path) -> None:
+    first, second = [(4, "pick"), (3, "place")], [(5, "place"), (2, "push")]
+    whole = written(tmp_path / "whole", [*first, *second])
+    grown = written(tmp_path / "first", first)
+    grown.append(written(tmp_path / "second", second))
+    assert contents(grown) == contents(whole)
+    again = DatasetFolder.read(grown.path)
+    assert again.data(2)["action"][4] == [5.0, 4.0]
+    assert [set(again.data(episode)["task_index"]) for episode in range(4)] == [{0}, {1}, {1}, {2}]
+    path, start, end = again.video(3, "observation.images.head")
+    shown = list(pictures(path, start, end))
+    assert len(shown) == 2
+    assert shown[0].mean() == pytest.approx(20, abs=4)
+
+
+def test_a_foreign_dataset_with_several_episodes_in_a_file_is_appended(tmp_path: Path) -> None:
+    frames = replace(FORMAT, cameras={})
+    source = written(tmp_path / "source", [(2, "a"), (3, "b")], frames)
+    tables = [parquet.read_table(source.path / f"data/chunk-000/file-00{number}.parquet") for number in (0, 1)]
+    parquet.write_table(pyarrow.concat_tables(tables), source.path / "data/chunk-000/file-000.parquet")
+    (source.path / "data/chunk-000/file-001.parquet").unlink()
+    rows = source.path / "meta/episodes/chunk-000/file-000.parquet"
+    described = parquet.read_table(rows).to_pylist()
+    described[1]["data/file_index"] = 0
+    parquet.write_table(pyarrow.Table.from_pylist(described), rows)
+    target = written(tmp_path / "target", [(4, "b")], frames)
+    target.append(DatasetFolder.read(source.path))
+    assert [row["data/file_index"] for row in target.episodes] == [0, 1, 1]
+    found = DatasetFolder.read(target.path)
+    assert [found.data(episode)["action"][0][0] for episode in range(3)] == [4.0, 2.0, 3.0]
+    assert [found.data(episode)["index"][0] for episode in range(3)] == [0, 4, 6]
+    assert [found.data(episode)["task_index"][0] for episode in range(3)] == [0, 1, 0]
+
+
+def test_all_differences_are_named(tmp_path: Path) -> None:
+    here = written(tmp_path / "here", [(2, "a")])
+    other = replace(
+        FORMAT, fps=20, numbers={"action": ("a", "c"), "goal": ("x",)}, cameras={}, robot="one_joint", units={}
+    )
+    there = written(tmp_path / "there", [(2, "a")], other)
+    before = contents(here)
+    with pytest.raises(DatasetError) as refused:
+        here.append(there)
+    for words in (
+        "fps is 20, not 10",
+        "robot_type is 'one_joint', not 'two_joints'",
+        "names of feature action is ['a', 'c'], not ['a', 'b']",
+        "feature goal is additional",
+        "feature observation.images.head is missing",
+    ):
+        assert words in str(refused.value)
+    assert contents(here) == before
+
+
+def test_rows_of_episodes_are_spread_over_files_of_which_only_the_last_is_written_again(tmp_path: Path) -> None:
+    frames = replace(FORMAT, cameras={})
+    grown = written(tmp_path / "set", [(1, "a")] * (ROWS_PER_FILE - 1), frames)
+    more = written(tmp_path / "more", [(1, "b")] * 2, frames)
+    first, second = (grown.path / f"meta/episodes/chunk-000/file-00{number}.parquet" for number in (0, 1))
+    grown.append(more)
+    closed = first.stat().st_mtime_ns
+    grown.append(more)
+    assert first.stat().st_mtime_ns == closed
+    assert [parquet.read_metadata(path).num_rows for path in (first, second)] == [ROWS_PER_FILE, 3]
+    assert DatasetFolder.read(grown.path).episodes == grown.episodes
+    assert [row["meta/episodes/file_index"] for row in grown.episodes[-4:]] == [0, 1, 1, 1]
+
+
+def test_an_episode_whose_row_is_written_counts_though_the_process_was_killed_before_the_rest(tmp_path: Path) -> None:
+    frames = replace(FORMAT, cameras={})
+    grown = written(tmp_path / "set", [(3, "a")], frames)
+    info = (grown.path / "meta/info.json").read_bytes()
+    grown.append(written(tmp_path / "more", [(2, "a")], frames))
+    expected = contents(grown)
+    (grown.path / "meta/info.json").write_bytes(info)  # as it was
+    again = DatasetFolder.read(grown.path)
+    assert (len(again.episodes), again.frames) == (2, 5)
+    last = written(tmp_path / "last", [(1, "b")], frames)
+    again.append(last)
+    assert json.loads((grown.path / "meta/info.json").read_text())["total_episodes"] == 3
+    assert contents(again).keys() > expected.keys()
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "words"),
+    [
+        ("meta/info.json", "{", "is not a dataset of LeRobot, or damaged"),
+        ("meta/info.json", '{"codebase_version": "v2.1"}', "has layout v2.1; only v3.0 is read"),
+        ("meta/tasks.parquet", "", "is not a dataset of LeRobot, or damaged"),
+    ],
+)
+def test_a_folder_that_is_no_dataset_is_refused(tmp_path: Path, file: str, text: str, words: str) -> None:
+    dataset = written(tmp_path / "set", [(2, "a")], replace(FORMAT, cameras={}))
+    (dataset.path / file).write_text(text)
+    with pytest.raises(DatasetError, match=words):
+        DatasetFolder.read(dataset.path)
