@@ -113,7 +113,7 @@ class Collection:
                 launcher.cancel()
 
     def _opened(self) -> DatasetFolder:
-        """Return the dataset in the folder, which is empty if there is none. Raises DatasetError."""
+        """Return the dataset in the folder, an empty one if the folder has none. Raises DatasetError."""
         frames = self._frames
         empty = DatasetFolder(self.folder, frames.fps, frames.robot, frames.features())
         try:

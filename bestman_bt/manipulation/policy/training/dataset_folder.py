@@ -58,7 +58,7 @@ class DatasetFolder:
 
     @classmethod
     def read(cls, path: Path) -> DatasetFolder:
-        """Return the dataset in a folder. Raises DatasetError if there is none, MissingExtraError without pyarrow."""
+        """Return the dataset in a folder. Raises DatasetError without one, MissingExtraError without pyarrow."""
         _, parquet = import_pyarrow()
         try:
             info = json.loads((path / "meta/info.json").read_text(encoding="utf-8"))
