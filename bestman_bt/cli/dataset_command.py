@@ -1,0 +1,152 @@
+"""Examples: bestman-bt dataset info picks; bestman-bt dataset merge picks more_picks -o all_picks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.options import Json, Png
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError, DatasetFolder
+
+verbs = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    no_args_is_help=True,
+    help="Describe, show and merge datasets of LeRobot.",
+    epilog=__doc__,
+)
+Dataset = Annotated[Path, typer.Argument(metavar="DIR", help="A dataset of LeRobot, layout 3.0.")]
+
+
+@verbs.command()
+def info(dataset: Dataset, as_json: Json = False) -> None:
+    """Print episodes, frames, tasks, seeds, features with their units, and the size."""
+    with json_output(as_json) as print_json, _refused():
+        document = _document(DatasetFolder.read(dataset))
+        print_json(document)
+    if not as_json:
+        seconds = document["frames"] / document["fps"]
+        print(
+            f"{dataset}: {document['episodes']} episodes, {document['frames']} frames at {document['fps']} Hz "
+            f"({seconds:.0f} s), {document['bytes'] / 1e6:.1f} MB, robot {document['robot'] or 'not named'}"
+        )
+        for task in document["tasks"]:
+            seeds = f", seeds {_ranges(task['seeds'])}" if task["seeds"] else ""
+            print(f"  task {task['task']!r}: {task['episodes']} episodes{seeds}")
+        for name, feature in document["features"].items():
+            print(f"  {name}: {feature['dtype']} {' × '.join(map(str, feature['shape']))}{_entries(feature)}")
+
+
+@verbs.command()
+def view(
+    dataset: Dataset,
+    png: Png = None,
+    episode: Annotated[int, typer.Option(min=0, help="Its index, from 0.")] = 0,
+) -> None:
+    """Draw an episode: its pictures, states, actions and running leaves over time."""
+    from bestman_bt.cli.dataset_picture import draw_episode
+
+    with _refused():
+        found = DatasetFolder.read(dataset)
+        if episode >= len(found.episodes):
+            raise ConfigurationError(
+                [Problem("--episode", None, "", f"should be below {len(found.episodes)}, got {episode}")]
+            )
+        target = png or Path(f"{dataset.resolve().name}_{episode}.png")
+        draw_episode(found, episode, target)
+    print(f"written: {target}")
+
+
+@verbs.command()
+def merge(
+    datasets: Annotated[list[Path], typer.Argument(metavar="DIR…", help="Datasets of the same robot and features.")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="The new dataset; does not exist yet.")],
+    as_json: Json = False,
+) -> None:
+    """Copy the episodes of several datasets into a new one, videos as they are."""
+    with json_output(as_json) as print_json, _refused():
+        if out.exists():
+            raise ConfigurationError([Problem("--out", None, "", f"{out} exists already; name a new folder")])
+        sources = [DatasetFolder.read(path) for path in datasets]
+        first = sources[0]
+        problems = [
+            Problem(str(source.path), None, "", f"{difference} as in {first.path}")
+            for source in sources[1:]
+            for difference in first.differences(source)
+        ]
+        seen: dict[tuple[str, int], Path] = {}
+        for source in sources:
+            for key in _seeds(source):
+                if key in seen:
+                    why = f"has seed {key[1]} of {key[0]!r}, which {seen[key]} has too"
+                    problems.append(Problem(str(source.path), None, "", why))
+                seen.setdefault(key, source.path)
+        if problems:
+            raise ConfigurationError(problems)
+        merged = DatasetFolder(out, first.fps, first.robot, first.features)
+        for source in sources:
+            merged.append(source)
+        print_json(_document(merged))
+    if not as_json:
+        print(f"{out}: {len(merged.episodes)} episodes of {len(sources)} datasets")
+
+
+@contextmanager
+def _refused() -> Iterator[None]:
+    """Turn what is wrong with a dataset into wrong input."""
+    try:
+        yield
+    except DatasetError as error:
+        raise ConfigurationError([Problem("", None, "", str(error))]) from error
+
+
+def _seeds(dataset: DatasetFolder) -> Iterator[tuple[str, int]]:
+    """Yield task and seed of the episodes that name one."""
+    return ((row["tasks"][0], row["seed"]) for row in dataset.episodes if row.get("seed") is not None)
+
+
+def _document(dataset: DatasetFolder) -> dict[str, Any]:
+    tasks = [
+        {
+            "task": task,
+            "episodes": sum(task in row["tasks"] for row in dataset.episodes),
+            "seeds": sorted(seed for of, seed in _seeds(dataset) if of == task),
+        }
+        for task in dataset.tasks
+    ]
+    return {
+        "folder": str(dataset.path),
+        "robot": dataset.robot,
+        "episodes": len(dataset.episodes),
+        "frames": dataset.frames,
+        "fps": dataset.fps,
+        "bytes": sum(path.stat().st_size for path in dataset.path.rglob("*") if path.is_file()),
+        "tasks": tasks,
+        "features": dataset.features,
+    }
+
+
+def _entries(feature: dict[str, Any]) -> str:
+    names, units = feature.get("names"), feature.get("units")
+    if not isinstance(names, list) or feature["dtype"] == "video":
+        return ""
+    if units is None:
+        return f": {', '.join(names)}"
+    return f": {', '.join(f'{name} [{unit}]' for name, unit in zip(names, units, strict=True))}"
+
+
+def _ranges(numbers: list[int]) -> str:
+    """Return sorted numbers in words, such as 1000 to 1007, 1009."""
+    ranges: list[list[int]] = []
+    for number in numbers:
+        if ranges and number == ranges[-1][-1] + 1:
+            ranges[-1][1:] = [number]
+        else:
+            ranges.append([number])
+    return ", ".join(" to ".join(map(str, one)) for one in ranges)

@@ -1,0 +1,83 @@
+"""A picture of an episode of a dataset: what the cameras saw, and states, actions and running leaves over time."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from bestman_bt.manipulation.policy.training.dataset_folder import DatasetFolder
+from bestman_bt.manipulation.policy.training.dataset_video import pictures
+
+PICTURES = 8
+"""Pictures of each camera, spread evenly over the episode."""
+STATE, ACTION, NODE = "observation.state", "action", "node"
+
+
+def draw_episode(dataset: DatasetFolder, episode: int, path: Path) -> None:
+    """Write the picture as a PNG. Raises DatasetError if files are missing, MissingExtraError without PyAV where the
+    dataset has videos.
+    """
+    data, row, videos = dataset.data(episode), dataset.episodes[episode], dataset.videos
+    times = np.array(data["timestamp"])
+    curves = _curves(dataset, data)
+    spans = _spans(data.get(NODE, []), times)
+    heights = [*[1.2] * len(videos), *[2.0] * len(curves), *([0.3 + 0.16 * len(spans)] if spans else [])]
+    figure = Figure(figsize=(12, 0.6 + sum(heights)), dpi=100, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(len(heights), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
+    figure.suptitle(f"episode {episode} of {dataset.path.name}: {', '.join(row['tasks'])}")
+    for name, axis in zip(videos, axes, strict=False):
+        axis.imshow(_strip(dataset, episode, name))
+        axis.set(title=name, xticks=[], yticks=[])
+    for (unit, entries), axis in zip(curves.items(), axes[len(videos) :], strict=False):
+        for name, state, action in entries:
+            (line,) = axis.plot(times, state, label=name, linewidth=1)
+            axis.plot(times, action, color=line.get_color(), linewidth=0.8, linestyle=":")
+        axis.set(ylabel=unit, xlim=(times[0], times[-1]))
+        axis.legend(fontsize=6, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    if spans:
+        axis = axes[-1]
+        for place, (name, start, end) in enumerate(spans):
+            axis.barh(place, end - start, left=start)
+            axis.text(end, place, f" {name}", va="center", fontsize=6)
+        axis.set(yticks=[], xlim=(times[0], times[-1]), xlabel="s; dotted: actions")
+        axis.invert_yaxis()
+    figure.savefig(path)
+
+
+def _curves(
+    dataset: DatasetFolder, data: dict[str, list[Any]]
+) -> dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]]:
+    """Return unit → name, state and action of its entries; empty for a dataset without both."""
+    feature = dataset.features.get(STATE)
+    if feature is None or dataset.features.get(ACTION, {}).get("names") != feature["names"]:
+        return {}
+    state, action = np.array(data[STATE], dtype=float), np.array(data[ACTION], dtype=float)
+    units = feature.get("units") or [""] * len(feature["names"])
+    curves: dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]] = {}
+    for column, (name, unit) in enumerate(zip(feature["names"], units, strict=True)):
+        curves.setdefault(unit, []).append((name, state[:, column], action[:, column]))
+    return curves
+
+
+def _spans(nodes: list[str], times: NDArray[np.float64]) -> list[tuple[str, float, float]]:
+    """Return the last part of the name, and begin and end in seconds, of each stretch with the same running leaves."""
+    spans = []
+    for name, group in groupby(enumerate(nodes), key=lambda frame: frame[1]):
+        frames = [index for index, _ in group]
+        if name:
+            end = min(frames[-1] + 1, len(times) - 1)
+            spans.append((name.rpartition("/")[2], float(times[frames[0]]), float(times[end])))
+    return spans
+
+
+def _strip(dataset: DatasetFolder, episode: int, name: str) -> NDArray[np.uint8]:
+    path, start, end = dataset.video(episode, name)
+    wanted = set(np.linspace(0, dataset.episodes[episode]["length"] - 1, PICTURES).astype(int).tolist())
+    return np.hstack([picture for index, picture in enumerate(pictures(path, start, end)) if index in wanted])

@@ -1,0 +1,97 @@
+"""Datasets described, drawn and merged from the command line."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from bestman_bt.manipulation.policy.training.dataset_folder import DatasetFolder
+from bestman_bt.manipulation.policy.training.lerobot_dataset import DatasetFormat, DatasetWriter
+from tests.cli.command_line import Answer
+
+Command = Callable[..., Answer]
+
+
+def write(folder: Path, seeds: range, fps: int = 10, camera: str = "head", task: str = "pick") -> None:
+    names, units = ("arm/joint1", "gripper/width"), ("rad", "m")
+    entries = dict.fromkeys(("observation.state", "action"), names)
+    both = dict.fromkeys(entries, units)
+    writer = DatasetWriter(folder, DatasetFormat(fps, entries, ("node",), {camera: (32, 48)}, "bench", both))
+    for seed in seeds:
+        for step in range(12):
+            values = {name: [0.1 * step, 0.04] for name in entries}
+            node = "all/Grasp::3" if step < 5 else "all/Place::4"
+            writer.add_frame({**values, "node": node}, {camera: np.full((32, 48, 3), 20 * step, np.uint8)})
+        writer.end_episode(task, seed=seed)
+
+
+def test_info_prints_what_is_in_a_dataset(bestman_bt: Command, folder: Path) -> None:
+    write(folder / "set", range(1000, 1003))
+    text = bestman_bt("dataset", "info", "set").out
+    assert "3 episodes, 36 frames at 10 Hz (4 s)" in text
+    assert "task 'pick': 3 episodes, seeds 1000 to 1002" in text
+    assert "action: float32 2: arm/joint1 [rad], gripper/width [m]" in text
+    document = json.loads(bestman_bt("dataset", "info", "set", "--json").out)
+    assert document["tasks"] == [{"task": "pick", "episodes": 3, "seeds": [1000, 1001, 1002]}]
+    assert document["bytes"] == sum(path.stat().st_size for path in (folder / "set").rglob("*") if path.is_file())
+
+
+def test_view_draws_an_episode_with_its_pictures(bestman_bt: Command, folder: Path) -> None:
+    write(folder / "set", range(2))
+    answer = bestman_bt("dataset", "view", "set", "--episode", "1", "--png", "one.png")
+    assert answer.code == 0
+    assert answer.out == "written: one.png\n"
+    drawn = np.asarray(Image.open(folder / "one.png").convert("RGB"))
+    white = (drawn == 255).all(axis=2).mean()
+    assert 0.2 < white < 0.9
+    late = (np.abs(drawn.astype(int) - 220) < 6).all(axis=2).sum()  # the last picture: 11 × 20
+    assert late > 500
+
+
+def test_merge_copies_the_videos_as_they_are(bestman_bt: Command, folder: Path) -> None:
+    write(folder / "one", range(2))
+    write(folder / "two", range(5, 6), task="place")
+    answer = bestman_bt("dataset", "merge", "one", "two", "-o", "both")
+    assert answer.code == 0
+    assert "3 episodes of 2 datasets" in answer.out
+    video = "videos/observation.images.head/chunk-000/file-{:03d}.mp4"
+    assert (folder / "both" / video.format(2)).read_bytes() == (folder / "two" / video.format(0)).read_bytes()
+    merged = DatasetFolder.read(folder / "both")
+    assert [(row["seed"], row["tasks"]) for row in merged.episodes] == [(0, ["pick"]), (1, ["pick"]), (5, ["place"])]
+
+
+def test_merge_refuses_other_formats_and_common_seeds_with_all_differences(bestman_bt: Command, folder: Path) -> None:
+    write(folder / "one", range(2))
+    write(folder / "two", range(1, 3), fps=20, camera="wrist")
+    answer = bestman_bt("dataset", "merge", "one", "two", "-o", "both")
+    assert answer.code == 2
+    for words in (
+        "fps is 20, not 10 as in one",
+        "feature observation.images.head is missing",
+        "feature observation.images.wrist is additional",
+        "has seed 1 of 'pick', which one has too",
+    ):
+        assert words in answer.err
+    assert not (folder / "both").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("info", "nothing"), "nothing is not a dataset of LeRobot"),
+        (("view", "set", "--episode", "2"), "--episode: should be below 2, got 2"),
+        (("merge", "set", "-o", "set"), "set exists already; name a new folder"),
+    ],
+)
+def test_wrong_input_ends_with_code_2(
+    bestman_bt: Command, folder: Path, arguments: tuple[str, ...], words: str
+) -> None:
+    write(folder / "set", range(2))
+    answer = bestman_bt("dataset", *arguments)
+    assert answer.code == 2
+    assert words in answer.err
