@@ -11,13 +11,14 @@ PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 # Where it is set, each of the many processes that tests start compiles every module that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help install demo test test-quick test-all test-cluster properties mutants comparisons eval eval-full gallery lint style types contracts format docs lock page page-packages dist release clean
+.PHONY: help install demo test test-quick test-all test-cluster test-lerobot properties mutants comparisons eval eval-full gallery lint style types contracts format docs lock page page-packages dist release clean
 
 help:
 	@echo "make demo      install, then watch the robot fetch a cup"
 	@echo "make test      install, then lint, types, import contracts and the quick tests (about 5 minutes)"
 	@echo "make test-all  every test (about 35 minutes); REST=1: those that make test leaves out"
 	@echo "make test-cluster  bring Ray and submitit, then evaluate on them while nodes, workers and drivers are killed"
+	@echo "make test-lerobot  bring LeRobot 0.4.4 and 0.6.1 into environments of their own, and read datasets with them"
 	@echo "make properties  random examples of what holds for each algorithm, for about an hour"
 	@echo "make mutants   seed known faults one by one and see that the tests find them (hours; resumes)"
 	@echo "make eval      20 seeds of every judged task, and the controls (about an hour; goes on where it stopped)"
@@ -59,6 +60,17 @@ test-all: install page-packages
 test-cluster: install
 	$(BIN)/uv pip install --quiet --python $(BIN)/python "ray>=2.50,<3" "submitit>=1.5,<2"
 	$(BIN)/python -m pytest tests/evaluation/launchers
+
+# LeRobot's versions of NumPy and OpenCV are below ours, and 0.6 needs Python 3.12; 4 to 8 GB each, most of it PyTorch with CUDA,
+# without which PyTorch's wheel for Linux cannot be imported.
+LEROBOT := build/lerobot
+PYTHON312 ?= 3.12
+test-lerobot: install
+	$(BIN)/uv venv --quiet --allow-existing --python 3.11 $(LEROBOT)/0.4.4
+	$(BIN)/uv pip install --quiet --python $(LEROBOT)/0.4.4/bin/python "lerobot==0.4.4"
+	$(BIN)/uv venv --quiet --allow-existing --python $(PYTHON312) $(LEROBOT)/0.6.1
+	$(BIN)/uv pip install --quiet --python $(LEROBOT)/0.6.1/bin/python "lerobot[dataset]==0.6.1" "torch<2.11"
+	$(BIN)/python -m pytest tests/manipulation/policy/test_lerobot_layout.py
 
 properties: install
 	PROPERTY_EXAMPLES=60 $(BIN)/python -m pytest -n $(JOBS) --dist load --timeout 3600 tests/properties

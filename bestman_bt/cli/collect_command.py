@@ -37,6 +37,12 @@ class Wanted:
     camera: Annotated[
         list[str] | None, typer.Option(help="A camera of the robot whose pictures are kept; may be repeated.")
     ] = None
+    subtasks: Annotated[
+        bool,
+        typer.Option(
+            "--subtasks", help="Keep what each skill does as language spans, which LeRobot 0.6 or later reads."
+        ),
+    ] = False
 
 
 @dataclass(frozen=True)
@@ -80,7 +86,7 @@ def command(
         config = world.run(task, wanted.seed)
         instruction = wanted.words or config.task.description or config.name.replace("_", " ")
         try:
-            collection = Collection(config, out, instruction, wanted.camera or ())
+            collection = Collection(config, out, instruction, wanted.camera or (), wanted.subtasks)
         except DatasetError as error:
             raise ConfigurationError([Problem("--out", None, "", str(error))]) from error
 

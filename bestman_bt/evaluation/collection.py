@@ -33,11 +33,13 @@ STAGED = "staged"
 class Collection:
     """A dataset in ``folder`` that grows by judged successes of a simulated task; what it holds already counts.
 
-    ``words``: the language instruction of its episodes. ``cameras``: names of the robot's cameras. Raises
-    ConfigurationError, DatasetError, MissingExtraError.
+    ``words``: the language instruction of its episodes. ``cameras``: names of the robot's cameras. ``subtasks``: also
+    keep what the running leaves do, in words. Raises ConfigurationError, DatasetError, MissingExtraError.
     """
 
-    def __init__(self, config: RunConfig, folder: Path, words: str, cameras: Sequence[str]) -> None:
+    def __init__(
+        self, config: RunConfig, folder: Path, words: str, cameras: Sequence[str], subtasks: bool = False
+    ) -> None:
         setup = prepare_episode(config)
         task, model = config.task, setup.robot_model
         problems = []
@@ -68,6 +70,7 @@ class Collection:
             {name: (lenses[name].height, lenses[name].width) for name in cameras},
             model.name,
             {STATE: units, ACTION: units},
+            subtasks,
         )
         self._dataset = self._opened()
 

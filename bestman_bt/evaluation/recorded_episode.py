@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -11,11 +12,12 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from bestman_bt.engine import RUNNING, Tree
+from bestman_bt.engine import RUNNING, Node, Tree
+from bestman_bt.engine.bounds import Named
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest
 from bestman_bt.evaluation.result import RunResult
-from bestman_bt.manipulation.policy.training.lerobot_dataset import DatasetFormat, DatasetWriter
+from bestman_bt.manipulation.policy.training.lerobot_dataset import SUBTASK, DatasetFormat, DatasetWriter
 from bestman_bt.runtime.resolved_config import ResolvedConfig
 from bestman_bt.runtime.robot_session import RobotSession
 from hal.api import Camera, Gripper, JointGroup, MobileBase, Part
@@ -74,12 +76,26 @@ def _measured(part: Part) -> Iterable[float]:
     return astuple(part.velocity())
 
 
+def leaf_words(leaf: Node) -> str:
+    """Return what a running leaf does, in words: its kind and the things of the world that it names, such as ``grasp
+    (object cup)``.
+    """
+    kind = re.sub(r"(?<!^)(?=[A-Z][a-z])", " ", leaf.type_id).lower()
+    ports = [name for name, port in leaf.INPUT_PORTS.items() if any(map(_is_name, getattr(port, "bounds", ())))]
+    named = ", ".join(f"{port} {value}" for port in ports if (value := leaf.get_input(port)))
+    return f"{kind} ({named})" if named else kind
+
+
+def _is_name(bound: object) -> bool:
+    return isinstance(bound, Named)
+
+
 class FrameRecorder:
     """Takes a frame after each tick: what was measured, seen and running then, and the set-points one tick later."""
 
     def __init__(self, writer: DatasetWriter, parts: Sequence[RecordedPart]) -> None:
         self._writer, self._parts = writer, parts
-        self._pending: tuple[list[float], str, dict[str, NDArray[Any]]] | None = None
+        self._pending: tuple[dict[str, Any], dict[str, NDArray[Any]]] | None = None
 
     def watch(self, session: RobotSession, tree: Tree) -> Callable[[], None]:
         """Return the hook of ``run_episode``."""
@@ -93,16 +109,21 @@ class FrameRecorder:
             pairs = zip(self._parts, rows, strict=True)
             self.end([float(row[column]) for one, row in pairs for column in one.columns])
             measured = [value for one in self._parts for value in _measured(parts[one.name])]
-            running = ", ".join(leaf.path for leaf in leaves if leaf.state == RUNNING)
-            self._pending = measured, running, _pictures(parts, self._writer.frames.cameras)
+            running = [leaf for leaf in leaves if leaf.state == RUNNING]
+            values = {
+                STATE: measured,
+                NODE: ", ".join(leaf.path for leaf in running),
+                SUBTASK: " and ".join(map(leaf_words, running)) if self._writer.frames.subtasks else "",
+            }
+            self._pending = values, _pictures(parts, self._writer.frames.cameras)
 
         return after_tick
 
     def end(self, commanded: Sequence[float] | None = None) -> None:
         """Write the frame that waits for its action; the last one of an episode holds what was measured."""
         if self._pending is not None:
-            measured, node, pictures = self._pending
-            self._writer.add_frame({STATE: measured, ACTION: commanded or measured, NODE: node}, pictures)
+            values, pictures = self._pending
+            self._writer.add_frame({**values, ACTION: commanded or values[STATE]}, pictures)
         self._pending = None
 
 

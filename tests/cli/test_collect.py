@@ -30,7 +30,7 @@ def attempts(folder: Path) -> list[dict]:
 def collected(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("collected") / "picks"
     config = load_run("pick_bench", seed=SEED)
-    collection = Collection(config, folder, config.task.description, ())
+    collection = Collection(config, folder, config.task.description, (), subtasks=True)
     collection.collect(1, 1, lambda result: None)
     assert collection.kept == 1
     return folder
@@ -50,6 +50,12 @@ def test_a_judged_success_is_kept_with_what_was_measured_commanded_and_ticked(co
     lag = np.abs(action[:-1, arm] - state[1:, arm]).max()  # a tick later the joints are where they were sent
     assert 0.0 < lag < 0.1
     assert any("Grasp" in node for node in table["node"])
+    spans = table["language_persistent"][0]
+    assert all(frame == spans for frame in table["language_persistent"])
+    (grasp,) = (span for span in spans if span["content"] == "grasp (object cup)")
+    began = table["timestamp"].index(grasp["timestamp"])
+    assert ("/Grasp::" in table["node"][began - 1], "/Grasp::" in table["node"][began]) == (False, True)
+    assert [span["timestamp"] for span in spans] == sorted({span["timestamp"] for span in spans})
     assert [(one["outcome"], one["episode"]) for one in attempts(collected)][-1] == ("success", 0)
 
 
@@ -58,7 +64,7 @@ def test_a_second_call_runs_nothing_that_has_ended_and_a_failure_is_listed_but_n
     collected: Path, bestman_bt: Command
 ) -> None:
     before = attempts(collected)
-    again = ("collect", "pick_bench", "-o", collected, "--seed", SEED)
+    again = ("collect", "pick_bench", "-o", collected, "--seed", SEED, "--subtasks")
     assert bestman_bt(*again, "--episodes", "1").code == 0
     assert attempts(collected) == before
     short = bestman_bt(*again, "--episodes", "2", "--most", "2", "--set", "time_limit=2 s")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from bestman_bt.manipulation.policy.training.dataset_statistics import FeatureSt
 from bestman_bt.manipulation.policy.training.dataset_video import CODEC, VideoFile
 
 IMAGES = "observation.images."
+SUBTASK, LANGUAGE = "subtask", "language_persistent"
 _CAMERA = re.compile(r"[A-Za-z0-9_-]+")
 _COUNTERS = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 
@@ -36,8 +37,9 @@ class DatasetFormat:
     """The content of each frame.
 
     ``fps``: frames per second. ``numbers``: feature → the names of its entries. ``texts``: features that are a text.
-    ``cameras``: name → (H, W) pixels, even. ``units``: feature → the units of its entries, where they are known. Raises
-    DatasetError.
+    ``cameras``: name → (H, W) pixels, even. ``units``: feature → the units of its entries, where they are known.
+    ``subtasks``: whether each frame has a text ``subtask``, what the robot does; the texts of an episode are kept as
+    LeRobot's ``language_persistent``. Raises DatasetError.
     """
 
     fps: int
@@ -46,6 +48,7 @@ class DatasetFormat:
     cameras: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     robot: str = ""
     units: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    subtasks: bool = False
 
     def __post_init__(self) -> None:
         if isinstance(self.fps, bool) or not isinstance(self.fps, int) or self.fps <= 0:
@@ -69,6 +72,8 @@ class DatasetFormat:
         for name, units in self.units.items():
             features[name]["units"] = list(units)
         features |= {name: {"dtype": "string", "shape": [1], "names": None} for name in self.texts}
+        if self.subtasks:
+            features[LANGUAGE] = {"dtype": "language", "shape": [1], "names": None}
         for name, (height, width) in self.videos().items():
             features[name] = {
                 "dtype": "video",
@@ -134,7 +139,8 @@ class DatasetWriter:
             picture = pictures[name.removeprefix(IMAGES)]
             self._videos[name].add(picture)
             self._pictures[name].add_picture(picture)
-        self._rows.append(row | {name: str(values[name]) for name in self.frames.texts})
+        texts = (*self.frames.texts, SUBTASK) if self.frames.subtasks else self.frames.texts
+        self._rows.append(row | {name: str(values[name]) for name in texts})
 
     def discard(self) -> None:
         """Forget the frames of the episode that is being recorded."""
@@ -184,6 +190,9 @@ class DatasetWriter:
         path = dataset.file(DATA, place)
         path.parent.mkdir(parents=True, exist_ok=True)
         table = {name: _column(arrow, values) for name, values in columns.items()} | texts
+        if self.frames.subtasks:
+            spans = _spans([row[SUBTASK] for row in self._rows], columns["timestamp"])
+            table[LANGUAGE] = arrow.array([spans] * length, _language_type(arrow))
         parquet.write_table(arrow.table(table), path)
         statistics = {}
         for name, values in columns.items():
@@ -199,6 +208,28 @@ class DatasetWriter:
     def _video_path(self, name: str) -> Path:
         kind = f"{VIDEOS}/{name}"
         return self._dataset.file(kind, self._dataset.next_file(kind))
+
+
+def _spans(texts: Sequence[str], times: NDArray[np.float32]) -> list[dict[str, Any]]:
+    """Return a row of ``language_persistent`` for each frame that begins another subtask; it lasts until the next."""
+    begins = [index for index, text in enumerate(texts) if text and (index == 0 or text != texts[index - 1])]
+    return [
+        {"role": "assistant", "content": texts[index], "style": "subtask", "timestamp": float(times[index])}
+        for index in begins
+    ]
+
+
+def _language_type(arrow: Any) -> Any:
+    """Return the type of ``language_persistent`` in LeRobot 0.6.1: all rows of the episode in each frame."""
+    fields = {
+        "role": arrow.string(),
+        "content": arrow.string(),
+        "style": arrow.string(),
+        "timestamp": arrow.float32(),
+        "camera": arrow.string(),
+        "tool_calls": arrow.list_(arrow.string()),
+    }
+    return arrow.list_(arrow.struct(list(fields.items())))
 
 
 def _column(arrow: Any, values: NDArray[Any]) -> Any:
