@@ -77,7 +77,8 @@ class StoredEpisodes(Mapping[EpisodeKey, RunResult]):
 class Journal:
     """The file ``episodes.jsonl``, written by only one evaluation at a time. A torn last line is ignored.
 
-    Damaged lines are dropped, and the original file is saved beside it (``notes``).
+    Damaged lines are dropped, and the original file is saved beside it (``notes``). A journal without episodes is
+    removed at the end, with the folders that were made for it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -87,10 +88,12 @@ class Journal:
         self._offsets: dict[EpisodeKey, int] = {}
         self._end = 0
         self._synced = 0.0
+        self._made_folders: list[Path] = []
         self.notes: list[str] = []
 
     def __enter__(self) -> Journal:
         """Read what is there, and take the file. Raises ConfigurationError if that is not possible."""
+        self._made_folders = [folder for folder in self.path.parents if not folder.exists()]
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self.path.open("a+b")
@@ -109,7 +112,12 @@ class Journal:
         try:
             self._sync()
         finally:
+            if self._end == 0:
+                self.path.unlink(missing_ok=True)
             self._close()
+            with suppress(OSError):  # something else is in it
+                for folder in self._made_folders:
+                    folder.rmdir()
 
     @property
     def results(self) -> StoredEpisodes:

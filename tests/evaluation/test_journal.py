@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.evaluation.journal import EpisodeKey, Journal, JournalError, read_episodes
 from tests.evaluation.test_summary import result
 
@@ -26,6 +26,16 @@ def test_what_was_added_is_there_when_it_is_opened_again(tmp_path: Path) -> None
     with Journal(path) as again:
         assert list(again.results) == [KEY]
         assert again.results[KEY].to_document() == result(7, predicate=False).to_document()
+
+
+def test_a_journal_without_episodes_leaves_nothing_behind(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    with pytest.raises(ConfigurationError, match="refused"), Journal(tmp_path / "mine" / "new" / "deep" / "a.jsonl"):
+        raise ConfigurationError([Problem("--address", None, "", "refused")])
+    assert list((tmp_path / "mine").iterdir()) == []
+    with Journal(tmp_path / "mine" / "kept" / "a.jsonl"):
+        (tmp_path / "mine" / "kept" / "summary.json").write_text("{}")
+    assert [path.name for path in (tmp_path / "mine" / "kept").iterdir()] == ["summary.json"]
 
 
 def test_a_line_that_was_cut_off_does_not_count_and_is_written_over(tmp_path: Path) -> None:

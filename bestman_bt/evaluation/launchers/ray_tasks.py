@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -33,6 +34,7 @@ from bestman_bt.extras import require_extra
 
 HEAD_PATIENCE = 10.0
 """Seconds without an answer after which the head of the cluster is taken to be lost."""
+_ADDRESS = re.compile(r"auto|(ray://)?[^\s:/]+:\d{1,5}|(ray://)?\[[0-9a-fA-F:]+\]:\d{1,5}")
 SHUTDOWN_PATIENCE = 10.0
 """Seconds that a cluster has to close the connection."""
 
@@ -48,6 +50,8 @@ class RayTasks(Launcher):
     def __init__(self, options: LaunchOptions | None = None) -> None:
         super().__init__(options)
         require_extra("--launcher ray", "ray")
+        if self.options.address and not _ADDRESS.fullmatch(self.options.address):
+            raise _problem(f"should be HOST:PORT of the head, such as 10.0.0.7:6379, got {self.options.address!r}")
         self._waiting: deque[int] = deque()
         self._pending: dict[Any, int] = {}
         self._ray: Any = None
@@ -111,7 +115,7 @@ class RayTasks(Launcher):
         if address:
             asked = {"address": address}
             where = address.removeprefix("ray://")
-            if ":" in where and not _reachable(where):
+            if where != "auto" and not _reachable(where):
                 raise _problem(f"{address} does not answer; is its head running ('ray start --head'), the port open?")
             if shipped := _code_of_checkout():
                 asked["runtime_env"] = {"working_dir": shipped}
@@ -149,7 +153,11 @@ class RayTasks(Launcher):
                 there, versions = self._ray.get(reference)
             except self._ray.exceptions.RayError as error:
                 reason = str(error).strip().splitlines()[-1]
-                problems.append(f"node {nodes[node]} cannot run bestman-bt: {reason}; install the same version there")
+                if isinstance(error, self._ray.exceptions.RayTaskError):  # it was reached, and could not import
+                    why = f"cannot run bestman-bt: {reason}; install the same version there"
+                else:
+                    why = f"has not answered ({type(error).__name__}: {reason}); it may have been lost or not be ready"
+                problems.append(f"node {nodes[node]} {why}; if it has just joined, repeat the command")
                 continue
             if there != code:
                 why = f"node {nodes[node]} has other code ({there}, here {code}; there {versions})"

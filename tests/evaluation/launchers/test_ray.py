@@ -152,5 +152,7 @@ def test_nodes_with_other_code_and_addresses_without_a_head_are_refused(suite: S
     assert len(refused.value.problems) == 3
     assert "has other code" in str(refused.value)
     assert "here 0ther" in str(refused.value)
+    with pytest.raises(ConfigurationError, match=r"--address: should be HOST:PORT of the head, .* got 'nohost'"):
+        RayTasks(LaunchOptions(address="nohost"))
     with pytest.raises(ConfigurationError, match=r"--address: 127.0.0.1:9 does not answer; is its head running"):
         RayTasks(LaunchOptions(address="127.0.0.1:9")).submit([request])
