@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,10 +19,12 @@ verbs = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
     no_args_is_help=True,
-    help="Describe, show and merge datasets of LeRobot.",
+    help="Describe, show, merge and replay datasets of LeRobot.",
     epilog=__doc__,
 )
 Dataset = Annotated[Path, typer.Argument(metavar="DIR", help="A dataset of LeRobot, layout 3.0.")]
+
+Episode = Annotated[int, typer.Option(min=0, help="Its index, from 0.")]
 
 
 @verbs.command()
@@ -47,17 +50,14 @@ def info(dataset: Dataset, as_json: Json = False) -> None:
 def view(
     dataset: Dataset,
     png: Png = None,
-    episode: Annotated[int, typer.Option(min=0, help="Its index, from 0.")] = 0,
+    episode: Episode = 0,
 ) -> None:
     """Draw an episode: its pictures, states, actions and running leaves over time."""
     from bestman_bt.cli.dataset_picture import draw_episode
 
     with _refused():
         found = DatasetFolder.read(dataset)
-        if episode >= len(found.episodes):
-            raise ConfigurationError(
-                [Problem("--episode", None, "", f"should be below {len(found.episodes)}, got {episode}")]
-            )
+        _check_episode(found, episode)
         target = png or Path(f"{dataset.resolve().name}_{episode}.png")
         draw_episode(found, episode, target)
     print(f"written: {target}")
@@ -95,6 +95,32 @@ def merge(
         print_json(_document(merged))
     if not as_json:
         print(f"{out}: {len(merged.episodes)} episodes of {len(sources)} datasets")
+
+
+@verbs.command()
+def replay(dataset: Dataset, episode: Episode = 0, as_json: Json = False) -> None:
+    """Command the actions of an episode without feedback, in its scene with its seed, and judge the outcome."""
+    from bestman_bt.evaluation.open_loop import replay_open_loop
+
+    with json_output(as_json) as print_json, _refused():
+        found = DatasetFolder.read(dataset)
+        _check_episode(found, episode)
+        replayed = replay_open_loop(found, episode)
+        result = replayed.result
+        difference = {unit: {"entry": name, "value": value} for unit, (name, value) in replayed.difference.items()}
+        print_json({"episode": episode, "goal": result.predicate, "difference": difference, "metrics": result.metrics})
+    if not as_json:
+        print(f"episode {episode}, seed {result.seed}: the goal {'holds' if result.predicate else 'does not hold'}")
+        for unit, (name, value) in replayed.difference.items():
+            print(f"  the last state differs by at most {value:.2g} {unit} ({name})")
+    sys.exit(0 if result.predicate else 1)
+
+
+def _check_episode(dataset: DatasetFolder, episode: int) -> None:
+    if episode >= len(dataset.episodes):
+        raise ConfigurationError(
+            [Problem("--episode", None, "", f"should be below {len(dataset.episodes)}, got {episode}")]
+        )
 
 
 @contextmanager

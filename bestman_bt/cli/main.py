@@ -18,7 +18,7 @@ VERBS = {
     "eval": "run a task over many seeds and summarise",
     "sweep": "run the same seeds with several settings and compare",
     "collect": "record judged successes of a task as a dataset for learning",
-    "dataset": "describe, show and merge datasets of episodes",
+    "dataset": "describe, show, merge and replay datasets of episodes",
     "compare": "compare two evaluations seed by seed",
     "look": "show what the robot perceives of the furniture in a scene",
     "cloud": "show, thin, clean, convert and draw a cloud of points",

@@ -12,6 +12,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from bestman_bt.configuration.run import dump_run
 from bestman_bt.engine import RUNNING, Node, Tree
 from bestman_bt.engine.bounds import Named
 from bestman_bt.evaluation.episode import run_episode
@@ -25,6 +26,8 @@ from hal.parts.black_box import Trace
 from hal.parts.channels import ControlledPart
 
 STATE, ACTION, NODE = "observation.state", "action", "node"
+RUN = "run"
+"""The column of an episode's row with its configuration, YAML."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,8 @@ def _trace(part: Part) -> Trace:
     return part.trace
 
 
-def _measured(part: Part) -> Iterable[float]:
+def measured(part: Part) -> Iterable[float]:
+    """Return the entries of the state that belong to a recorded part."""
     if isinstance(part, JointGroup):
         return map(float, part.positions())
     if isinstance(part, Gripper):
@@ -108,10 +112,10 @@ class FrameRecorder:
                 return  # before the first control period
             pairs = zip(self._parts, rows, strict=True)
             self.end([float(row[column]) for one, row in pairs for column in one.columns])
-            measured = [value for one in self._parts for value in _measured(parts[one.name])]
+            state = [value for one in self._parts for value in measured(parts[one.name])]
             running = [leaf for leaf in leaves if leaf.state == RUNNING]
             values = {
-                STATE: measured,
+                STATE: state,
                 NODE: ", ".join(leaf.path for leaf in running),
                 SUBTASK: " and ".join(map(leaf_words, running)) if self._writer.frames.subtasks else "",
             }
@@ -164,7 +168,7 @@ class RecordedEpisode(EpisodeRequest):
                 result = run_episode(setup, run_folder, watch=recorder.watch)
                 recorder.end()
                 if result.success and not result.unearned:
-                    writer.end_episode(self.words, seed=self.config.seed)
+                    writer.end_episode(self.words, seed=self.config.seed, run=dump_run(self.config, absolute=True))
                     finished = self.staged / str(self.config.seed)
                     shutil.rmtree(finished, ignore_errors=True)
                     (folder / "dataset").rename(finished)

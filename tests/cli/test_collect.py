@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+import pyarrow
 import pyarrow.parquet as parquet
 import pytest
 
@@ -74,6 +76,26 @@ def test_a_second_call_runs_nothing_that_has_ended_and_a_failure_is_listed_but_n
     assert (failed["episode"], failed["outcome"]) == (None, "failure")
     assert failed["why"]
     assert json.loads((collected / "meta/info.json").read_text())["total_episodes"] == 1
+
+
+@pytest.mark.slow
+def test_an_episode_replays_open_loop_and_other_actions_do_not_reach_its_goal(
+    collected: Path, bestman_bt: Command, tmp_path: Path
+) -> None:
+    answer = bestman_bt("dataset", "replay", collected, "--json")
+    replayed = json.loads(answer.out)
+    assert (answer.code, replayed["goal"]) == (0, True)
+    assert set(replayed["difference"]) == {"rad", "m"}
+    assert max(entry["value"] for entry in replayed["difference"].values()) < 0.005
+    shutil.copytree(collected, tmp_path / "still")
+    file = tmp_path / "still/data/chunk-000/file-000.parquet"
+    table = parquet.read_table(file)
+    field = table.schema.field("action")
+    first = pyarrow.array(table["action"].slice(0, 1).to_pylist() * len(table), field.type)
+    parquet.write_table(table.set_column(table.schema.get_field_index("action"), field, first), file)
+    stood = bestman_bt("dataset", "replay", tmp_path / "still")
+    assert stood.code == 1
+    assert f"episode 0, seed {SEED}: the goal does not hold" in stood.out
 
 
 class Backwards(LocalProcesses):

@@ -85,6 +85,7 @@ def test_merge_refuses_other_formats_and_common_seeds_with_all_differences(bestm
     [
         (("info", "nothing"), "nothing is not a dataset of LeRobot"),
         (("view", "set", "--episode", "2"), "--episode: should be below 2, got 2"),
+        (("replay", "set"), "episode 0 does not say which run it is; collect writes it"),
         (("merge", "set", "-o", "set"), "set exists already; name a new folder"),
     ],
 )
