@@ -89,7 +89,7 @@ def resting(model: ObjectModel, rng: np.random.Generator) -> Pose:
         with TemporaryDirectory() as folder:
             file = Path(folder) / "thing.urdf"
             seen = [(part, (0.5, 0.5, 0.5, 1.0)) for part in model.collision[:1]]
-            file.write_text(body_urdf("thing", model.mass, model.collision, seen, Path(folder)), encoding="utf-8")
+            file.write_text(body_urdf("thing", model.mass, model.collision, seen), encoding="utf-8")
             start = Pose(np.zeros(3), turn / np.linalg.norm(turn))
             lift = 0.01 - float(start.apply(_points(model))[:, 2].min())
             body = pybullet.loadURDF(str(file), [0, 0, lift], start.quaternion.tolist(), physicsClientId=client)

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
+from hashlib import sha256
 from math import asin, atan2
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Lock
 from xml.etree import ElementTree
 
 import numpy as np
@@ -25,9 +29,8 @@ def body_urdf(
     mass: float,
     collision: Sequence[PlacedShape],
     visual: Sequence[tuple[PlacedShape, Color]],
-    folder: Path,
 ) -> str:
-    """Return the URDF of a rigid body; ``mass`` in kg (0: fixed). Meshes are written into ``folder`` as OBJ.
+    """Return the URDF of a rigid body; ``mass`` in kg (0: fixed). It names its meshes by path, see ``mesh_file``.
 
     PyBullet uses the convex hull of colliding meshes, and derives the inertia from the collision shapes, about the
     body's frame.
@@ -39,21 +42,20 @@ def body_urdf(
     zero = dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), "0")
     ElementTree.SubElement(inertial, "inertia", zero)
     for i, (placed, color) in enumerate(visual):
-        element = _placed(link, "visual", placed, folder / f"{name}_visual_{i}.obj")
+        element = _placed(link, "visual", placed)
         material = ElementTree.SubElement(element, "material", name=f"{name}_{i}")
         ElementTree.SubElement(material, "color", rgba=" ".join(map(repr, map(float, color))))
-    for i, placed in enumerate(collision):
+    for placed in collision:
         solid = PlacedShape(without_margin(placed.shape), placed.pose) if isinstance(placed.shape, Mesh) else placed
-        _placed(link, "collision", solid, folder / f"{name}_collision_{i}.obj")
+        _placed(link, "collision", solid)
     ElementTree.indent(robot)  # pybullet breaks lines after 8 kB, wherever that is
     return ElementTree.tostring(robot, encoding="unicode")
 
 
-def _placed(link: ElementTree.Element, tag: str, placed: PlacedShape, mesh_file: Path) -> ElementTree.Element:
+def _placed(link: ElementTree.Element, tag: str, placed: PlacedShape) -> ElementTree.Element:
     element = ElementTree.SubElement(link, tag)
     ElementTree.SubElement(element, "origin", _origin(placed.pose))
-    geometry = ElementTree.SubElement(element, "geometry")
-    _geometry(geometry, placed.shape, mesh_file)
+    _geometry(ElementTree.SubElement(element, "geometry"), placed.shape)
     return element
 
 
@@ -67,7 +69,7 @@ def _origin(pose: Pose) -> dict[str, str]:
     return {"xyz": " ".join(repr(float(v)) for v in pose.position), "rpy": f"{roll!r} {pitch!r} {yaw!r}"}
 
 
-def _geometry(parent: ElementTree.Element, shape: Shape, mesh_file: Path) -> None:
+def _geometry(parent: ElementTree.Element, shape: Shape) -> None:
     match shape:
         case Box():
             ElementTree.SubElement(parent, "box", size=" ".join(repr(float(v)) for v in shape.size))
@@ -77,11 +79,31 @@ def _geometry(parent: ElementTree.Element, shape: Shape, mesh_file: Path) -> Non
         case Sphere():
             ElementTree.SubElement(parent, "sphere", radius=repr(float(shape.radius)))
         case Mesh():
-            write_obj(shape, mesh_file)
-            ElementTree.SubElement(parent, "mesh", filename=str(mesh_file))
+            ElementTree.SubElement(parent, "mesh", filename=str(mesh_file(shape)))
 
 
-def write_obj(mesh: Mesh, file: Path) -> None:
+_writing = Lock()
+
+
+def mesh_file(mesh: Mesh) -> Path:
+    """Return a file of these triangles in a folder of this process, removed at exit; equal meshes share a file.
+
+    PyBullet never frees a mesh that it has read from a file, and reads each file name once.
+    """
+    digest = sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest()
+    file = Path(_mesh_folder().name) / f"{digest}.obj"
+    with _writing:
+        if not file.exists():
+            _write_obj(mesh, file)
+    return file
+
+
+@cache
+def _mesh_folder() -> TemporaryDirectory[str]:
+    return TemporaryDirectory(prefix="bestman_bt_meshes_")
+
+
+def _write_obj(mesh: Mesh, file: Path) -> None:
     """Write triangles as Wavefront OBJ, with a normal per face so that the renderer shades them flat."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
@@ -127,12 +149,12 @@ def _link_name(piece: str, articulation: Articulation) -> str:
     return f"{piece}/{articulation.name}"
 
 
-def furniture_urdf(name: str, model: FurnitureModel, folder: Path) -> str:
-    """Return the URDF of furniture with closed doors and drawers; meshes are written into ``folder``."""
+def furniture_urdf(name: str, model: FurnitureModel) -> str:
+    """Return the URDF of furniture with closed doors and drawers."""
     colored = list(zip(model.parts, model.colors, strict=True))
-    robot = ElementTree.fromstring(body_urdf(name, 0.0, model.parts, colored, folder))
+    robot = ElementTree.fromstring(body_urdf(name, 0.0, model.parts, colored))
     for articulation in model.articulations:
-        robot.append(_leaf(name, articulation, folder))
+        robot.append(_leaf(name, articulation))
         joint = ElementTree.SubElement(robot, "joint", name=joint_name(articulation), type=articulation.kind)
         ElementTree.SubElement(joint, "parent", link=name)
         ElementTree.SubElement(joint, "child", link=_link_name(name, articulation))
@@ -144,12 +166,12 @@ def furniture_urdf(name: str, model: FurnitureModel, folder: Path) -> str:
     return ElementTree.tostring(robot, encoding="unicode")
 
 
-def _leaf(name: str, articulation: Articulation, folder: Path) -> ElementTree.Element:
+def _leaf(name: str, articulation: Articulation) -> ElementTree.Element:
     """Return the link of a door or drawer; its frame lies at the joint, turned as the furniture's."""
     from_furniture = Pose(-np.array(articulation.origin))
     parts = [PlacedShape(part.shape, from_furniture @ part.pose) for part in articulation.parts]
     colored = list(zip(parts, articulation.colors, strict=True))
-    text = body_urdf(f"{name}_{articulation.name}", articulation.mass, parts, colored, folder)
+    text = body_urdf(f"{name}_{articulation.name}", articulation.mass, parts, colored)
     link = ElementTree.fromstring(text).find("link")
     assert link is not None
     link.set("name", _link_name(name, articulation))
@@ -175,7 +197,7 @@ _CARRIER_MASS = 1.0  # of the first slide, without a shape
 _REACH = 30.0
 
 
-def walker_urdf(walker: Walker, folder: Path) -> str:
+def walker_urdf(walker: Walker) -> str:
     """Return an upright cylinder on two slides, along x and y, that motors move; they are at 0 where its round
     begins.
     """
@@ -186,7 +208,7 @@ def walker_urdf(walker: Walker, folder: Path) -> str:
         Cylinder(walker.radius, walker.height - _ABOVE_FLOOR),
         Pose.from_xyz_rpy((0.0, 0.0, (walker.height + _ABOVE_FLOOR) / 2), (0.0, 0.0, 0.0)),
     )
-    body = ElementTree.fromstring(body_urdf("body", walker.mass, [shape], [(shape, COLOR)], folder)).find("link")
+    body = ElementTree.fromstring(body_urdf("body", walker.mass, [shape], [(shape, COLOR)])).find("link")
     assert body is not None
     robot.append(body)
     for parent, child, slide, axis in (

@@ -67,7 +67,7 @@ def render_object(
     client.connect()
     try:
         with TemporaryDirectory() as folder:
-            urdf = body_urdf("render_object", 0.0, (), [(part, (*color, 1.0)) for part, color in parts], Path(folder))
+            urdf = body_urdf("render_object", 0.0, (), [(part, (*color, 1.0)) for part, color in parts])
             file = Path(folder) / "render_object.urdf"
             file.write_text(urdf, encoding="utf-8")
             client.loadURDF(str(file), useFixedBase=True)

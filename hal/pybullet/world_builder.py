@@ -133,7 +133,7 @@ def _floor(client: PhysicsClient, parameters: PhysicsParameters) -> int:
 
 def _wall(client: PhysicsClient, name: str, box: Box, pose: Pose, folder: Path) -> int:
     placed = PlacedShape(box, Pose())
-    return _load(client, name, body_urdf(name, 0.0, [placed], [(placed, WALL_COLOR)], folder), pose, folder, fixed=True)
+    return _load(client, name, body_urdf(name, 0.0, [placed], [(placed, WALL_COLOR)]), pose, folder, fixed=True)
 
 
 def _furniture(client: PhysicsClient, piece: PlacedFurniture, folder: Path) -> tuple[int, dict[str, tuple[int, int]]]:
@@ -141,7 +141,7 @@ def _furniture(client: PhysicsClient, piece: PlacedFurniture, folder: Path) -> t
     them.
     """
     model = piece.model
-    urdf = furniture_urdf(piece.name, model, folder)
+    urdf = furniture_urdf(piece.name, model)
     body = _load(client, piece.name, urdf, piece.pose, folder, fixed=True, flags=FURNITURE_FLAGS)
     client.changeDynamics(body, -1, lateralFriction=model.friction)
     joints, _ = _names(client, body)
@@ -161,7 +161,7 @@ def _furniture(client: PhysicsClient, piece: PlacedFurniture, folder: Path) -> t
 def _object(client: PhysicsClient, placed: PlacedObject, parameters: PhysicsParameters, folder: Path) -> int:
     model = placed.model
     seen = [(part, (*color, 1.0)) for part, color in model.appearance]
-    urdf = body_urdf(placed.name, model.mass, model.collision, seen, folder)
+    urdf = body_urdf(placed.name, model.mass, model.collision, seen)
     body = _load(client, placed.name, urdf, placed.pose, folder, fixed=False, flags=OBJECT_FLAGS)
     # Finger pads are soft and touch in a patch; points of contact alone let an object pivot in the hand.
     client.changeDynamics(
@@ -178,7 +178,7 @@ def _walker(client: PhysicsClient, walker: Walker, folder: Path) -> tuple[int, t
     """Return a walker where its round begins."""
     x, y = walker.route[0]
     pose = Pose.from_xyz_rpy((x, y, 0.0), (0.0, 0.0, 0.0))
-    body = _load(client, walker.name, walker_urdf(walker, folder), pose, folder, fixed=True)
+    body = _load(client, walker.name, walker_urdf(walker), pose, folder, fixed=True)
     joints, _ = _names(client, body)
     return body, (joints[SLIDES[0]], joints[SLIDES[1]])
 

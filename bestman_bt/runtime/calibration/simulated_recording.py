@@ -11,7 +11,6 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import cv2
@@ -165,22 +164,21 @@ def record(
     """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([views.seed, 7])
-    with TemporaryDirectory() as name:
-        world = World("calibration", 0, (), (), (), Pose2D(), {})
-        drawn = _with_board(built_robot, views.placement, Path(name))
-        simulated: type[SimulatedRobot] = DRIVERS.resolve(DEFAULT_SIMULATOR)
-        # Not folded, as it drives: a board in the hand would touch the arm.
-        upright = simulated.parameters_class(initial_postures=("home", "carry"))
-        robot = simulated(drawn, world, seed=views.seed, parameters=upright)
-        entries: list[dict[str, Any]] = []
-        with robot:
-            recorder = _Recorder(robot, file_robot, camera, views.placement, views.span, rng)
-            joints = JointStateSensor(robot.parts, file_robot)
-            for index, _ in zip(range(views.count), recorder.visit(), strict=False):
-                progress("recording views", index, views.count)
-                image = robot.part(camera, Camera).capture()
-                entries.append(_save(image, f"view_{index:03d}", folder))
-                entries[-1]["joints"] = {name: round(float(value), 7) for name, value in joints.positions().items()}
+    world = World("calibration", 0, (), (), (), Pose2D(), {})
+    drawn = _with_board(built_robot, views.placement)
+    simulated: type[SimulatedRobot] = DRIVERS.resolve(DEFAULT_SIMULATOR)
+    # Not folded, as it drives: a board in the hand would touch the arm.
+    upright = simulated.parameters_class(initial_postures=("home", "carry"))
+    robot = simulated(drawn, world, seed=views.seed, parameters=upright)
+    entries: list[dict[str, Any]] = []
+    with robot:
+        recorder = _Recorder(robot, file_robot, camera, views.placement, views.span, rng)
+        joints = JointStateSensor(robot.parts, file_robot)
+        for index, _ in zip(range(views.count), recorder.visit(), strict=False):
+            progress("recording views", index, views.count)
+            image = robot.part(camera, Camera).capture()
+            entries.append(_save(image, f"view_{index:03d}", folder))
+            entries[-1]["joints"] = {name: round(float(value), 7) for name, value in joints.positions().items()}
     progress("recording views", views.count, views.count)
     if len(entries) < views.count:
         raise CalibrationError(f"the arm reached {len(entries)} of {views.count} views of the board")
@@ -318,13 +316,13 @@ def _from_middle(board: CharucoBoard) -> Pose:
     return Pose(np.array([*(-np.array(board.size) / 2), 0.0]))
 
 
-def _with_board(robot: RobotModel, placement: BoardPlacement, folder: Path) -> RobotModel:
+def _with_board(robot: RobotModel, placement: BoardPlacement) -> RobotModel:
     """Return the robot with a board bolted to a link; it weighs next to nothing."""
     shapes = board_shapes(placement.board)
     if not placement.in_hand:
         post = PlacedShape(POST.shape, placement.holder_from_board.inverse() @ POST.pose)
         shapes = [*shapes, (post, (0.4, 0.42, 0.45, 1.0))]
-    body = ET.fromstring(body_urdf("calibration_board", 1e-3, (), shapes, folder))
+    body = ET.fromstring(body_urdf("calibration_board", 1e-3, (), shapes))
     urdf = ET.fromstring(robot.urdf)
     link = body.find("link")
     assert link is not None

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -121,3 +124,25 @@ def test_frames_that_are_no_links_in_physics_are_where_they_belong(robot_model, 
         truth = GroundTruth(robot)
         hand, tool = truth.frame_pose("panda_hand"), truth.frame_pose("panda_grasptarget")
         assert (hand.inverse() @ tool).position == pytest.approx([0.0, 0.0, 0.105], abs=1e-6)
+
+
+def test_equal_meshes_share_a_file_in_all_worlds_of_a_process_which_removes_them_at_its_end() -> None:
+    program = """
+from bestman_bt.messages import Mesh, PlacedShape, Pose
+from hal.pybullet.body_urdf import body_urdf, mesh_file
+
+corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+meshes = [Mesh(np.array(corners) * size, np.array(faces)) for size in (0.1, 0.1, 0.2)]
+urdfs = [body_urdf(f"body_{i}", 1.0, (), [(PlacedShape(mesh, Pose()), (1, 0, 0, 1))]) for i, mesh in enumerate(meshes)]
+files = [mesh_file(mesh) for mesh in meshes]
+assert all(str(file) in urdf for file, urdf in zip(files, urdfs))
+assert files[0] == files[1] != files[2]
+assert all(file.stat().st_size for file in files)
+print(files[0].parent)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", "import numpy as np" + program], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert not Path(done.stdout.strip()).exists()
