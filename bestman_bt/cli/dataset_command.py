@@ -108,9 +108,13 @@ def replay(dataset: Dataset, episode: Episode = 0, as_json: Json = False) -> Non
         replayed = replay_open_loop(found, episode)
         result = replayed.result
         difference = {unit: {"entry": name, "value": value} for unit, (name, value) in replayed.difference.items()}
-        print_json({"episode": episode, "goal": result.predicate, "difference": difference, "metrics": result.metrics})
+        refused = result.failure.why if result.tree_status != "SUCCESS" and result.failure is not None else ""
+        document = {"episode": episode, "seed": result.seed, "goal": result.predicate, "ended_early": refused}
+        print_json({**document, "difference": difference, "metrics": result.metrics})
     if not as_json:
         print(f"episode {episode}, seed {result.seed}: the goal {'holds' if result.predicate else 'does not hold'}")
+        if refused:
+            print(f"  it ended early: {refused}")
         for unit, (name, value) in replayed.difference.items():
             print(f"  the last state differs by at most {value:.2g} {unit} ({name})")
     sys.exit(0 if result.predicate else 1)

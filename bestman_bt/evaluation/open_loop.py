@@ -83,9 +83,9 @@ def replay_open_loop(dataset: DatasetFolder, episode: int) -> OpenLoopReplay:
         file.write_text(row[RUN], encoding="utf-8")
         config = read_run(file)
     names, units = (dataset.features[ACTION][key] for key in ("names", "units"))
-    last: list[float] = []
     with open_judged(config) as judged:
         parts = judged.session.robot.parts
+        last = _state(parts, names)
 
         def watch(*_: Any) -> Any:
             def after_tick() -> None:
@@ -93,7 +93,8 @@ def replay_open_loop(dataset: DatasetFolder, episode: int) -> OpenLoopReplay:
 
             return after_tick
 
-        tree = CommandActions(parts, names, np.array(data[ACTION], dtype=float))
+        # Rounded, because a limit in single precision may be above that limit.
+        tree = CommandActions(parts, names, np.array(data[ACTION], dtype=float).round(6))
         result = judged.run(tree, watch=watch)
     found: dict[str, tuple[str, float]] = {}
     for name, unit, here, there in zip(names, units, last, data[STATE][-1], strict=True):

@@ -96,6 +96,11 @@ def test_an_episode_replays_open_loop_and_other_actions_do_not_reach_its_goal(
     stood = bestman_bt("dataset", "replay", tmp_path / "still")
     assert stood.code == 1
     assert f"episode 0, seed {SEED}: the goal does not hold" in stood.out
+    beyond = pyarrow.array([[100.0] * field.type.list_size] * len(table), field.type)
+    parquet.write_table(table.set_column(table.schema.get_field_index("action"), field, beyond), file)
+    ended = json.loads(bestman_bt("dataset", "replay", tmp_path / "still", "--json").out)
+    assert not ended["goal"]
+    assert "arm refused" in ended["ended_early"]
 
 
 class Backwards(LocalProcesses):
