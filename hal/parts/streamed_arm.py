@@ -138,7 +138,7 @@ class StreamedArm(StreamedJointGroup, Arm):
         return min(1.0, 1.0 / max(fast, 1e-9), float(np.sqrt(1.0 / max(sudden, 1e-9))))
 
     def _check_way(self, command: str, target: Array) -> None:
-        fault = self._tool.outside_on_the_way(self._position, target)
+        fault = self._tool.outside_on_the_way(self._start, target)
         if fault is not None:
             raise self._connection.refuse(command, fault)
 

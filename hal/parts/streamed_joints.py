@@ -224,7 +224,8 @@ class StreamedJointGroup(StoppablePart, JointGroup):
     ) -> None:
         """Set one kind of set-point; positions and velocities are approached within the limits, efforts act at once.
 
-        Velocities lapse after ``velocity_timeout`` unless they are repeated.
+        After efforts, positions and velocities start from the measured ones. Velocities lapse after
+        ``velocity_timeout`` unless they are repeated.
         """
         checks, model = self._checks, self.model
         with self._connection.lock:
@@ -239,15 +240,16 @@ class StreamedJointGroup(StoppablePart, JointGroup):
                 self._efforts, self._halting = torques, False
                 self._channel.exert(torques)
                 return
-            self._leave_effort_mode()
             self._start_from_rest()
             if positions is not None:
                 target = checks.positions("command", positions)
                 self._check_way("command", target)
+                self._leave_effort_mode()
                 reach = Reach(self._position, self._own_velocity, target, model.velocity, model.acceleration)
                 self._take_over(reach, None)
             else:
                 wanted = checks.velocities("command", velocities if velocities is not None else ())
+                self._leave_effort_mode()
                 drift = Drift(self._position, self._own_velocity, wanted, model.acceleration, model.lower, model.upper)
                 self._take_over(drift, None)
                 self._lapses_in = self._tracking.velocity_timeout
@@ -538,7 +540,13 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         self._setpoints, self._wanted = setpoints, self._position
         self._waiting = self._astray = self._slip = self._held = 0.0
 
+    @property
+    def _start(self) -> Array:
+        """Where the set-points of the next command start: at the joints after efforts, which no set-point follows."""
+        return self._position if self._efforts is None else self._channel.read().positions
+
     def _leave_effort_mode(self) -> None:
+        """Continue the set-points at the measured positions and velocities, the latter within the limits."""
         if self._efforts is not None:
             reading, model = self._channel.read(), self.model
             self._efforts = None

@@ -672,6 +672,53 @@ def test_efforts_that_are_commanded_anew_end_the_halt_of_earlier_ones(latch: Sto
     assert channel.halts == 2
 
 
+@pytest.mark.parametrize("braked", [False, True], ids=["while efforts act", "while they are braked"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        lambda group: group.command(positions=[1.0, -0.5]),
+        lambda group: group.command(velocities=[0.4, -0.4]),
+        lambda group: group.move_to([1.0, -0.5]),
+    ],
+    ids=["positions", "velocities", "move_to"],
+)
+def test_a_command_after_efforts_starts_from_the_measured_positions_and_velocities(
+    latch: StopLatch, command: Callable[[StreamedJointGroup], object], braked: bool
+) -> None:
+    channel = Torques(2)
+    group = StreamedJointGroup("head", MODEL, channel, latch, PERIOD)
+    group.attach()
+    group.command(efforts=[3.0, -2.0])
+    run(group, 0.1)
+    channel.at, channel.tremble = np.array([0.4, -0.1]), 0.3  # the efforts have moved them
+    if braked:
+        group.brake()
+        run(group, PERIOD)
+    here = channel.read()
+    command(group)
+    run(group, PERIOD)
+    assert len(channel.sent) == 1
+    positions, velocities = channel.sent[0]
+    hardest = STRONG / 0.3  # braking within the time of a stop
+    assert np.all(np.abs(velocities - here.velocities) <= hardest * PERIOD + 1e-9)
+    assert positions == pytest.approx(here.positions + here.velocities * PERIOD, abs=hardest * PERIOD**2)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"positions": [9.0, 0.0]}, {"velocities": [9.0, 0.0]}], ids=lambda wrong: next(iter(wrong))
+)
+def test_a_refused_command_leaves_efforts_as_they_are(latch: StopLatch, wrong: dict[str, list[float]]) -> None:
+    channel = Torques(2)
+    group = StreamedJointGroup("head", MODEL, channel, latch, PERIOD)
+    group.attach()
+    group.command(efforts=[3.0, -2.0])
+    with pytest.raises(CommandRefusedError):
+        group.command(**wrong)
+    run(group, 0.1)
+    assert not channel.sent
+    assert not channel.halts
+
+
 def test_a_reading_that_never_comes_to_rest_does_not_keep_the_joints_from_being_held(latch: StopLatch) -> None:
     class Restless(Torques):
         def halt(self) -> None:
