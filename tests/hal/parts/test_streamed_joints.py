@@ -719,6 +719,23 @@ def test_a_refused_command_leaves_efforts_as_they_are(latch: StopLatch, wrong: d
     assert not channel.halts
 
 
+def test_the_way_of_a_command_after_efforts_is_checked_from_where_the_joints_are(
+    robot_model: RobotModel, latch: StopLatch
+) -> None:
+    ahead = ToolLimits(robot_model, "arm", SafetyConfig()).tool(np.array(HOME))[0]
+    behind = WorkspaceConfig((-1.0, -1.0, 0.0), (ahead - 0.02, 1.0, 2.0))
+    tool, channel = ToolLimits(robot_model, "arm", SafetyConfig(workspace=behind)), Torques(7)
+    channel.at = sideways(-0.8)
+    arm = StreamedArm("arm", robot_model.of(ArmModel)["arm"], channel, latch, PERIOD, tool)
+    arm.attach()
+    arm.command(positions=sideways(-0.7))  # does not pass the boundary ahead
+    run(arm, 0.02)
+    arm.command(efforts=[0.0] * 7)
+    channel.at = sideways(0.8)  # the efforts have moved the arm to the other side
+    with pytest.raises(CommandRefusedError, match="workspace"):
+        arm.command(positions=sideways(-0.7))
+
+
 def test_a_reading_that_never_comes_to_rest_does_not_keep_the_joints_from_being_held(latch: StopLatch) -> None:
     class Restless(Torques):
         def halt(self) -> None:
