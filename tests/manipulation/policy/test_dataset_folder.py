@@ -137,5 +137,48 @@ def test_an_episode_whose_row_is_written_counts_though_the_process_was_killed_be
 def test_a_folder_that_is_no_dataset_is_refused(tmp_path: Path, file: str, text: str, words: str) -> None:
     dataset = written(tmp_path / "set", [(2, "a")], replace(FORMAT, cameras={}))
     (dataset.path / file).write_text(text)
-    with pytest.raises(DatasetError, match=words):
+    with pytest.raises(DatasetError) as refused:
         DatasetFolder.read(dataset.path)
+    assert str(refused.value).count(str(dataset.path)) == 1 + (text == "")
+    assert words in str(refused.value)
+
+
+def test_a_dataset_with_few_rows_in_a_file_grows(tmp_path: Path) -> None:
+    frames = replace(FORMAT, cameras={})
+    source = written(tmp_path / "set", [(1, "a"), (2, "a"), (3, "a")], frames)
+    first, second = (source.path / f"meta/episodes/chunk-000/file-00{number}.parquet" for number in (0, 1))
+    rows = parquet.read_table(first).to_pylist()
+    rows[2]["meta/episodes/file_index"] = 1
+    parquet.write_table(pyarrow.Table.from_pylist(rows[:2]), first)
+    parquet.write_table(pyarrow.Table.from_pylist(rows[2:]), second)
+    DatasetFolder.read(source.path).append(written(tmp_path / "more", [(4, "b")], frames))
+    grown = DatasetFolder.read(source.path).episodes
+    assert [row["length"] for row in grown] == [1, 2, 3, 4]
+    assert [row["meta/episodes/file_index"] for row in grown] == [0, 0, 1, 1]
+
+
+class KilledError(BaseException):
+    """Ends a test's process where a signal would."""
+
+
+def test_a_process_killed_before_the_first_row_leaves_an_empty_dataset(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames = replace(FORMAT, cameras={})
+    source = written(tmp_path / "source", [(2, "a")], frames)
+    write_table = parquet.write_table
+
+    def killed(table: Any, path: Path) -> None:
+        if "episodes" in Path(path).parts:
+            raise KilledError
+        write_table(table, path)
+
+    grown = DatasetFolder(tmp_path / "set", source.fps, source.robot, source.features)
+    with monkeypatch.context() as patch:
+        patch.setattr(parquet, "write_table", killed)
+        with pytest.raises(KilledError):
+            grown.append(source)
+    again = DatasetFolder.read(grown.path)
+    assert not again.episodes
+    again.append(source)
+    assert len(DatasetFolder.read(grown.path).episodes) == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -98,6 +99,37 @@ def test_a_discarded_episode_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="at least one frame"):
         recorder.end_episode("reach")
     assert not (tmp_path / "set").exists()
+
+
+def test_a_discarded_episode_leaves_what_others_have_put_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "set").mkdir()
+    recorder = DemonstrationRecorder(tmp_path / "set", FORMAT)
+    recorder.add(frame(0, 0), [0, 0], 0.08)
+    recorder.discard()
+    assert (tmp_path / "set").is_dir()
+    recorder.add(frame(0, 0), [0, 0], 0.08)
+    (tmp_path / "set" / "notes.txt").write_text("mine")
+    recorder.discard()
+    assert [path.name for path in (tmp_path / "set").rglob("*")] == ["notes.txt"]
+
+
+@pytest.mark.parametrize("file", ["data", "tasks.parquet.new"])
+def test_a_full_disk_is_what_an_episode_reports_that_is_discarded_then(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str
+) -> None:
+    recorder = DemonstrationRecorder(tmp_path / "set", FORMAT)
+    recorder.add(frame(0, 0), [0, 0], 0.08)
+    write_table = parquet.write_table
+
+    def full(table: Any, path: Path) -> None:
+        if file in Path(path).parts:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write_table(table, path)
+
+    monkeypatch.setattr(parquet, "write_table", full)
+    with pytest.raises(OSError, match="No space left"):
+        recorder.end_episode("reach")
+    recorder.discard()
 
 
 def test_a_folder_that_is_in_use_is_not_written_to(tmp_path: Path) -> None:

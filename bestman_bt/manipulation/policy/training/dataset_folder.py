@@ -29,6 +29,7 @@ ROWS_PER_FILE = 100
 NUMBERED = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 DATA, VIDEOS = "data", "videos"
 COUNTERS = ("episode_index", "index", "task_index")
+_PLACE = ("meta/episodes/chunk_index", "meta/episodes/file_index")
 _STATS = re.compile(r"stats/(.+)/(\w+)")
 
 
@@ -71,6 +72,8 @@ class DatasetFolder:
             found.tasks = dict(sorted(zip(texts, tasks["task_index"], strict=True), key=lambda task: task[1]))
             for row in found.rows():
                 found._take(row)
+        except DatasetError:
+            raise
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise DatasetError(f"{path} is not a dataset of LeRobot, or damaged: {error}") from error
         return found
@@ -138,10 +141,12 @@ class DatasetFolder:
         for task in tasks:
             self.tasks.setdefault(task, len(self.tasks))
         _write(meta / "tasks.parquet", lambda path: parquet.write_table(_tasks_table(arrow, self.tasks), path))
+        if not self.episodes:  # so that a process killed before the first row leaves an empty dataset
+            _write(meta / "info.json", partial(_write_json, self._info()))
         for row in rows:
-            place = _place(len(self.episodes) // ROWS_PER_FILE)
+            place = self._next_place()
             self._take({**row, **{f"meta/episodes/{key}": value for key, value in place.items()}})
-            if row is rows[-1] or len(self._last_rows) == ROWS_PER_FILE:
+            if row is rows[-1] or self._next_place() != place:
                 table = arrow.Table.from_pylist(self._last_rows)
                 file = meta / "episodes" / f"{NUMBERED.format(**place)}.parquet"
                 _write(file, partial(parquet.write_table, table))
@@ -154,7 +159,7 @@ class DatasetFolder:
         Raises DatasetError for one of another format.
         """
         if problems := self.differences(other):
-            raise DatasetError(f"{other.path} does not fit to {self.path}: {'; '.join(problems)}")
+            raise DatasetError(f"{other.path} does not match {self.path}: {'; '.join(problems)}")
         first, frames, rows = len(self.episodes), self.frames, []
         copied: dict[tuple[str, int, int], dict[str, int]] = {}
         statistics: dict[int, dict[str, Any]] = {}
@@ -214,7 +219,7 @@ class DatasetFolder:
     def _take(self, row: dict[str, Any]) -> None:
         if row["episode_index"] != len(self.episodes):
             raise DatasetError(f"{self.path}: episode {len(self.episodes)} is missing in meta/episodes")
-        if len(self.episodes) % ROWS_PER_FILE == 0:
+        if self._last_rows and any(row[key] != self._last_rows[-1][key] for key in _PLACE):
             self._last_rows = []
         self._last_rows.append(row)
         self._columns = set(row)
@@ -229,6 +234,14 @@ class DatasetFolder:
         for kind in (DATA, *(f"{VIDEOS}/{name}" for name in self.videos)):
             used = row[f"{kind}/chunk_index"] * FILES_PER_FOLDER + row[f"{kind}/file_index"]
             self._files[kind] = max(self._files[kind], used + 1)
+
+    def _next_place(self) -> dict[str, int]:
+        """Return the number of the file of ``meta/episodes`` that gets the next row."""
+        if not self._last_rows:
+            return {"chunk_index": 0, "file_index": 0}
+        chunk, file = (self._last_rows[-1][key] for key in _PLACE)
+        number = chunk * FILES_PER_FOLDER + file + (len(self._last_rows) >= ROWS_PER_FILE)
+        return {"chunk_index": number // FILES_PER_FOLDER, "file_index": number % FILES_PER_FOLDER}
 
     def _info(self) -> dict[str, Any]:
         return {
@@ -246,10 +259,6 @@ class DatasetFolder:
             "video_path": f"videos/{{video_key}}/{NUMBERED}.mp4" if self.videos else None,
             "features": self.features,
         }
-
-
-def _place(number: int) -> dict[str, int]:
-    return {"chunk_index": number // FILES_PER_FOLDER, "file_index": number % FILES_PER_FOLDER}
 
 
 def _write(path: Path, write: Callable[[Path], object]) -> None:

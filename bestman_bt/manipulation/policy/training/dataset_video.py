@@ -1,4 +1,4 @@
-"""Videos of a dataset, encoded frame by frame with PyAV: H.264, of which every second frame can be sought."""
+"""Videos of a dataset, encoded frame by frame with PyAV: H.264 with a keyframe every second frame."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class VideoFile:
         import av
 
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._frame = av.VideoFrame.from_ndarray
-        self._container = av.open(str(path), "w", format="mp4")
+        self.path, self._frame = path, av.VideoFrame.from_ndarray
+        self._container: Any = av.open(str(path), "w", format="mp4")
         stream: Any = self._container.add_stream(ENCODER, rate=fps, options=dict(_OPTIONS))
         (stream.height, stream.width), stream.pix_fmt = size, "yuv420p"
         self._stream = stream
@@ -44,9 +44,14 @@ class VideoFile:
         self._container.mux(self._stream.encode(frame))
 
     def close(self) -> None:
-        """Write what the encoder still holds."""
-        self._container.mux(self._stream.encode(None))
-        self._container.close()
+        """Write what the encoder still holds; idempotent."""
+        container, self._container = self._container, None
+        if container is None:
+            return
+        try:
+            container.mux(self._stream.encode(None))
+        finally:
+            container.close()
 
 
 def pictures(path: Path, start: float, end: float) -> Iterator[NDArray[np.uint8]]:

@@ -6,8 +6,8 @@ One data file and one video per camera and episode, which the layout allows.
 from __future__ import annotations
 
 import re
-import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -107,7 +107,8 @@ class DatasetWriter:
         if frames.cameras:
             require_extra("recording pictures", "video")
         try:
-            used = self.folder.exists() and any(self.folder.iterdir())
+            self._new = not self.folder.exists()
+            used = not self._new and any(self.folder.iterdir())
         except OSError as error:
             raise DatasetError(f"{self.folder} cannot be a dataset's folder: {error.strerror}") from error
         if used:
@@ -144,11 +145,14 @@ class DatasetWriter:
 
     def discard(self) -> None:
         """Forget the frames of the episode that is being recorded."""
-        for name, video in self._videos.items():
+        for video in self._videos.values():
             video.close()
-            self._video_path(name).unlink()
-        if self._videos and not self._dataset.episodes:
-            shutil.rmtree(self.folder)
+            video.path.unlink(missing_ok=True)
+            if not self._dataset.episodes:
+                made = [folder for folder in video.path.parents if self.folder in folder.parents]
+                with suppress(OSError):  # something else is in it
+                    for folder in [*made, *[self.folder] * self._new]:
+                        folder.rmdir()
         self._rows, self._videos, self._pictures = [], {}, {}
 
     def end_episode(self, task: str, **about: Any) -> int:
@@ -201,8 +205,8 @@ class DatasetWriter:
         statistics |= {name: one.to_dict(picture=True) for name, one in self._pictures.items()}
         for name, found in statistics.items():
             episode |= {f"stats/{name}/{key}": value for key, value in found.items()}
+        self._rows, self._videos, self._pictures = [], {}, {}  # if its row gets written, its files have to stay
         dataset.add([episode | about], [task])
-        self._rows, self._videos, self._pictures = [], {}, {}
         return index
 
     def _video_path(self, name: str) -> Path:
