@@ -95,12 +95,12 @@ def command(
             text = f"seed {result.seed}: {result.outcome}{why}; {collection.kept} of {wanted.episodes} episodes"
             CONSOLE.print(text, highlight=False, markup=False, soft_wrap=True)
 
-        interrupted = ""
+        launcher, interrupted = execution.made(out), ""
         try:
-            collection.collect(wanted.episodes, wanted.most or 2 * wanted.episodes, show, execution.made(out))
+            collection.collect(wanted.episodes, wanted.most or 2 * wanted.episodes, show, launcher)
         except KeyboardInterrupt:
             interrupted = "interrupted: repeat the command to go on"
-        except LauncherLostError as error:
+        except (LauncherLostError, DatasetError, OSError) as error:
             interrupted = str(error)
         print_json(
             {
@@ -108,12 +108,17 @@ def command(
                 "episodes": collection.kept,
                 "asked": wanted.episodes,
                 "instruction": instruction,
+                "notes": launcher.notes,
                 "interrupted": interrupted,
             }
         )
     if not as_json:
         print(f"{out}: {collection.kept} of {wanted.episodes} episodes; every seed that was tried is in {ATTEMPTS}")
+    remarks = [*launcher.notes]
     if interrupted:
-        CONSOLE.print(f"bestman-bt: {interrupted}", highlight=False, markup=False, soft_wrap=True)
+        remarks += [interrupted, "episodes that had ended but waited for an earlier seed, if any, will be run again"]
+    for remark in remarks:
+        CONSOLE.print(f"bestman-bt: {remark}", highlight=False, markup=False, soft_wrap=True)
+    if interrupted:
         sys.exit(130)
     sys.exit(0 if collection.kept >= wanted.episodes else 1)

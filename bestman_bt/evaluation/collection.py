@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem
@@ -16,8 +18,9 @@ from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.launchers.launcher import Launcher
 from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
-from bestman_bt.evaluation.recorded_episode import ACTION, NODE, STATE, RecordedEpisode, RecordedPart
+from bestman_bt.evaluation.recorded_episode import ACTION, NODE, RUN, STATE, RecordedEpisode, RecordedPart
 from bestman_bt.evaluation.result import Outcome, RunResult
+from bestman_bt.evaluation.writer_lock import lock_for_writing
 from bestman_bt.extras import require_extra
 from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError, DatasetFolder
 from bestman_bt.manipulation.policy.training.lerobot_dataset import DatasetFormat
@@ -84,19 +87,20 @@ class Collection:
     ) -> None:
         """Run seeds from the first one until the dataset has ``episodes`` of this task, at most ``most`` seeds.
 
-        Seeds that were tried in an earlier call are passed over. As many seeds are run as successes are missing, then
-        as many as are still missing, so that the same seeds are tried whatever runs them. ``show``: receives each
-        result, in the order of the seeds. ``launcher``: None: this process.
+        Seeds that were tried in an earlier call are passed over, unless they have ended by an error. As many seeds are
+        run as successes are missing, then as many as are still missing, so that the same seeds are tried whatever runs
+        them. ``show``: receives each result, in the order of the seeds. ``launcher``: None: this process.
 
-        Raises ConfigurationError if the launcher refuses the episodes, LauncherLostError if it is lost,
-        KeyboardInterrupt after Ctrl-C or a stopped episode. What is in the dataset by then is kept.
+        Raises ConfigurationError if the launcher refuses the episodes or another process writes the dataset,
+        DatasetError if it cannot be written, LauncherLostError if the launcher is lost, KeyboardInterrupt after Ctrl-C
+        or a stopped episode. What is in the dataset by then is kept; results that wait for an earlier seed are not.
         """
         launcher = launcher or LocalProcesses()
-        tried, first = self._tried(), self._config.seed
+        first, planned = self._config.seed, list[int]()
         code, files = code_fingerprint(), config_fingerprint(self._config)
-        left = [seed for seed in range(first, first + most) if seed not in tried]
-        planned: list[int] = []
-        with self._staging():
+        with self._writing():
+            tried = self._tried()
+            left = [seed for seed in range(first, first + most) if seed not in tried]
             try:
                 while left and self.kept < episodes:
                     missing = episodes - self.kept
@@ -123,67 +127,105 @@ class Collection:
             there = {path.name for path in self.folder.iterdir()} if self.folder.exists() else set()
         except OSError as error:
             raise DatasetError(f"{self.folder} cannot be a dataset's folder: {error.strerror}") from error
-        if "meta" not in there:
+        if not any((self.folder / "meta" / name).exists() for name in ("info.json", "episodes")):
             if there and ATTEMPTS not in there:
                 raise DatasetError(f"{self.folder} is neither empty nor a dataset")
             return empty
         found = DatasetFolder.read(self.folder)
         if differences := empty.differences(found):
             raise DatasetError(f"{self.folder} holds a dataset of another format: {'; '.join(differences)}")
+        if found.episodes and (missing := {"seed", RUN} - set(found.episodes[-1])):
+            raise DatasetError(f"{self.folder} was not written by collect: its episodes lack {', '.join(missing)}")
         return found
 
     @contextmanager
-    def _staging(self) -> Iterator[None]:
-        new, staged = not self.folder.exists(), self.folder / STAGED
-        shutil.rmtree(staged, ignore_errors=True)  # left by a process that was killed
-        staged.mkdir(parents=True)
+    def _writing(self) -> Iterator[None]:
+        """Hold the dataset as its only writer, with a new folder for the episodes that are not in it yet.
+
+        Raises ConfigurationError if another process holds it, DatasetError if the folder cannot be written.
+        """
+        new, path, staged = not self.folder.exists(), self.folder / ATTEMPTS, self.folder / STAGED
         try:
-            yield
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._attempts = path.open("a+b")
+        except OSError as error:
+            raise DatasetError(f"{self.folder} cannot be a dataset's folder: {error.strerror}") from error
+        try:
+            lock_file = lock_for_writing(self._attempts, path, "collect")
+            try:
+                self._dataset = self._opened()
+                shutil.rmtree(staged, ignore_errors=True)  # left by a process that was killed
+                staged.mkdir()
+                self._staged = Path(tempfile.mkdtemp(dir=staged)).resolve()  # workers of that process do not know it
+                yield
+            finally:
+                shutil.rmtree(staged, ignore_errors=True)
+                if path.stat().st_size == 0:
+                    path.unlink()
+                if lock_file is not None:
+                    lock_file.unlink()
+                if new and not any(self.folder.iterdir()):
+                    self.folder.rmdir()
         finally:
-            shutil.rmtree(staged, ignore_errors=True)
-            if new and not any(self.folder.iterdir()):
-                self.folder.rmdir()
+            with suppress(OSError):  # it writes what could not be written before
+                self._attempts.close()
 
     def _request(self, seed: int, code: str, files: str) -> RecordedEpisode:
         return RecordedEpisode(
             self._config.changed(seed=seed),
             code=code,
             files=files,
-            staged=(self.folder / STAGED).resolve(),
+            staged=self._staged,
             frames=self._frames,
             parts=self._parts,
             words=self._words,
         )
 
     def _keep(self, seed: int, result: RunResult) -> None:
-        """Add the episode of a judged success to the dataset, and a line to the attempts."""
-        staged, kept = self.folder / STAGED / str(seed), result.success and not result.unearned
+        """Add the episode of a judged success to the dataset, and a line to the attempts. Raises DatasetError."""
+        staged, kept = self._staged / str(seed), result.success and not result.unearned
         if kept and not staged.is_dir():
             raise LauncherLostError(
                 f"the episode of seed {seed} is not in {staged.parent}: --out should be a folder that all machines see "
                 "under one path"
             )
         why = result.failure.why if result.failure is not None else result.unearned
-        line = {
-            "task": self._words,
-            "seed": seed,
-            "episode": len(self._dataset.episodes) if kept else None,
-            "outcome": str(result.outcome),
-            "why": why,
-            "versions": result.versions,
-        }
-        if kept:
-            self._dataset.append(DatasetFolder.read(staged))
-            shutil.rmtree(staged)
-        with (self.folder / ATTEMPTS).open("a", encoding="utf-8") as attempts:
-            attempts.write(json.dumps(line) + "\n")
+        episode = len(self._dataset.episodes) if kept else None
+        try:
+            if kept:
+                self._dataset.append(DatasetFolder.read(staged))
+                shutil.rmtree(staged)
+            self._list(self._words, seed, episode, str(result.outcome), why, result.versions)
+        except OSError as error:
+            self._dataset = self._opened()
+            raise DatasetError(
+                f"{self.folder} cannot be written any more: {error}; the {len(self._dataset.episodes)} episodes in it "
+                "are kept: make room there and repeat the command"
+            ) from error
+
+    def _list(
+        self, task: str, seed: int, episode: int | None, outcome: str, why: str, versions: Mapping[str, Any]
+    ) -> None:
+        line = {"task": task, "seed": seed, "episode": episode, "outcome": outcome, "why": why, "versions": versions}
+        self._attempts.write(json.dumps(line).encode() + b"\n")
+        self._attempts.flush()
 
     def _tried(self) -> set[int]:
-        """Return the seeds that have ended: a process that is killed between its two files has kept its episode."""
+        """Return the seeds that have ended, other than by an error; list those of episodes that are not listed, as
+        after a process that was killed between the two files.
+        """
+        self._attempts.seek(0)
+        written = self._attempts.read()
+        whole = written[: written.rfind(b"\n") + 1]
+        self._attempts.truncate(len(whole))  # without a torn line
         try:
-            lines = (self.folder / ATTEMPTS).read_text(encoding="utf-8").splitlines()
-        except FileNotFoundError:
-            lines = []
-        ended = [(line["tasks"][0], line["seed"]) for line in self._dataset.episodes]
-        ended += [(line["task"], line["seed"]) for line in map(json.loads, lines)]
+            lines = [json.loads(line) for line in whole.splitlines()]
+        except ValueError as error:
+            raise DatasetError(f"{self.folder / ATTEMPTS} is damaged: {error}") from error
+        listed = {(line["task"], line["seed"]) for line in lines if line["episode"] is not None}
+        kept = [(row["tasks"][0], row["seed"]) for row in self._dataset.episodes]
+        for episode, (task, seed) in enumerate(kept):
+            if (task, seed) not in listed:
+                self._list(task, seed, episode, str(Outcome.SUCCESS), "", {})
+        ended = kept + [(line["task"], line["seed"]) for line in lines if line["outcome"] != str(Outcome.ERROR)]
         return {seed for task, seed in ended if task == self._words}

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import json
 import os
 import shutil
-import socket
 import sys
 import time
 from collections.abc import Iterator, Mapping
@@ -19,11 +16,10 @@ from typing import IO, Any
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.errors import Error
 from bestman_bt.evaluation.result import RunResult
+from bestman_bt.evaluation.writer_lock import lock_for_writing
 
 SYNC_EVERY = 0.5
 """Seconds: what was written in the last ones may be lost by a power cut, nothing by a killed process."""
-WITHOUT_FLOCK = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)
-"""What a file system answers that has no locks; a lock file takes their place there."""
 
 
 class JournalError(Error):
@@ -97,7 +93,7 @@ class Journal:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self.path.open("a+b")
-            self._lock(self._file)
+            self._lock_file = lock_for_writing(self._file, self.path, "evaluation")
             self._read(self._file)
         except OSError as error:
             self._close()
@@ -156,29 +152,6 @@ class Journal:
             f"{self.path} cannot be written any more: {error.strerror}; the {len(self._offsets)} episodes in it are "
             "kept: make room there and repeat the command"
         )
-
-    def _lock(self, file: IO[bytes]) -> None:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise _problem(self.path, "another evaluation is writing it") from error
-        except OSError as error:
-            if error.errno not in WITHOUT_FLOCK:
-                raise
-            self._make_lock_file(self.path.with_suffix(".lock"))
-
-    def _make_lock_file(self, path: Path) -> None:
-        mine = f"process {os.getpid()} on {socket.gethostname()}"
-        try:
-            with path.open("x", encoding="utf-8") as file:
-                file.write(mine)
-        except FileExistsError as error:
-            theirs = path.read_text(encoding="utf-8")
-            if not _has_ended(theirs):
-                why = f"another evaluation is writing it, {theirs}; if that has ended, delete {path}"
-                raise _problem(self.path, why) from error
-            path.write_text(mine, encoding="utf-8")
-        self._lock_file = path
 
     def _read(self, file: IO[bytes]) -> None:
         file.seek(0)
@@ -240,14 +213,6 @@ def _indexed(file: IO[bytes]) -> tuple[dict[EpisodeKey, int], dict[int, Exceptio
 
 def _result_of(entry: Mapping[str, Any]) -> RunResult:
     return RunResult.from_document(entry["result"])
-
-
-def _has_ended(holder: str) -> bool:
-    """Return whether a process of this machine, as a lock file names it, is no more."""
-    match holder.split():
-        case ["process", number, "on", host] if number.isdecimal() and host == socket.gethostname():
-            return not Path(f"/proc/{number}").exists()
-    return False
 
 
 def _damaged(path: Path, lines: Mapping[int, Exception]) -> ConfigurationError:

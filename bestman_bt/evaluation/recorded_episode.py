@@ -170,8 +170,11 @@ class RecordedEpisode(EpisodeRequest):
                 if result.success and not result.unearned:
                     writer.end_episode(self.words, seed=self.config.seed, run=dump_run(self.config, absolute=True))
                     finished = self.staged / str(self.config.seed)
-                    shutil.rmtree(finished, ignore_errors=True)
-                    (folder / "dataset").rename(finished)
+                    try:
+                        (folder / "dataset").rename(finished)
+                    except OSError:
+                        if not finished.is_dir():  # another worker has run the same episode
+                            raise
             finally:
                 writer.discard()
         finally:

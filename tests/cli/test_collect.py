@@ -17,6 +17,7 @@ from bestman_bt.evaluation.collection import ATTEMPTS, Collection
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, LaunchOptions
 from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
+from bestman_bt.evaluation.recorded_episode import RecordedEpisode
 from bestman_bt.evaluation.result import RunResult
 from tests.cli.command_line import Answer
 
@@ -155,6 +156,28 @@ def test_an_episode_that_a_machine_has_written_elsewhere_is_not_taken_for_kept(t
     assert not (tmp_path / "set").exists()
 
 
+class Twice(LocalProcesses):
+    """Runs each episode again, as after a worker that was taken to be lost."""
+
+    def results(self) -> Iterator[tuple[int, RunResult]]:
+        for place, request in enumerate(self.requests):
+            results, folders = [], []
+            for _ in range(2):
+                results.append(request.run())
+                assert isinstance(request, RecordedEpisode)
+                folders.append((request.staged / str(request.config.seed)).stat().st_ino)
+            assert all(result.success for result in results)
+            assert folders[0] == folders[1]  # the driver may be reading it
+            yield place, results[0]
+
+
+@pytest.mark.slow
+def test_an_episode_that_two_workers_have_run_is_that_of_the_first(tmp_path: Path) -> None:
+    collection = Collection(load_run("pick_bench", seed=SEED), tmp_path / "set", "pick", ())
+    collection.collect(1, 1, lambda result: None, Twice())
+    assert collection.kept == 1
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -182,3 +205,14 @@ def test_a_folder_that_holds_something_else_is_not_written_to(bestman_bt: Comman
     assert answer.code == 2
     assert "neither empty nor a dataset" in answer.err
     assert [path.name for path in (folder / "set").iterdir()] == ["mine.txt"]
+
+
+def test_a_dataset_that_cannot_be_written_is_reported_without_a_traceback(bestman_bt: Command, folder: Path) -> None:
+    (folder / "set").mkdir()
+    (folder / "set" / ATTEMPTS).write_text("not json\n")
+    answer = bestman_bt("collect", "pick_bench", "-o", "set", "--json")
+    assert answer.code == 130
+    document = json.loads(answer.out)
+    assert f"{ATTEMPTS} is damaged" in document["interrupted"]
+    assert document["notes"] == []
+    assert "waited for an earlier seed" in answer.err

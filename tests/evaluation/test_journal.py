@@ -150,7 +150,7 @@ def test_a_lock_file_takes_the_place_of_locks_where_the_file_system_has_none(
     def flock(*_: object) -> None:
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr("bestman_bt.evaluation.journal.fcntl.flock", flock)
+    monkeypatch.setattr("bestman_bt.evaluation.writer_lock.fcntl.flock", flock)
     path, lock = tmp_path / "episodes.jsonl", tmp_path / "episodes.lock"
     with (
         Journal(path),

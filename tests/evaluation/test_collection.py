@@ -1,0 +1,204 @@
+"""Datasets that collections share, resume and cannot write; the episodes are made up, so nothing is simulated."""
+
+from __future__ import annotations
+
+import errno
+import json
+import resource
+from collections.abc import Collection as Several
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pyarrow
+import pyarrow.parquet as parquet
+import pytest
+
+from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import RunConfig, load_run
+from bestman_bt.evaluation.collection import ATTEMPTS, STAGED, Collection
+from bestman_bt.evaluation.launchers.local import LocalProcesses
+from bestman_bt.evaluation.recorded_episode import ACTION, NODE, STATE, RecordedEpisode
+from bestman_bt.evaluation.result import Outcome, RunResult
+from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError, DatasetFolder
+from bestman_bt.manipulation.policy.training.lerobot_dataset import DatasetWriter
+
+SEED = 4100
+
+
+class KilledError(BaseException):
+    """Ends the collection as a signal would."""
+
+
+class MadeUp(LocalProcesses):
+    """Stages episodes of one frame; those of ``broken`` seeds end in an error."""
+
+    def __init__(self, broken: Several[int] = ()) -> None:
+        super().__init__()
+        self.broken = broken
+        self.ran: list[int] = []
+
+    def results(self) -> Iterator[tuple[int, RunResult]]:
+        while self._waiting:
+            place = self._waiting.popleft()
+            request = self.requests[place]
+            assert isinstance(request, RecordedEpisode)
+            self.ran.append(request.config.seed)
+            yield place, self.result(request)
+
+    def result(self, request: RecordedEpisode) -> RunResult:
+        failed = request.failed_result("a plug-in has a fault")
+        return failed if request.config.seed in self.broken else staged(request, failed)
+
+
+def staged(request: RecordedEpisode, failed: RunResult) -> RunResult:
+    writer = DatasetWriter(request.staged / str(request.config.seed), request.frames)
+    zeros = [0.0] * len(request.frames.numbers[STATE])
+    writer.add_frame({STATE: zeros, ACTION: zeros, NODE: ""}, {})
+    writer.end_episode(request.words, seed=request.config.seed, run="")
+    return replace(failed, success=True, outcome=Outcome.SUCCESS, failure=None)
+
+
+@pytest.fixture(scope="module")
+def config() -> RunConfig:
+    return load_run("pick_bench", seed=SEED)
+
+
+def collect(config: RunConfig, folder: Path, launcher: LocalProcesses, episodes: int = 2) -> Collection:
+    collection = Collection(config, folder, "pick", ())
+    collection.collect(episodes, 4, lambda result: None, launcher)
+    return collection
+
+
+def attempts(folder: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (folder / ATTEMPTS).read_text().splitlines()]
+
+
+def test_a_collect_that_was_killed_before_its_first_success_goes_on(config: RunConfig, tmp_path: Path) -> None:
+    left: dict[str, bool] = {}
+
+    class Killed(MadeUp):
+        def result(self, request: RecordedEpisode) -> RunResult:
+            for path in (tmp_path / "set").rglob("*"):
+                left[str(path.relative_to(tmp_path))] = path.is_dir()
+            raise KilledError
+
+    with pytest.raises(KilledError):
+        collect(config, tmp_path / "set", Killed())
+    assert not (tmp_path / "set").exists()
+    for name, is_folder in left.items():  # a signal leaves what was there
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).mkdir(exist_ok=True) if is_folder else (tmp_path / name).touch()
+    assert (tmp_path / "set" / STAGED).exists()
+    assert collect(config, tmp_path / "set", MadeUp()).kept == 2
+    assert not (tmp_path / "set" / STAGED).exists()
+
+
+def test_seeds_that_ended_in_an_error_are_run_again_but_other_failures_are_not(
+    config: RunConfig, tmp_path: Path
+) -> None:
+    everything = range(SEED, SEED + 4)
+    assert collect(config, tmp_path, MadeUp(broken=everything)).kept == 0
+    mended = MadeUp()
+    assert collect(config, tmp_path, mended).kept == 2
+    assert mended.ran == [SEED, SEED + 1]
+    assert [one["outcome"] for one in attempts(tmp_path)] == ["error"] * 4 + ["success"] * 2
+
+
+def test_a_dataset_that_is_being_written_is_refused_and_left_alone(config: RunConfig, tmp_path: Path) -> None:
+    class Shared(MadeUp):
+        def result(self, request: RecordedEpisode) -> RunResult:
+            result = super().result(request)
+            with pytest.raises(ConfigurationError, match="another collect is writing it"):
+                collect(config, tmp_path, MadeUp())
+            return result
+
+    assert collect(config, tmp_path, Shared()).kept == 2
+
+
+def test_what_another_collect_has_added_since_counts(config: RunConfig, tmp_path: Path) -> None:
+    early, launcher = Collection(config, tmp_path, "pick", ()), MadeUp()
+    collect(config, tmp_path, MadeUp(), episodes=1)
+    early.collect(2, 4, lambda result: None, launcher)
+    assert launcher.ran == [SEED + 1]
+    assert [row["seed"] for row in DatasetFolder.read(tmp_path).episodes] == [SEED, SEED + 1]
+
+
+def test_workers_of_an_earlier_call_stage_nothing_for_a_later_one(config: RunConfig, tmp_path: Path) -> None:
+    first, second = MadeUp(), MadeUp()
+    collect(config, tmp_path, first, episodes=1)
+    collect(config, tmp_path, second, episodes=2)
+    (old,), (new,) = first.requests, second.requests
+    assert isinstance(old, RecordedEpisode)
+    assert isinstance(new, RecordedEpisode)
+    assert old.staged != new.staged
+    assert tmp_path in old.staged.parents
+
+
+@pytest.mark.parametrize("torn", ["", '{"task": "pi'])
+def test_a_killed_process_may_leave_a_torn_line_or_an_episode_without_one(
+    config: RunConfig, tmp_path: Path, torn: str
+) -> None:
+    collect(config, tmp_path, MadeUp(), episodes=2)
+    (first, second) = (tmp_path / ATTEMPTS).read_text().splitlines(keepends=True)
+    (tmp_path / ATTEMPTS).write_text(first + torn)
+    launcher = MadeUp()
+    assert collect(config, tmp_path, launcher, episodes=3).kept == 3
+    assert launcher.ran == [SEED + 2]
+    listed = [(one["seed"], one["episode"], one["outcome"]) for one in attempts(tmp_path)]
+    assert listed == [(SEED + number, number, "success") for number in range(3)]
+    assert json.loads(second)["seed"] == SEED + 1
+
+
+def test_a_damaged_list_of_attempts_is_named(config: RunConfig, tmp_path: Path) -> None:
+    (tmp_path / ATTEMPTS).write_text("not json\n")
+    with pytest.raises(DatasetError, match=f"{ATTEMPTS} is damaged"):
+        collect(config, tmp_path, MadeUp())
+
+
+def test_a_full_disk_is_told_and_what_was_written_before_is_kept(
+    config: RunConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    collection = collect(config, tmp_path, MadeUp(), episodes=1)
+    write_table = parquet.write_table
+
+    def full(table: Any, path: Path) -> None:
+        if STAGED not in Path(path).parts and "episodes" in Path(path).parts:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write_table(table, path)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(parquet, "write_table", full)
+        with pytest.raises(DatasetError, match=r"No space left on device; the 1 episodes in it are kept"):
+            collection.collect(2, 4, lambda result: None, MadeUp())
+    assert collection.kept == 1
+    assert collect(config, tmp_path, MadeUp()).kept == 2
+
+
+def test_a_list_of_attempts_that_cannot_be_written_is_told(config: RunConfig, tmp_path: Path) -> None:
+    class Limited(MadeUp):
+        def result(self, request: RecordedEpisode) -> RunResult:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (20, before[1]))
+            return super().result(request)
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        with pytest.raises(DatasetError, match=r"cannot be written any more: .*File too large"):
+            collect(config, tmp_path, Limited(broken=[SEED]))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert collect(config, tmp_path, MadeUp()).kept == 2
+
+
+def test_a_dataset_of_the_same_features_that_collect_has_not_written_is_refused_before_anything_runs(
+    config: RunConfig, tmp_path: Path
+) -> None:
+    collect(config, tmp_path, MadeUp(), episodes=1)
+    rows = tmp_path / "meta/episodes/chunk-000/file-000.parquet"
+    others = [
+        {key: value for key, value in row.items() if key != "run"} for row in parquet.read_table(rows).to_pylist()
+    ]
+    parquet.write_table(pyarrow.Table.from_pylist(others), rows)
+    with pytest.raises(DatasetError, match="its episodes lack run"):
+        Collection(config, tmp_path, "pick", ())
