@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviours.contacts import grasp
 from behaviours.context import SkillContext
 from behaviours.parameters import ArmMotionParameters
 from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillCoroutine, SkillFailure
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from bestman_bt.world_model.world_model import HeldObject
 
 
+RETREAT = 0.1
+"""Distance of straight retreats of an empty hand, unless another is given, metres."""
 POSES_EXPLAINED = 12
 """Number of tool poses checked to explain why the hand reaches none."""
 
@@ -131,19 +134,43 @@ def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisio
 
 
 def _recover_from_collision(skill: Skill, world: CollisionWorld) -> SkillCoroutine[None]:
-    """Move slowly out of a believed contact, if a small motion achieves this."""
+    """Move slowly out of a believed contact: by a small motion, else straight back from what the open hand encloses."""
+    from bestman_bt.manipulation.motion_planning.base import MotionPlanningError
+
     skills = skill.skills
     parameters = skills.parameters.arm_motion
-    trajectory = yield skill.compute(
-        "motion_planning",
-        skills.motion_planning.recover,
-        skills.arm_positions(),
-        world,
-        skills.arm_model,
-        skills.rng,
-        SpeedScale(parameters.recovery_speed, parameters.recovery_acceleration),
-    )
-    yield skills.arm.follow(trajectory)
+    try:
+        trajectory = yield skill.compute(
+            "motion_planning",
+            skills.motion_planning.recover,
+            skills.arm_positions(),
+            world,
+            skills.arm_model,
+            skills.rng,
+            SpeedScale(parameters.recovery_speed, parameters.recovery_acceleration),
+        )
+    except MotionPlanningError:
+        handled = skills.handled
+        if skills.held is not None or handled not in skills.world.objects:
+            raise
+        beside = skills.arm_world(skills.planning_scene(allowed_pairs=hand_contacts(skills, handled)))
+        if not beside.is_free(skills.arm_positions()):
+            raise
+        with skill.touching(grasp(handled)):
+            yield from straight_back(skill, beside, RETREAT)
+    else:
+        yield skills.arm.follow(trajectory)
+
+
+def straight_back(skill: Skill, world: CollisionWorld, distance: float) -> SkillCoroutine[None]:
+    """Move the tool straight back along its axis by ``distance``, metres, as far as the way is free."""
+    from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
+
+    skills = skill.skills
+    back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -distance]))
+    line = cartesian_path(skills.kinematics, skills.arm_positions(), back, world.is_free)
+    if len(line.path) > 1:
+        yield from follow_path(skill, line.path, world, speed=skills.parameters.arm_motion.retreat_speed)
 
 
 def follow_path(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free, with_held_margin
+from behaviours.arm_motion import ARM_PLANNING_FAILS, RETREAT, hand_contacts, move_free, straight_back, with_held_margin
 from behaviours.contacts import grasp
 from behaviours.context import SkillContext
 from behaviours.skill import ArmNode, Declaration, PostureName, Skill, SkillCoroutine, SkillFailure
@@ -172,7 +172,7 @@ class Retreat(ArmNode, Skill):
     REQUIRES = ("arm",)
     USES = ("camera",)
     posture = In[str](PostureName, "where to end", default="carry")
-    distance = In[float](NonNegative, "straight back, metres", default=0.1)
+    distance = In[float](NonNegative, "straight back, metres", default=RETREAT)
     FAILS: ClassVar = {
         **ARM_PLANNING_FAILS,
         **UNKNOWN_POSTURE,
@@ -191,21 +191,11 @@ class Retreat(ArmNode, Skill):
             scene = skills.planning_scene(allowed_pairs=hand_contacts(skills, *skills.world.objects))
             handled = skills.handled
             with self.touching(*([grasp(handled)] if handled is not None else ())):
-                yield from self._straight_back(skills.arm_world(scene), distance)
+                yield from straight_back(self, skills.arm_world(scene), distance)
         elif skills.held is not None and abs(float(skills.base_from_tool().rotation[2, 2])) < LEVEL:
             pull_out = skills.parameters.arm_motion.pull_out
-            yield from self._straight_back(skills.arm_world(skills.planning_scene()), pull_out)
+            yield from straight_back(self, skills.arm_world(skills.planning_scene()), pull_out)
         yield from _move_to(self, _postures(self, self.posture))
-
-    def _straight_back(self, world: CollisionWorld, distance: float) -> SkillCoroutine[None]:
-        """Move the tool straight back as far as the way is free."""
-        from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
-
-        skills = self.skills
-        back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -distance]))
-        line = cartesian_path(skills.kinematics, skills.arm_positions(), back, world.is_free)
-        if len(line.path) > 1:
-            yield from follow_path(self, line.path, world, speed=skills.parameters.arm_motion.retreat_speed)
 
 
 def _move_to(skill: Skill, choices: Sequence[list[NDArray[np.float64]]]) -> SkillCoroutine[None]:

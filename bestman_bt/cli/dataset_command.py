@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -89,9 +90,13 @@ def merge(
                 seen.setdefault(key, source.path)
         if problems:
             raise ConfigurationError(problems)
-        merged = DatasetFolder(out, first.fps, first.robot, first.features)
+        unfinished = out.with_name(f"{out.name}.unfinished")
+        shutil.rmtree(unfinished, ignore_errors=True)
+        merged = DatasetFolder(unfinished, first.fps, first.robot, first.features)
         for source in sources:
             merged.append(source)
+        unfinished.rename(out)
+        merged = DatasetFolder.read(out)
         print_json(_document(merged))
     if not as_json:
         print(f"{out}: {len(merged.episodes)} episodes of {len(sources)} datasets")
@@ -101,6 +106,7 @@ def merge(
 def replay(dataset: Dataset, episode: Episode = 0, as_json: Json = False) -> None:
     """Command the actions of an episode without feedback, in its scene with its seed, and judge the outcome."""
     from bestman_bt.evaluation.open_loop import replay_open_loop
+    from bestman_bt.evaluation.result import Outcome
 
     with json_output(as_json) as print_json, _refused():
         found = DatasetFolder.read(dataset)
@@ -112,12 +118,13 @@ def replay(dataset: Dataset, episode: Episode = 0, as_json: Json = False) -> Non
         document = {"episode": episode, "seed": result.seed, "goal": result.predicate, "ended_early": refused}
         print_json({**document, "difference": difference, "metrics": result.metrics})
     if not as_json:
-        print(f"episode {episode}, seed {result.seed}: the goal {'holds' if result.predicate else 'does not hold'}")
+        verdict = "was not judged" if result.predicate is None else "holds" if result.predicate else "does not hold"
+        print(f"episode {episode}, seed {result.seed}: the goal {verdict}")
         if refused:
             print(f"  it ended early: {refused}")
         for unit, (name, value) in replayed.difference.items():
             print(f"  the last state differs by at most {value:.2g} {unit} ({name})")
-    sys.exit(0 if result.predicate else 1)
+    sys.exit(130 if result.outcome is Outcome.CANCELLED else 0 if result.predicate else 1)
 
 
 def _check_episode(dataset: DatasetFolder, episode: int) -> None:
@@ -133,7 +140,9 @@ def _refused() -> Iterator[None]:
     try:
         yield
     except DatasetError as error:
-        raise ConfigurationError([Problem("", None, "", str(error))]) from error
+        raise ConfigurationError([Problem("DIR", None, "", str(error))]) from error
+    except OSError as error:
+        raise ConfigurationError([Problem("DIR", None, "", f"cannot be read or written: {error}")]) from error
 
 
 def _seeds(dataset: DatasetFolder) -> Iterator[tuple[str, int]]:

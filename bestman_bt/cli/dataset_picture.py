@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from bestman_bt.manipulation.policy.training.dataset_folder import DatasetFolder
+from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError, DatasetFolder
 from bestman_bt.manipulation.policy.training.dataset_video import pictures
 
 PICTURES = 8
@@ -27,6 +27,8 @@ def draw_episode(dataset: DatasetFolder, episode: int, path: Path) -> None:
     times = np.array(data["timestamp"])
     curves = _curves(dataset, data)
     spans = _spans(data.get(NODE, []), times)
+    if not (videos or curves or spans):
+        raise DatasetError(f"{dataset.path} has no videos, no states beside actions of the same names, and no {NODE}")
     heights = [*[1.2] * len(videos), *[2.0] * len(curves), *([0.3 + 0.16 * len(spans)] if spans else [])]
     figure = Figure(figsize=(12, 0.6 + sum(heights)), dpi=100, layout="constrained")
     FigureCanvasAgg(figure)
@@ -54,16 +56,25 @@ def draw_episode(dataset: DatasetFolder, episode: int, path: Path) -> None:
 def _curves(
     dataset: DatasetFolder, data: dict[str, list[Any]]
 ) -> dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]]:
-    """Return unit → name, state and action of its entries; empty for a dataset without both."""
-    feature = dataset.features.get(STATE)
-    if feature is None or dataset.features.get(ACTION, {}).get("names") != feature["names"]:
+    """Return unit → name, state and action of its entries; empty for a dataset whose states and actions differ."""
+    feature, commanded = dataset.features.get(STATE), dataset.features.get(ACTION)
+    if feature is None or commanded is None or _names(feature) != _names(commanded):
         return {}
     state, action = np.array(data[STATE], dtype=float), np.array(data[ACTION], dtype=float)
-    units = feature.get("units") or [""] * len(feature["names"])
+    names = _names(feature)
+    units = feature.get("units") or [""] * len(names)
     curves: dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]] = {}
-    for column, (name, unit) in enumerate(zip(feature["names"], units, strict=True)):
+    for column, (name, unit) in enumerate(zip(names, units, strict=True)):
         curves.setdefault(unit, []).append((name, state[:, column], action[:, column]))
     return curves
+
+
+def _names(feature: dict[str, Any]) -> list[str]:
+    """Return the names of its entries: LeRobot keeps a list, a list per group, or none."""
+    names = feature.get("names")
+    if isinstance(names, dict):
+        names = [name for group in names.values() for name in group]
+    return names or [str(column) for column in range(feature["shape"][0])]
 
 
 def _spans(nodes: list[str], times: NDArray[np.float64]) -> list[tuple[str, float, float]]:
@@ -80,4 +91,7 @@ def _spans(nodes: list[str], times: NDArray[np.float64]) -> list[tuple[str, floa
 def _strip(dataset: DatasetFolder, episode: int, name: str) -> NDArray[np.uint8]:
     path, start, end = dataset.video(episode, name)
     wanted = set(np.linspace(0, dataset.episodes[episode]["length"] - 1, PICTURES).astype(int).tolist())
-    return np.hstack([picture for index, picture in enumerate(pictures(path, start, end)) if index in wanted])
+    try:
+        return np.hstack([picture for index, picture in enumerate(pictures(path, start, end)) if index in wanted])
+    except ValueError as error:
+        raise DatasetError(f"{path} is no video of the episode: {error}") from error

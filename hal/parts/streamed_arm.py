@@ -110,15 +110,15 @@ class StreamedArm(StreamedJointGroup, Arm):
             target = self._checks.positions("servo", positions)
             longest = self._tracking.longest_stream_interval
             interval = min(max(self._now() - self._streamed_at, self._period), longest)
-            self._leave_effort_mode()
             self._start_from_rest()
-            start = self._wanted if isinstance(self._setpoints, (Stream, Hold)) else self._position
+            start = self._wanted if isinstance(self._setpoints, (Stream, Hold)) else self._start
             self._checks.servo(target, start, interval)
             fault = self._tool.outside(target)
             if fault is None and self._tool.slow_down(target[None], (target - start)[None] / interval) < 1.0:
                 fault = "the tool would be faster than its limit"
             if fault is not None:
                 raise self._connection.refuse("servo", fault)
+            self._leave_effort_mode()
             self._streamed_at = self._now()
             self._take_over(Stream(start, target, interval), None)
             self._wanted = start

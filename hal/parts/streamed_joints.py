@@ -261,9 +261,9 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             self._connection.check_command("move_to")
             target = checks.positions("move_to", positions)
             scale = checks.speed_scale("move_to", speed_scale)
+            self._start_from_rest()
             self._check_way("move_to", target)
             self._leave_effort_mode()
-            self._start_from_rest()
             speed, acceleration = model.velocity * scale, model.acceleration * scale
             share = self._slow_down(Trapezoid(self._position, target, speed, acceleration))
             motion: Motion[None] = Motion(self.name, self.brake)

@@ -86,7 +86,7 @@ _writing = Lock()
 
 
 def mesh_file(mesh: Mesh) -> Path:
-    """Return a file of these triangles in a folder of this process, removed at exit; equal meshes share a file.
+    """Return a file of these triangles in a temporary folder of this process; equal meshes share a file.
 
     PyBullet never frees a mesh that it has read from a file, and reads each file name once.
     """

@@ -53,6 +53,38 @@ def test_view_draws_an_episode_with_its_pictures(bestman_bt: Command, folder: Pa
     assert late > 500
 
 
+@pytest.mark.parametrize("names", [None, {"motors": ["x", "y"]}], ids=["without names", "names of a group"])
+def test_view_draws_datasets_that_name_their_entries_otherwise(
+    bestman_bt: Command, folder: Path, names: object
+) -> None:
+    write(folder / "set", range(1))
+    file = folder / "set/meta/info.json"
+    info = json.loads(file.read_text())
+    for feature in ("observation.state", "action"):
+        width = info["features"][feature]["shape"][0]
+        grouped = names if names is None else {"motors": [f"m{column}" for column in range(width)]}
+        info["features"][feature]["names"] = grouped
+        info["features"][feature].pop("units", None)
+    file.write_text(json.dumps(info))
+    assert bestman_bt("dataset", "view", "set", "--png", "one.png").code == 0
+    assert (folder / "one.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("content", [None, b"not a video"], ids=["missing", "damaged"])
+def test_a_video_that_cannot_be_read_is_named(bestman_bt: Command, folder: Path, content: bytes | None) -> None:
+    write(folder / "set", range(1))
+    (video,) = (folder / "set").rglob("*.mp4")
+    video.unlink()
+    if content is not None:
+        video.write_bytes(content)
+    for command in (("view", "set"), ("merge", "set", "-o", "both")) if content is None else (("view", "set"),):
+        answer = bestman_bt("dataset", *command)
+        assert answer.code == 2
+        assert video.name in answer.err
+        assert "Traceback" not in answer.err
+    assert not (folder / "both").exists()
+
+
 def test_merge_copies_the_videos_as_they_are(bestman_bt: Command, folder: Path) -> None:
     write(folder / "one", range(2))
     write(folder / "two", range(5, 6), task="place")

@@ -19,6 +19,7 @@ from importlib import import_module
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from bestman_bt.errors import Error
 
@@ -68,7 +69,8 @@ class WorkerProcess:
         """Start it, with ``folder`` as its working directory; None: this process's."""
         self.connection, theirs = Pipe()
         # PyBullet and OMPL keep state in the process, so workers are fresh interpreters, with one thread each.
-        environment = {"OPENBLAS_NUM_THREADS": "1", **os.environ}
+        self._temporary = TemporaryDirectory(prefix="bestman_bt_worker_", ignore_cleanup_errors=True)
+        environment = {"OPENBLAS_NUM_THREADS": "1", **os.environ, "TMPDIR": self._temporary.name}
         command = [sys.executable, "-c", _PROGRAM, str(theirs.fileno()), *sys.path]
         self._process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, cwd=folder)
         theirs.close()
@@ -111,11 +113,12 @@ class WorkerProcess:
         return time.perf_counter() - self._began
 
     def kill(self) -> None:
-        """End it, and the episode that it runs."""
+        """End it, and the episode that it runs; its temporary files are removed."""
         self.alive = False
         self._process.kill()  # SIGTERM would only cancel the episode that it runs
         self._process.wait()
         self.connection.close()
+        self._temporary.cleanup()
 
 
 _own: list[WorkerProcess] = []

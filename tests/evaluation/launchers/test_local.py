@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import tempfile
+import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,6 +16,7 @@ import pytest
 from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, LaunchOptions
 from bestman_bt.evaluation.launchers.local import LocalProcesses
+from bestman_bt.evaluation.launchers.worker_process import WorkerProcess
 from bestman_bt.evaluation.result import Outcome
 
 pytestmark = pytest.mark.slow
@@ -153,3 +156,14 @@ def test_what_a_plug_in_warns_of_is_reported_once_and_not_by_each_episode(tmp_pa
         assert done.returncode == 0, done.stderr
         assert "t.yaml, seed 1: success" in done.stderr
         assert [done.stderr.count(words) for words in ("UserWarning: mind", "mind, too")] == [1, 1]
+
+
+def test_temporary_files_of_a_worker_go_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    worker = WorkerProcess()
+    (folder,) = tmp_path.iterdir()
+    (child,) = Path(f"/proc/self/task/{threading.get_native_id()}/children").read_text().split()
+    assert f"TMPDIR={folder}".encode() in Path(f"/proc/{child}/environ").read_bytes().split(b"\0")
+    (folder / "mesh.obj").write_text("of an episode")
+    worker.kill()
+    assert not list(tmp_path.iterdir())

@@ -719,6 +719,20 @@ def test_a_refused_command_leaves_efforts_as_they_are(latch: StopLatch, wrong: d
     assert not channel.halts
 
 
+def test_a_refused_servo_leaves_efforts_as_they_are(robot_model: RobotModel, latch: StopLatch) -> None:
+    channel = Torques(7)
+    channel.at = np.array(HOME)
+    tool = ToolLimits(robot_model, "arm", SafetyConfig())
+    arm = StreamedArm("arm", robot_model.of(ArmModel)["arm"], channel, latch, PERIOD, tool)
+    arm.attach()
+    arm.command(efforts=[0.0] * 7)
+    with pytest.raises(CommandRefusedError):
+        arm.servo(sideways(1.0))
+    run(arm, 0.1)
+    assert not channel.sent
+    assert not channel.halts
+
+
 def test_the_way_of_a_command_after_efforts_is_checked_from_where_the_joints_are(
     robot_model: RobotModel, latch: StopLatch
 ) -> None:
