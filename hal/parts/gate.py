@@ -144,7 +144,7 @@ class SetpointGate:
 
     Speeds are means between two set-points, as a controller sees them. Joints, tool or elbow outside of their limits
     may come back, but not move further out. ``position``: the last set-point. ``reason``: why it differs from the
-    request, or empty. ``longest_time``: longest step of motion time for the next set-point, seconds.
+    request, or empty.
     """
 
     def __init__(
@@ -170,7 +170,6 @@ class SetpointGate:
         self.rate: Array = np.zeros_like(position) if velocity is None else velocity
         self._before = self._period  # seconds that the last step took
         self._places: Array | None = None
-        self.longest_time = np.inf
 
     @property
     def moving(self) -> bool:
@@ -198,15 +197,12 @@ class SetpointGate:
             rate = (wanted - self.position) / dt
         self.position, self.rate, self._before = wanted, rate * (dt / elapsed), elapsed
         if self._tool is not None and self._watches_tool:
-            here, self._places = self._places, self._tool.places(wanted)
-            step = 0.0 if here is None else float(np.linalg.norm(self._places[0] - here[0]))
-            self.longest_time = self._time_to_go(0.95 * self._longest_tool_step, step / elapsed)
+            self._places = self._tool.places(wanted)
         return wanted
 
-    def _time_to_go(self, length: float, speed: float) -> float:
-        """Return the seconds in which a tool, at a mean ``speed`` in the last step, moves by ``length`` while its
-        joints brake.
-        """
+    def _time_to_go(self, length: float) -> float:
+        """Return the seconds in which the tool moves by ``length`` while the joints brake."""
+        speed = 0.0 if self._tool is None else self._tool.tool_speed(self.position, self.rate)
         braking = 2.0 * float(np.max(np.abs(self.rate) / self.deceleration))
         if speed * braking <= 0.0:
             return np.inf
@@ -217,9 +213,8 @@ class SetpointGate:
     def _nearest(self, wanted: Array, velocity: Array, dt: float) -> Array:
         """Return the most that is allowed between a step towards ``wanted`` within the joints' limits and braking."""
         braked, slowing = self._braked(dt), np.maximum(self.deceleration, self._acceleration)
-        if not np.all(np.isfinite([wanted, velocity])):
-            return braked
-        asked = self._chased(wanted, velocity, dt)
+        finite = np.all(np.isfinite([wanted, velocity]))
+        asked = self._chased(wanted, velocity, dt) if finite else braked
         if not (reason := self._objection(asked, (asked - self.position) / dt, dt, slowing)):
             return asked
         self.reason, lower, upper = reason, 0.0, 1.0
@@ -230,6 +225,8 @@ class SetpointGate:
                 upper = share
             else:
                 lower = share
+        if lower == 0.0 and np.isfinite(self._longest_tool_step):  # a late cycle at a high speed: the set-point waits
+            return self._braked(min(dt, self._time_to_go(0.95 * self._longest_tool_step)))
         nearest: Array = braked + lower * (asked - braked)
         return nearest
 
@@ -251,13 +248,17 @@ class SetpointGate:
         return chased
 
     def _braked(self, dt: float) -> Array:
-        """Return the next set-point on the way to rest; a joint that moves too fast for it stops at its limit."""
+        """Return the next set-point on the way to rest; a joint that moves too fast for it stops at its limit.
+
+        A joint beyond its limit only by rounding keeps its deceleration.
+        """
         middle, limits = self._before / 2, self._model
         times = self._braking_times(self.position, self.rate, middle)
         way = _way(middle + dt, times) - _way(middle, times)
+        braked: Array = self.position + self.rate * way
         lower, upper = np.minimum(limits.lower, self.position), np.maximum(limits.upper, self.position)
-        braked: Array = np.clip(self.position + self.rate * way, lower, upper)
-        return braked
+        inside = np.clip(braked, lower, upper)
+        return np.where(np.abs(braked - inside) > ROUNDING, inside, braked)
 
     def _braking_times(self, position: Array, rate: Array, middle: float) -> Array:
         """Return the seconds (n,) from full speed to rest: all joints together, or sooner where one has less room.

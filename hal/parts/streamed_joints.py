@@ -412,7 +412,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
             )
 
     def _advance(self, elapsed: float) -> None:
-        dt = min(elapsed, self._tracking.longest_step * self._period, self._gate.longest_time)
+        dt = min(elapsed, self._tracking.longest_step * self._period)
         self._watch_slip(elapsed, dt)
         self._watch_tracking(elapsed)
         self._watch_lapse(elapsed)

@@ -192,6 +192,11 @@ def test_hostile_commands_break_no_limit_on_a_vendors_wire(vendor: str) -> None:
         assert trial.accepted + trial.refused == 4
 
 
+@pytest.mark.parametrize(("vendor", "seed"), [("xarm", 249), ("ur", 1017), ("ur", 1684)])
+def test_late_cycles_and_braking_at_the_end_of_a_range_keep_the_acceleration(vendor: str, seed: int) -> None:
+    assert trials.faults(vendor, seed)[0] == []
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("vendor", list(trials.ROBOTS))
 def test_hundreds_of_hostile_commands_break_no_limit_on_a_vendors_wire(vendor: str) -> None:
@@ -236,6 +241,50 @@ def test_a_joint_that_cannot_brake_within_its_range_stops_at_its_end(sign: float
         assert sign * (edge - gate.position)[0] >= 0.0
     assert gate.position[0] == pytest.approx(edge[0])
     assert not gate.moving
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_joint_that_comes_to_rest_beyond_its_range_by_rounding_keeps_its_deceleration(sign: float) -> None:
+    joints = Rig().joints
+    edge = joints.upper[0] if sign > 0.0 else joints.lower[0]
+    for beyond in np.linspace(-2e-6, 0.9e-6, 30):
+        gate, middle = SetpointGate(joints, PERIOD), (joints.lower + joints.upper) / 2
+        rate, deceleration = 0.03, gate.deceleration[0]
+        left = (rate - deceleration * PERIOD / 2) ** 2 / (2.0 * deceleration)  # the way to rest; `rate` is a mean
+        place = np.where(TURN > 0.0, edge + sign * (beyond - left), middle)
+        gate.start(place, sign * rate * TURN)
+        rates = [sign * rate]
+        for _ in range(5):
+            before = gate.position[0]
+            gate.admit(place + sign * TURN, 0.0 * TURN, PERIOD, PERIOD)
+            rates.append((gate.position[0] - before) / PERIOD)
+        assert np.abs(np.diff(rates)).max() / PERIOD < 1.01 * deceleration
+        assert sign * (gate.position[0] - edge) < 2e-6
+
+
+def test_late_cycles_at_a_high_speed_keep_the_tools_step_and_else_the_acceleration() -> None:
+    limits, period, longest, rng = SafetyConfig(), 1.0 / 200.0, 0.01, np.random.default_rng(1)
+    model = with_hardware(trials.robot("xarm"), {}, limits)
+    joints, tool = model.of(ArmModel)["arm"], ToolLimits(model, "arm", limits)
+    wire = Wire(model.posture("home", joints.joint_names))
+    wire.longest_tool_step = longest
+    arm = StreamedArm("arm", joints, wire, StopLatch(), period, tool)
+    arm.attach()
+    times = [period]
+    for _ in range(60):
+        arm.command(velocities=rng.uniform(-1.0, 1.0, 6) * joints.velocity)
+        for _ in range(40):
+            times.append(period * (rng.uniform(1.0, 3.0) if rng.random() < 0.2 else 1.0))
+            arm.cycle(times[-1])
+    sent, dt = np.array(wire.sent), np.array(times)
+    assert len(sent) == len(dt)
+    steps = np.linalg.norm(np.diff([tool.tool(place) for place in sent], axis=0), axis=1)
+    rates = np.vstack([0.0 * TURN, np.diff(sent, axis=0) / dt[1:, None]])
+    shares = np.abs(np.diff(rates, axis=0)) / (joints.acceleration * (dt[:-1] + dt[1:])[:, None] / 2)
+    waits = steps > 0.9 * longest
+    assert np.max(steps) <= 1.001 * longest
+    assert np.max(shares[~waits]) < 1.01
+    assert np.any(waits & (shares.max(axis=1) > 1.01))
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
