@@ -95,8 +95,7 @@ def merge(
         merged = DatasetFolder(unfinished, first.fps, first.robot, first.features)
         for source in sources:
             merged.append(source)
-        unfinished.rename(out)
-        merged = DatasetFolder.read(out)
+        merged.path = unfinished.rename(out)
         print_json(_document(merged))
     if not as_json:
         print(f"{out}: {len(merged.episodes)} episodes of {len(sources)} datasets")

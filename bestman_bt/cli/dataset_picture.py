@@ -94,4 +94,4 @@ def _strip(dataset: DatasetFolder, episode: int, name: str) -> NDArray[np.uint8]
     try:
         return np.hstack([picture for index, picture in enumerate(pictures(path, start, end)) if index in wanted])
     except ValueError as error:
-        raise DatasetError(f"{path} is no video of the episode: {error}") from error
+        raise DatasetError(f"{path} cannot be decoded as a video: {error}") from error

@@ -46,7 +46,7 @@ def _make_lock_file(path: Path, writer: str) -> Path:
 
 
 def _has_ended(holder: str) -> bool:
-    """Return whether a process of this machine, as a lock file names it, is no more."""
+    """Return whether the process that a lock file names ran on this machine and has ended."""
     match holder.split():
         case ["process", number, "on", host] if number.isdecimal() and host == socket.gethostname():
             return not Path(f"/proc/{number}").exists()

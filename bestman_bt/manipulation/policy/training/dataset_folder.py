@@ -100,8 +100,8 @@ class DatasetFolder:
     def video(self, episode: int, feature: str) -> tuple[Path, float, float]:
         """Return the file of an episode's video and where it begins and ends there, seconds."""
         row, key = self.episodes[episode], f"{VIDEOS}/{feature}"
-        place = NUMBERED.format(chunk_index=row[f"{key}/chunk_index"], file_index=row[f"{key}/file_index"])
-        return self.path / key / f"{place}.mp4", row[f"{key}/from_timestamp"], row[f"{key}/to_timestamp"]
+        place = {name: row[f"{key}/{name}"] for name in ("chunk_index", "file_index")}
+        return self.file(key, place), row[f"{key}/from_timestamp"], row[f"{key}/to_timestamp"]
 
     def differences(self, other: DatasetFolder) -> list[str]:
         """Return what makes the two datasets unfit to be one, in words."""
