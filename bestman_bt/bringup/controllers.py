@@ -120,5 +120,5 @@ def turn_between(one: Pose, other: Pose) -> float:
 limits = for_each_part(JointGroup, "no joints are", _limits)
 tool = _agreed(compare_tool, "the offset of its tool")
 payload_mass = _agreed(compare_payload, "what it carries")
-mounting = _agreed(compare_mounting, "how it is mounted")
+mounting = _agreed(compare_mounting, "how it is mounted, or not in this posture")
 tool_pose = _of_each_arm(_tool_pose)

@@ -31,7 +31,8 @@ class ArmFacts:
 
     ``positions``: (n,) of the joints. ``tool_pose``: of the controller's tool at these positions, in the ``base_frame``
     of the robot's arm. ``tool_offset``: of that tool from the flange, the tip of the arm's part. ``joint_limits``: (n,
-    2). ``payload``: kg at the flange. ``gravity``: (3,), its direction in the ``base_frame``.
+    2). ``payload``: kg at the flange. ``gravity``: (3,), its direction in the ``base_frame``. ``holding_torques``:
+    (n,), N m, with which the controller's model, by its mounting and payload, holds the arm at rest at ``positions``.
     """
 
     positions: NDArray[np.float64]
@@ -40,13 +41,18 @@ class ArmFacts:
     joint_limits: NDArray[np.float64] | None = None
     payload: float | None = None
     gravity: NDArray[np.float64] | None = None
+    holding_torques: NDArray[np.float64] | None = None
 
 
+GRAVITY = 9.81
+"""m/s²."""
 TOOL_TOLERANCE = 0.002
 """Metres."""
 PAYLOAD_TOLERANCE = 0.5
 """Kilograms of cables and other parts that the URDF lacks."""
 MOUNTING_TOLERANCE = math.radians(5.0)
+HOLDING_TOLERANCE = 0.15
+"""Of the largest joint torque that any mounting causes in a posture: masses of links differ by a few percent."""
 
 
 @dataclass(frozen=True)
@@ -87,9 +93,12 @@ def compare_payload(model: RobotModel, arm: str, facts: ArmFacts) -> ModelCompar
 
 
 def compare_mounting(model: RobotModel, arm: str, facts: ArmFacts) -> ModelComparison | None:
-    """Compare the controller's direction of gravity with that of the file; None if it is not reported."""
+    """Compare the controller's direction of gravity, or else its effect on the joints, with that of the file.
+
+    None if the controller reports neither, or gravity hardly loads the joints in this posture.
+    """
     if facts.gravity is None:
-        return None
+        return _compare_holding(model, arm, facts)
     base = _placed(model, model.of(ArmModel)[arm].base_frame, model.base_frame)
     ours = base.rotation.T @ np.array([0.0, 0.0, -1.0])
     angle = math.acos(float(np.clip(ours @ facts.gravity / max(np.linalg.norm(facts.gravity), 1e-9), -1.0, 1.0)))
@@ -98,6 +107,45 @@ def compare_mounting(model: RobotModel, arm: str, facts: ArmFacts) -> ModelCompa
         f"the file: {math.degrees(angle):.1f}° apart"
     )
     return ModelComparison(angle <= MOUNTING_TOLERANCE, text, {"apart_deg": math.degrees(angle)})
+
+
+def _compare_holding(model: RobotModel, arm: str, facts: ArmFacts) -> ModelComparison | None:
+    if facts.holding_torques is None:
+        return None
+    loads = _gravity_loads(model, arm, facts.positions)
+    ours, theirs = loads @ np.array([0.0, 0.0, -GRAVITY]), facts.holding_torques
+    allowed = HOLDING_TOLERANCE * GRAVITY * float(np.linalg.norm(loads, 2))
+    if float(np.linalg.norm(ours)) < allowed:
+        return None
+    apart = float(np.linalg.norm(theirs - ours))
+    text = (
+        f"the controller holds the arm with {np.round(theirs, 1).tolist()} N m; mounted as in the file, it needs "
+        f"{np.round(ours, 1).tolist()} N m"
+    )
+    if apart > allowed:
+        text += ": set the mounting at the controller, or the arm's place in the file"
+    return ModelComparison(apart <= allowed, text, {"apart_nm": apart, "allowed_nm": allowed})
+
+
+def _gravity_loads(model: RobotModel, arm: str, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the torques (n, 3), N m, that hold an arm at rest per m/s² of gravity along x, y and z of the base frame.
+
+    The URDF's masses, other joints at zero.
+    """
+    import pinocchio
+
+    dynamics = pinocchio.buildModelFromXML(model.urdf)
+    data, q = dynamics.createData(), pinocchio.neutral(dynamics)
+    joints = [dynamics.joints[dynamics.getJointId(name)] for name in model.of(ArmModel)[arm].joint_names]
+    for joint, position in zip(joints, positions, strict=True):
+        q[joint.idx_q] = position
+    pinocchio.framesForwardKinematics(dynamics, data, pinocchio.neutral(dynamics))
+    base = data.oMf[dynamics.getFrameId(model.base_frame)].rotation
+    columns = []
+    for axis in base.T:
+        dynamics.gravity.linear = axis
+        columns.append(pinocchio.computeGeneralizedGravity(dynamics, data, q)[[joint.idx_v for joint in joints]])
+    return np.array(columns).T
 
 
 COMPARISONS: tuple[Callable[[RobotModel, str, ArmFacts], ModelComparison | None], ...] = (

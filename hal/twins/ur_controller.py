@@ -2,9 +2,11 @@
 
 The speed slider (``target_speed_fraction``) scales the time of all motion functions, ``servoj`` too, by
 ``getSpeedScaling() * getTargetSpeedFraction()`` (ur-rtde 1.6.5, ``getSpeedScalingCombined``); an arm that is streamed
-set-points faster than that lags behind ("On-Robot speed scaling", ros2_controllers' joint_trajectory_controller). A
-program that is paused (``runtime_state`` 4) holds the arm, and goes on with the same motion when it is played. Of
-reduced mode (``safety_mode`` 2) the twin only tells.
+set-points faster than that lags behind ("On-Robot speed scaling", ros2_controllers' joint_trajectory_controller).
+``target_moment`` are the torques that the controller's model predicts (RTDE guide: "Target joint moments"), with the
+direction of gravity that its mounting or ``set_gravity`` gives (URScript manual). A program that is paused
+(``runtime_state`` 4) holds the arm, and goes on with the same motion when it is played. Of reduced mode
+(``safety_mode`` 2) the twin only tells.
 """
 
 from __future__ import annotations
@@ -79,6 +81,7 @@ class URController:
         self._payload = payload(model, flange_of(model, arm.name)).mass  # as set at the pendant
         self._slider, self._paused = 1.0, False
         self._wrench_sign = 1.0
+        self._gravity_sign = 1.0  # of the controller's model; the arm of the world stays as it is
         self._measured: dict[str, Any] = {}
         world.ticks.append(self.tick)
 
@@ -148,6 +151,10 @@ class URController:
     def reduce(self, reduced: bool) -> None:
         """Switch reduced mode on or off by the safety input."""
         self.safety_mode = SafetyMode.REDUCED if reduced else SafetyMode.NORMAL
+
+    def mount(self, upside_down: bool) -> None:
+        """Set the mounting in the installation to that of the robot file, or the opposite."""
+        self._gravity_sign = -1.0 if upside_down else 1.0
 
     def turn_wrench(self) -> None:
         """Invert the sign of the wrench sensor; a second call restores it."""
@@ -276,7 +283,7 @@ class URController:
             "actual_qd": tuple(velocities.tolist()),
             "target_q": tuple((follower.setpoint if follower is not None else positions).tolist()),
             "target_qd": tuple(velocities.tolist()) if follower is not None else at_rest,
-            "target_moment": tuple(arm.efforts().tolist()),
+            "target_moment": tuple((self._gravity_sign * arm.efforts()).tolist()),
             "actual_TCP_pose": pose,
             "target_TCP_pose": pose,
             **({"ft_raw_wrench": self._as_told(wrench)} if wrench is not None else {}),

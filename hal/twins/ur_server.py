@@ -45,6 +45,7 @@ class URTwin(TcpTwin):
             {
                 "other_serial": lambda: setattr(self, "serial_number", OTHER_SERIAL_NUMBER),
                 "other_length": lambda: controller.lengthen(OTHER_LENGTH),
+                "other_mounting": lambda: controller.mount(upside_down=True),
                 "as_built": self._restore,
                 "protective_stop": lambda: controller.trip(SafetyMode.PROTECTIVE_STOP),
                 "joint_limit": lambda: controller.trip(SafetyMode.VIOLATION),
@@ -64,6 +65,7 @@ class URTwin(TcpTwin):
     def _restore(self) -> None:
         self.serial_number = SERIAL_NUMBER
         self.controller.lengthen(0.0)
+        self.controller.mount(upside_down=False)
 
     def _attend_rtde(self, client: socket.socket) -> None:
         RtdeSession(client, self.faults, self.controller.read, self.controller.write, self._owners).serve()

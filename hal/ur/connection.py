@@ -231,8 +231,9 @@ class URConnection(Connection):
 
     def arm_facts(self) -> ArmFacts | None:
         """Return the facts from RTDE; the tool offset is that at connection."""
-        joints, tool, payload = self._link.call("arm", timeout=READY_TIME)
-        return replace(self._identity, joints=joints, tool_pose=tool, payload=payload).arm_facts()
+        joints, tool, payload, torques = self._link.call("arm", timeout=READY_TIME)
+        now = replace(self._identity, joints=joints, tool_pose=tool, payload=payload, torques=torques)
+        return now.arm_facts()
 
     def heard(self) -> float:
         """Return the time at which the controller took the newest reading."""
@@ -377,17 +378,19 @@ FLANGE_TOLERANCE = 0.01
 class URIdentity:
     """The identity reported by the controller.
 
-    ``model``, ``serial_number``: from its dashboard. ``joints``: (6,) rad. ``tool_pose``, ``tcp_offset``: of the active
-    tool in the controller's base frame, and in the flange; metres and rotation vectors. ``payload``: configured load at
-    its flange, kg.
+    ``model``, ``serial_number``: from its dashboard. ``tcp_offset``, ``tool_pose``: of the active tool in the flange,
+    and in the controller's base frame; metres and rotation vectors. ``joints``: (6,) rad. ``payload``: configured load
+    at its flange, kg. ``torques``: (6,) of the joints by the controller's model, N m; its mounting shows there alone:
+    neither RTDE's outputs nor the dashboard have it, and URScript has ``set_gravity`` without a counterpart.
     """
 
     model: str
     serial_number: str
+    tcp_offset: list[float]
     joints: list[float]
     tool_pose: list[float]
-    tcp_offset: list[float]
     payload: float
+    torques: list[float]
 
     def mismatch(self, robot: RobotModel, arm: str, model: str | None) -> str | None:
         """Return the difference from the arm of the robot file, whose option ``model`` may name it, or None."""
@@ -408,7 +411,8 @@ class URIdentity:
         """Return the same in the frames of the URDF, whose base counts x and y the other way round."""
         base = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, np.pi))
         tool, offset = base @ _pose(self.tool_pose), _pose(self.tcp_offset)
-        return ArmFacts(np.array(self.joints), tool, offset, payload=self.payload)
+        torques = np.array(self.torques)
+        return ArmFacts(np.array(self.joints), tool, offset, payload=self.payload, holding_torques=torques)
 
     def _flange_apart(self, robot: RobotModel, arm: str) -> float:
         """Return the distance between the controller's and the robot file's flange, metres."""

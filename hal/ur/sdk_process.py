@@ -186,17 +186,15 @@ class SDKProcess:
         self._set_up()
         self._lapsed, self._followed = "", None
 
-    def identity(self) -> tuple[str, str, list[float], list[float], list[float], float]:
-        """Return model, serial number, joints, tool pose, tool offset from the flange, and load at the flange, kg."""
-        control, receive, dashboard = self._control, self._receive, self._dashboard
-        offset = control.getTCPOffset()
-        names = dashboard.getRobotModel(), dashboard.getSerialNumber()
-        return *names, receive.getActualQ(), receive.getActualTCPPose(), offset, receive.getPayload()
+    def identity(self) -> tuple[str, str, list[float], list[float], list[float], float, list[float]]:
+        """Return model, serial number, tool offset from the flange, and what ``arm`` returns."""
+        offset = self._control.getTCPOffset()
+        return self._dashboard.getRobotModel(), self._dashboard.getSerialNumber(), offset, *self.arm()
 
-    def arm(self) -> tuple[list[float], list[float], float]:
-        """Return current joints, tool pose, and load at the flange, kg."""
+    def arm(self) -> tuple[list[float], list[float], float, list[float]]:
+        """Return current joints, tool pose, load at the flange, kg, and the joint torques by the controller's model."""
         receive = self._receive
-        return receive.getActualQ(), receive.getActualTCPPose(), receive.getPayload()
+        return receive.getActualQ(), receive.getActualTCPPose(), receive.getPayload(), receive.getTargetMoment()
 
     def leave(self) -> None:
         """End set-points and the program."""

@@ -11,7 +11,7 @@ import pytest
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.payload import arm_payload, payload
-from hal.hardware.controller_facts import compare_tool
+from hal.hardware.controller_facts import compare_mounting, compare_tool
 from hal.twins.ur_kinematics import URKinematics
 from hal.ur.connection import URIdentity
 
@@ -30,7 +30,45 @@ def told(robot: RobotModel) -> URIdentity:
     pose = URKinematics(robot, "arm").pose(np.array(JOINTS))
     flange = pinocchio.SE3(pinocchio.exp3(np.array(pose[3:])), np.array(pose[:3]))
     poses = [[*p.translation.tolist(), *pinocchio.log3(p.rotation).tolist()] for p in (flange * TCP, TCP)]
-    return URIdentity("UR5", "20215500000", JOINTS, *poses, payload(robot, "arm_tool0").mass)
+    tool_pose, tcp_offset = poses
+    mass, torques = payload(robot, "arm_tool0").mass, holding_torques(robot)
+    return URIdentity("UR5", "20215500000", tcp_offset, JOINTS, tool_pose, mass, torques)
+
+
+def holding_torques(robot: RobotModel, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)) -> list[float]:
+    """Of the arm at rest, N m."""
+    model, joints = pinocchio.buildModelFromXML(robot.urdf), robot.of(ArmModel)["arm"].joint_names
+    model.gravity.linear = np.array(gravity)
+    q = pinocchio.neutral(model)
+    for name, position in zip(joints, JOINTS, strict=True):
+        q[model.joints[model.getJointId(name)].idx_q] = position
+    torques = pinocchio.computeGeneralizedGravity(model, model.createData(), q)
+    return [float(torques[model.joints[model.getJointId(name)].idx_v]) for name in joints]
+
+
+@pytest.mark.parametrize(
+    ("gravity", "agrees"),
+    [
+        ((0.0, 0.0, -9.81), True),
+        ((0.0, 0.0, -9.4), True),
+        ((0.0, 0.0, 9.81), False),
+        ((9.81, 0.0, 0.0), False),
+        ((0.0, 9.81, 0.0), False),
+        ((0.0, 6.94, -6.94), False),
+    ],
+)
+def test_a_mounting_that_the_file_does_not_have_shows_in_the_joint_torques(
+    robot: RobotModel, told: URIdentity, gravity: tuple[float, float, float], agrees: bool
+) -> None:
+    facts = replace(told, torques=holding_torques(robot, gravity)).arm_facts()
+    compared = compare_mounting(robot, "arm", facts)
+    assert compared is not None
+    assert compared.agrees is agrees, compared.text
+
+
+def test_an_upright_arm_does_not_show_how_it_is_mounted(robot: RobotModel, told: URIdentity) -> None:
+    upright = replace(told, joints=[0.0, -np.pi / 2, 0.0, -np.pi / 2, 0.0, 0.0], torques=[0.0] * 6)
+    assert compare_mounting(robot, "arm", upright.arm_facts()) is None
 
 
 @pytest.mark.parametrize("model", [None, "ur5e"])

@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bestman_bt.robot_model.bringup_file import with_bringup_limits
 from bestman_bt.robot_model.compose import load_robot_model
 from hal.api import CommandRefusedError, MotionErrorCode
 from hal.hardware.robot import HardwareRobot
 from hal.parts.gate import ToolLimits
+from hal.parts.part_connection import ConnectionFailedError
 from hal.twins.process import TwinProcess
 from hal.ur.arm import URArm
 from tests.hal.twinned import arrived, ended, twin_settings
@@ -60,3 +62,21 @@ def test_nothing_goes_on_after_the_robot_is_disconnected(twin: TwinProcess) -> N
         assert set(threading.enumerate()) - before
     assert set(threading.enumerate()) - before == set()
     assert robot.diagnostics()["connected"] == "no"
+
+
+@pytest.mark.slow
+def test_another_mounting_at_the_controller_is_reported_and_refused_once_the_robot_was_brought_up(
+    twin: TwinProcess,
+) -> None:
+    model = load_robot_model(ROBOT, twin_settings(twin))
+    brought_up, _ = with_bringup_limits(model)
+    with HardwareRobot(brought_up) as robot:
+        assert "arm_controller remarks" not in robot.diagnostics()
+    twin.fault("arm_controller", "other_mounting")
+    try:
+        with HardwareRobot(model) as robot:
+            assert "mounted as in the file, it needs" in robot.diagnostics()["arm_controller remarks"]
+        with pytest.raises(ConnectionFailedError, match="mounted as in the file, it needs"):
+            HardwareRobot(brought_up).connect()
+    finally:
+        twin.fault("arm_controller", "as_built")
