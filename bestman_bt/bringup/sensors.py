@@ -10,12 +10,15 @@ import numpy as np
 from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
 from bestman_bt.bringup.controllers import turn_between
 from bestman_bt.bringup.finding import CheckFinding, judged, not_applicable
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import Pose, RGBDImage
 from bestman_bt.perception.calibration.boards import CharucoBoard, board_pose
-from bestman_bt.robot_model.model import ArmModel
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.payload import flange_of
+from bestman_bt.robot_model.sensor_parts import CameraPart
 from bestman_bt.runtime.wrist_check import check_wrist
 from hal.api import Camera, ForceTorque
+from hal.simulation.parameters import SimulationParameters
 
 BOARD = CharucoBoard(7, 5, 0.04, 0.03)
 """As ``docs/calibration.md`` prints it."""
@@ -63,6 +66,22 @@ def board_finding(name: str, image: RGBDImage, base_from_eye: Pose, base_from_bo
     )
     passed = apart <= BOARD_TOLERANCE and turned <= BOARD_TURN
     return judged(f"{name}, frame", passed, text, apart_mm=1e3 * apart, turned_deg=math.degrees(turned))
+
+
+def board_in_view(model: RobotModel) -> str | None:
+    """Return a pose for ``--board`` in view of the first camera behind a connection, in the posture in which simulated
+    robots start; None without a camera.
+    """
+    connected = {part for connection in model.connections.values() for part in connection.parts}
+    frames = [camera.optical_frame for name, camera in model.of(CameraPart).items() if name in connected]
+    if not frames:
+        return None
+    postures = SimulationParameters().initial_postures
+    start = next((model.postures[name] for name in postures if name in model.postures), {})
+    middle = Pose(np.array([*(np.array(BOARD.size) / 2), 0.0]))
+    eye_from_board = Pose.from_xyz_rpy((0.0, 0.0, 0.45), (0.3, 0.2, 0.0)) @ middle.inverse()
+    board = ForwardKinematics(model).pose(frames[0], start, model.base_frame) @ eye_from_board
+    return " ".join(f"{number:.6f}" for number in (*board.position, *board.roll_pitch_yaw))
 
 
 def wrench(subject: BroughtUpRobot) -> Iterator[CheckFinding]:

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.option_values import confirmed, wrong_input
+from bestman_bt.cli.option_values import confirmed, pose, wrong_input
 from bestman_bt.cli.options import Json, Settings
 from bestman_bt.configuration.data import find_data
 from bestman_bt.configuration.errors import ConfigurationError, Problem
@@ -31,7 +31,9 @@ def bringup(
     board: Annotated[
         str | None,
         typer.Option(
-            metavar="POSE", help="Where a 7×5 ChArUco board (40 mm) is, in the base: 'x y z roll pitch yaw', m, rad."
+            metavar="POSE",
+            help="Where a 7×5 ChArUco board (40 mm) is, in the base: 'x y z roll pitch yaw', m, rad. Twins have one "
+            "before their first camera, or there.",
         ),
     ] = None,
     twin: Annotated[bool, typer.Option("--twin", help="Bring up twins that are started for it, unattended.")] = False,
@@ -42,7 +44,9 @@ def bringup(
     """Commission a real robot step by step; resumes where it stopped, and signs the results in a file."""
     from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
     from bestman_bt.bringup.procedure import STEPS, Step, begun, left
+    from bestman_bt.bringup.sensors import board_in_view
     from bestman_bt.robot_model.bringup_file import bringup_path
+    from bestman_bt.robot_model.compose import load_robot_model
 
     known = {one.name: one for one in STEPS}
     for asked in step or ():
@@ -55,8 +59,11 @@ def bringup(
         if one.moves and not (yes or twin or confirmed(question)):
             raise wrong_input("bestman-bt robot bringup", f"{one.name} was not done: nothing has moved")
 
-    with json_output(as_json) as write, _controllers(name, given, twin) as reached:
-        subject = BroughtUpRobot(name, reached, base_from_board=_pose_of(board), twin=twin)
+    if twin and board is None:
+        board = board_in_view(load_robot_model(name, given))
+    base_from_board = None if board is None else pose("--board", board)
+    with json_output(as_json) as write, _controllers(name, given, twin, board) as reached:
+        subject = BroughtUpRobot(name, reached, base_from_board=base_from_board, twin=twin)
         path = bringup_path(find_data("robot", name), twin)
         _check_connections(name, subject.model)
         file = begun(subject, path)
@@ -109,21 +116,6 @@ def _plain(steps: Any) -> dict[str, Any]:
     return {name: asdict(done) for name, done in steps.items()}
 
 
-def _pose_of(board: str | None) -> Any:
-    from bestman_bt.messages import Pose
-
-    if board is None:
-        return None
-    try:
-        values = [float(word) for word in board.replace(",", " ").split()]
-        if len(values) != 6:
-            raise ValueError(f"{len(values)} numbers")
-        return Pose.from_xyz_rpy(values[:3], values[3:])
-    except ValueError as error:
-        message = f"should be six numbers, x y z in metres, roll pitch yaw in radians: {error}"
-        raise wrong_input(f"--board {board}", message) from error
-
-
 def _robot_settings(settings: list[str] | None) -> dict[str, Any]:
     values = parse_settings(settings or ())
     strange = [key for key in values if not key.startswith("robot.")]
@@ -133,7 +125,7 @@ def _robot_settings(settings: list[str] | None) -> dict[str, Any]:
 
 
 @contextmanager
-def _controllers(name: str, settings: dict[str, Any], twin: bool) -> Iterator[dict[str, Any]]:
+def _controllers(name: str, settings: dict[str, Any], twin: bool, board: str | None) -> Iterator[dict[str, Any]]:
     """Yield the settings of the controllers; twins run within the context."""
     if not twin:
         yield settings
@@ -142,7 +134,7 @@ def _controllers(name: str, settings: dict[str, Any], twin: bool) -> Iterator[di
     from hal.twins.process import TwinProcess
 
     words = [f"robot.{key}={value}" for key, value in settings.items()]
-    twins = TwinProcess(name, SCENE, settings=words)
+    twins = TwinProcess(name, SCENE, settings=words, board=board)
     try:
         twins.start()
     except TwinError as error:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import sys
+from typing import TYPE_CHECKING
 
 import typer
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.quantity import parse_quantity
+
+if TYPE_CHECKING:
+    from bestman_bt.messages import Pose
 
 
 def wrong_input(source: str, message: str) -> ConfigurationError:
@@ -24,6 +28,18 @@ def number(option: str, text: str, *dimensions: str, allow_zero: bool = False) -
     if value < 0.0 or (value == 0.0 and not allow_zero):
         raise wrong_input(option, f"should be {'0 or more' if allow_zero else 'more than 0'}, got {text}")
     return value
+
+
+def pose(option: str, text: str) -> Pose:
+    """Return the pose of ``x y z roll pitch yaw``, metres and radians. Raises ConfigurationError."""
+    from bestman_bt.messages import Pose
+
+    try:
+        x, y, z, roll, pitch, yaw = (float(word) for word in text.replace(",", " ").split())
+    except ValueError as error:
+        message = f"should be six numbers, x y z in metres, roll pitch yaw in radians: {error}"
+        raise wrong_input(f"{option} {text}", message) from error
+    return Pose.from_xyz_rpy((x, y, z), (roll, pitch, yaw))
 
 
 def confirmed(question: str) -> bool:

@@ -15,12 +15,15 @@ from typing import Annotated
 
 import typer
 
+from bestman_bt.bringup.sensors import BOARD
 from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.option_values import pose
 from bestman_bt.cli.options import Engine, Json, Seed, Settings, grouped_options
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import parse_settings
 from bestman_bt.extras import DEFAULT_SIMULATOR, EXTRA_OF_SIMULATOR, require_extra
 from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.runtime.calibration.board_link import with_board
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from hal.twins.errors import TwinError
@@ -37,6 +40,12 @@ class TwinOptions:
     scene: Annotated[str, typer.Option(help="A shipped scene or a YAML file.")] = "pick_place_table"
     seed: Seed = 0
     engine: Engine = DEFAULT_SIMULATOR
+    board: Annotated[
+        str | None,
+        typer.Option(
+            metavar="POSE", help="A 7×5 ChArUco board (40 mm) on the base: 'x y z roll pitch yaw' in it, m, rad."
+        ),
+    ] = None
     settings: Settings = None
 
 
@@ -95,6 +104,8 @@ def _host(asked: TwinOptions, judge: bool) -> TwinHost:
         problems = [Problem(f"--set {key}", None, "", "should begin with robot. or scene.") for key in strange]
         raise ConfigurationError(problems)
     model = load_robot_model(asked.robot, inner["robot"])
+    if asked.board is not None:
+        model = with_board(model, BOARD, model.base_frame, pose("--board", asked.board))
     world = draw_world(load_scene(asked.scene, inner["scene"]), asked.seed)
     return TwinHost(model, world, asked.seed, judge, asked.engine)
 

@@ -22,6 +22,7 @@ class TwinProcess:
     Its messages go to the standard error: a machine that is too slow for it, the reason of a controller's stop.
 
     ``addresses``: connection → address. ``settings``: dotted keys → values that direct a robot's YAML to the twins.
+    ``board``: where a calibration board is, as ``bestman-bt twin --board`` takes it.
     """
 
     def __init__(
@@ -31,6 +32,7 @@ class TwinProcess:
         seed: int = 0,
         settings: Sequence[str] = (),
         start_timeout: float = 180.0,
+        board: str | None = None,
     ) -> None:
         self._command = [
             sys.executable,
@@ -44,6 +46,7 @@ class TwinProcess:
         ]
         self._command += ["--seed", str(seed), "--judge", "--json", "--until-eof"]
         self._command += [word for setting in settings for word in ("--set", setting)]
+        self._command += [] if board is None else ["--board", board]
         self._start_timeout = start_timeout
         self._process: subprocess.Popen[str] | None = None
         self._relay = threading.Thread()

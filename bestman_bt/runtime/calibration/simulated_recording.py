@@ -7,9 +7,8 @@ file.
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,74 +29,17 @@ from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
 from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner
 from bestman_bt.manipulation.trajectory.base import SpeedScale
 from bestman_bt.manipulation.trajectory.toppra import Toppra
-from bestman_bt.messages import Box, Mesh, PlacedShape, Pose, Pose2D, RGBDImage
+from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D, RGBDImage
 from bestman_bt.perception.calibration.boards import CalibrationError, CharucoBoard
 from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
+from bestman_bt.runtime.calibration.board_link import PLATE, TILE, with_board
 from bestman_bt.runtime.calibration.dataset import FILE, Progress
-from bestman_bt.runtime.calibration.robot_chain import RobotChain, written
+from bestman_bt.runtime.calibration.robot_chain import RobotChain
 from bestman_bt.scene.scene import World
 from hal.api import Arm, Camera, JointGroup, Motion, MotionStatus
-from hal.pybullet.body_urdf import Color, body_urdf
+from hal.pybullet.body_urdf import Color
 from hal.simulation.robot import SimulatedRobot
-
-PLATE, TILE = 0.006, 0.0006
-"""Thickness of plate and tiles, metres."""
-WHITE: Color = (0.97, 0.97, 0.97, 1.0)
-BLACK: Color = (0.03, 0.03, 0.03, 1.0)
-_CORNERS = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
-_FACES = np.array(
-    [
-        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
-        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
-    ]
-)
-
-
-def board_shapes(board: CharucoBoard, margin: float = 0.012) -> list[tuple[PlacedShape, Color]]:
-    """Return coloured shapes of the board in the board frame, z away from the viewer; ``margin``: white rim, metres."""
-    width, height = board.size
-    middle = Pose(np.array([width / 2, height / 2, PLATE / 2]))
-    plate = PlacedShape(Box((width + 2 * margin, height + 2 * margin, PLATE)), middle)
-    return [(plate, WHITE), (PlacedShape(_tiles(board), Pose()), BLACK)]
-
-
-def plate_box(board: CharucoBoard, margin: float = 0.02) -> PlacedShape:
-    """Return a box around the board, for collision checks."""
-    width, height = board.size
-    size = Box((width + 2 * margin, height + 2 * margin, PLATE + 2 * TILE))
-    return PlacedShape(size, Pose(np.array([width / 2, height / 2, PLATE / 2])))
-
-
-def _tiles(board: CharucoBoard) -> Mesh:
-    per_square = _pixels_per_square(board)
-    size = board.square / per_square
-    boxes = [
-        (_CORNERS * [(last - first) * size, size, TILE + 0.001] + [first * size, row * size, -TILE])
-        for row, first, last in _runs(board.picture(per_square) < 128)
-    ]
-    offsets = 8 * np.arange(len(boxes))[:, None, None]
-    return Mesh(np.concatenate(boxes), (_FACES[None] + offsets).reshape(-1, 3))
-
-
-def _pixels_per_square(board: CharucoBoard) -> int:
-    """Return the fewest pixels with which the markers' cells fall onto whole pixels."""
-    cells = int(board.dictionary.split("_")[1].split("X")[0]) + 2
-    for pixels in range(cells, 40 * cells):
-        cell = pixels * board.marker / board.square / cells
-        rim = (pixels - cell * cells) / 2
-        if math.isclose(cell, round(cell), abs_tol=1e-6) and math.isclose(rim, round(rim), abs_tol=1e-6):
-            return pixels
-    return 20 * cells
-
-
-def _runs(black: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
-    """Return row, first and past-the-last column of each run of black pixels."""
-    padded = np.pad(black, ((0, 0), (1, 1))).astype(np.int8)
-    rows, starts = np.nonzero(np.diff(padded, axis=1) == 1)
-    _, ends = np.nonzero(np.diff(padded, axis=1) == -1)
-    return list(zip(rows.tolist(), starts.tolist(), ends.tolist(), strict=True))
-
 
 ON_BASE = Pose.from_xyz_rpy((0.62, 0.0, 0.62), (0.0, math.radians(-25.0), 0.0)) @ Pose.from_xyz_rpy(
     (0.0, 0.0, 0.0), (math.pi, 0.0, math.pi / 2)
@@ -108,11 +50,19 @@ It is bolted to the base, not to the floor: while the arm swings, the base creep
 """
 POST = PlacedShape(Box((0.04, 0.04, 0.5)), Pose.from_xyz_rpy((0.44, 0.0, 0.44), (0.0, math.radians(52.0), 0.0)))
 """The arm of the base that carries the board."""
+GREY: Color = (0.4, 0.42, 0.45, 1.0)
 IN_HAND = Pose.from_xyz_rpy((0.0, 0.0, 0.3), (0.0, 0.0, 0.0)) @ Pose.from_xyz_rpy((0, 0, 0), (0.0, math.pi / 2, 0.0))
 """Middle of a board bolted to the hand, in the hand's frame: beyond the fingers, along them."""
 SPEED = SpeedScale(0.6, 0.4)
 SETTLE = 0.4
 TRIES = 60
+
+
+def _plate_box(board: CharucoBoard, margin: float = 0.02) -> PlacedShape:
+    """Return a box around the board, for collision checks."""
+    width, height = board.size
+    size = Box((width + 2 * margin, height + 2 * margin, PLATE + 2 * TILE))
+    return PlacedShape(size, Pose(np.array([width / 2, height / 2, PLATE / 2])))
 
 
 @dataclass(frozen=True)
@@ -165,7 +115,10 @@ def record(
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([views.seed, 7])
     world = World("calibration", 0, (), (), (), Pose2D(), {})
-    drawn = _with_board(built_robot, views.placement)
+    placement = views.placement
+    post = PlacedShape(POST.shape, placement.holder_from_board.inverse() @ POST.pose)
+    carrier = () if placement.in_hand else ((post, GREY),)
+    drawn = with_board(built_robot, placement.board, placement.holder, placement.holder_from_board, carrier)
     simulated: type[SimulatedRobot] = DRIVERS.resolve(DEFAULT_SIMULATOR)
     # Not folded, as it drives: a board in the hand would touch the arm.
     upright = simulated.parameters_class(initial_postures=("home", "carry"))
@@ -284,7 +237,7 @@ class _Recorder:
         placement = self._placement
         floor = SceneObstacle("floor", (PlacedShape(Box((6.0, 6.0, 0.1)), Pose(np.array([0.0, 0.0, -0.05]))),))
         scene = PlanningScene(self._joints.positions(), (floor,), padding=0.005)
-        box = plate_box(placement.board)
+        box = _plate_box(placement.board)
         if not placement.in_hand:
             shapes = (POST, PlacedShape(box.shape, placement.holder_from_board @ box.pose))
             return scene.adding(SceneObstacle("board", shapes, padding=0.03))
@@ -314,32 +267,6 @@ def in_hand(board: CharucoBoard, robot: RobotModel) -> BoardPlacement:
 
 def _from_middle(board: CharucoBoard) -> Pose:
     return Pose(np.array([*(-np.array(board.size) / 2), 0.0]))
-
-
-def _with_board(robot: RobotModel, placement: BoardPlacement) -> RobotModel:
-    """Return the robot with a board bolted to a link; it weighs next to nothing."""
-    shapes = board_shapes(placement.board)
-    if not placement.in_hand:
-        post = PlacedShape(POST.shape, placement.holder_from_board.inverse() @ POST.pose)
-        shapes = [*shapes, (post, (0.4, 0.42, 0.45, 1.0))]
-    body = ET.fromstring(body_urdf("calibration_board", 1e-3, (), shapes))
-    urdf = ET.fromstring(robot.urdf)
-    link = body.find("link")
-    assert link is not None
-    inertia = link.find("inertial/inertia")
-    assert inertia is not None
-    inertia.attrib.update(dict.fromkeys(("ixx", "iyy", "izz"), "1e-6"))
-    urdf.append(link)
-    joint = ET.SubElement(urdf, "joint", name="calibration_board_joint", type="fixed")
-    pose = written(placement.holder_from_board)
-    ET.SubElement(joint, "origin", xyz=_text(pose["xyz"]), rpy=_text(pose["rpy"]))
-    ET.SubElement(joint, "parent", link=placement.holder)
-    ET.SubElement(joint, "child", link="calibration_board")
-    return replace(robot, urdf=ET.tostring(urdf, encoding="unicode"))
-
-
-def _text(values: list[float]) -> str:
-    return " ".join(repr(value) for value in values)
 
 
 def _save(image: RGBDImage, name: str, folder: Path) -> dict[str, Any]:

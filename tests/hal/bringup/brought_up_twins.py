@@ -11,7 +11,10 @@ import pytest
 
 from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
 from bestman_bt.bringup.procedure import STEPS, bring_up, run_step
+from bestman_bt.bringup.sensors import board_in_view
+from bestman_bt.cli.option_values import pose
 from bestman_bt.robot_model.bringup_file import BringUpFile
+from bestman_bt.robot_model.compose import load_robot_model
 from hal.twins.process import TwinProcess
 from tests.hal.twinned import twin_settings
 
@@ -26,8 +29,10 @@ def brought_up(robot: str, *packages: str) -> Iterator[Pair]:
     """A robot of shipped name or file, connected to twins of its own."""
     for package in packages:
         pytest.importorskip(package, reason="an extra is not installed")
-    with TwinProcess(robot, "pick_place_table", seed=1) as twin:
-        subject = BroughtUpRobot(robot, twin_settings(twin))
+    board = board_in_view(load_robot_model(robot))
+    with TwinProcess(robot, "pick_place_table", seed=1, board=board) as twin:
+        base_from_board = None if board is None else pose("--board", board)
+        subject = BroughtUpRobot(robot, twin_settings(twin), base_from_board=base_from_board)
         with subject.robot:
             yield subject, twin
 
@@ -40,6 +45,7 @@ def passes(subject: BroughtUpRobot, path: Path, without: set[str]) -> BringUpFil
     assert all(finding.text for result in results.values() for finding in result.findings)
     file = BringUpFile.read(path)
     assert file.signed is not None
+    assert "head_camera, frame" in file.steps["camera"].measured
     return file
 
 

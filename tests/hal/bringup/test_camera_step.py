@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from bestman_bt.bringup.sensors import BOARD, board_finding
+from bestman_bt.bringup.sensors import BOARD, board_finding, board_in_view
+from bestman_bt.cli.option_values import pose
+from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
+from bestman_bt.robot_model.compose import load_robot_model
+from bestman_bt.runtime.calibration.board_link import with_board
+from bestman_bt.scene.draw import draw_world
+from bestman_bt.scene.load import load_scene
+from hal.api import Camera, JointGroup
+from hal.pybullet.robot import PyBulletRobot
 
 LENS = CameraIntrinsics(640, 480, 600.0, 600.0, 320.0, 240.0)
 EYE_FROM_BOARD = Pose.from_xyz_rpy((-0.12, -0.08, 0.6), (0.3, 0.2, 0.1))
@@ -46,3 +55,27 @@ def test_a_camera_that_is_mounted_otherwise_than_its_file_says_fails(mounted_oth
 
 def test_a_camera_that_sees_no_board_finds_nothing() -> None:
     assert board_finding("head_camera", picture(of_board=False), BASE_FROM_EYE, Pose()) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("built", "outcome"), [("5 cm", "passed"), ("8 cm", "failed")])
+def test_the_board_of_a_twin_shows_a_camera_that_is_built_in_elsewhere(built: str, outcome: str) -> None:
+    file = Path(__file__).parents[1] / "rosbridge" / "ros_robot.yaml"
+    model = load_robot_model(file)
+    board = board_in_view(model)
+    assert board is not None
+    base_from_board = pose("--board", board)
+    as_built = load_robot_model(file, {"parts.head_camera.xyz": [built, 0, 0]})
+    twin = with_board(as_built, BOARD, as_built.base_frame, base_from_board)
+    with PyBulletRobot(twin, draw_world(load_scene("pick_place_table"), 1)) as robot:
+        image = robot.part("head_camera", Camera).capture()
+        head = robot.part("head", JointGroup)
+        joints = dict(zip(head.joint_names, head.positions().tolist(), strict=True))
+    base_from_eye = ForwardKinematics(model).pose("head_camera_optical_frame", joints, model.base_frame)
+    finding = board_finding("head_camera", image, base_from_eye, base_from_board)
+    assert finding is not None
+    assert finding.outcome == outcome, finding.text
+
+
+def test_a_robot_without_a_camera_behind_a_connection_gets_no_board() -> None:
+    assert board_in_view(load_robot_model("diff_panda")) is None
