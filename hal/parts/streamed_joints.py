@@ -309,10 +309,10 @@ class StreamedJointGroup(StoppablePart, JointGroup):
     def give_way(self) -> None:
         """Stop sending set-points: the controller has stopped the joints, or is unreachable."""
         with self._connection.lock:
-            self._efforts = None
             if not self.resting:
                 self._gave_way = self._connection.motion is not None
-                self._rest_at(self._position)
+                self._rest_at(self._start)
+            self._efforts = None
 
     def cycle(self, elapsed: float) -> None:
         """Run one control period, ``elapsed`` seconds after the last one: send the next set-point if one is due."""
@@ -546,13 +546,12 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         return self._position if self._efforts is None else self._channel.read().positions
 
     def _leave_effort_mode(self) -> None:
-        """Continue the set-points at the measured positions and velocities, the latter within the limits."""
+        """Continue the set-points at the measured positions and velocities; the gate brakes what is too fast."""
         if self._efforts is not None:
-            reading, model = self._channel.read(), self.model
+            reading = self._channel.read()
             self._efforts = None
-            velocity = np.clip(reading.velocities, -model.velocity, model.velocity)
-            self._rest_at(reading.positions, velocity)
-            self._velocity = velocity
+            self._rest_at(reading.positions, reading.velocities)
+            self._velocity = reading.velocities
             self._setpoints = self._braking()
 
     def _start_from_rest(self) -> None:

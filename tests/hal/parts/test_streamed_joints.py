@@ -672,6 +672,7 @@ def test_efforts_that_are_commanded_anew_end_the_halt_of_earlier_ones(latch: Sto
     assert channel.halts == 2
 
 
+@pytest.mark.parametrize("speed", [0.3, 2.0 * STRONG], ids=["within the limits", "faster than they allow"])
 @pytest.mark.parametrize("braked", [False, True], ids=["while efforts act", "while they are braked"])
 @pytest.mark.parametrize(
     "command",
@@ -683,14 +684,14 @@ def test_efforts_that_are_commanded_anew_end_the_halt_of_earlier_ones(latch: Sto
     ids=["positions", "velocities", "move_to"],
 )
 def test_a_command_after_efforts_starts_from_the_measured_positions_and_velocities(
-    latch: StopLatch, command: Callable[[StreamedJointGroup], object], braked: bool
+    latch: StopLatch, command: Callable[[StreamedJointGroup], object], braked: bool, speed: float
 ) -> None:
     channel = Torques(2)
     group = StreamedJointGroup("head", MODEL, channel, latch, PERIOD)
     group.attach()
     group.command(efforts=[3.0, -2.0])
     run(group, 0.1)
-    channel.at, channel.tremble = np.array([0.4, -0.1]), 0.3  # the efforts have moved them
+    channel.at, channel.tremble = np.array([0.4, -0.1]), speed  # the efforts have moved them
     if braked:
         group.brake()
         run(group, PERIOD)
@@ -701,7 +702,10 @@ def test_a_command_after_efforts_starts_from_the_measured_positions_and_velociti
     positions, velocities = channel.sent[0]
     hardest = STRONG / 0.3  # braking within the time of a stop
     assert np.all(np.abs(velocities - here.velocities) <= hardest * PERIOD + 1e-9)
-    assert positions == pytest.approx(here.positions + here.velocities * PERIOD, abs=hardest * PERIOD**2)
+    assert positions == pytest.approx(here.positions + here.velocities * PERIOD, abs=hardest * PERIOD**2 + 1e-9)
+    run(group, 0.2)
+    rates = np.diff([here.positions, *(sent for sent, _ in channel.sent)], axis=0) / PERIOD
+    assert np.max(np.abs(np.diff(rates, axis=0))) <= 1.01 * hardest * PERIOD
 
 
 @pytest.mark.parametrize(
@@ -785,6 +789,25 @@ def test_a_controller_that_connects_anew_holds_the_joints_where_efforts_have_lef
     group.command(efforts=[3.0, -2.0])
     channel.at = np.array([0.3, -0.2])
     group.attach()
+    assert group.resting
+    run(group, PERIOD)
+    assert channel.sent[-1][0] == pytest.approx([0.3, -0.2])
+
+
+@pytest.mark.parametrize("code", [None, MotionErrorCode.DISCONNECTED])
+def test_a_controller_that_stops_joints_during_efforts_finds_them_held_where_they_are(
+    latch: StopLatch, code: MotionErrorCode | None
+) -> None:
+    channel = Torques(2)
+    channel.stream_at_rest = True
+    group = StreamedJointGroup("head", MODEL, channel, latch, PERIOD)
+    group.attach()
+    group.command(efforts=[3.0, -2.0])
+    channel.at = np.array([0.3, -0.2])
+    if code is None:
+        group.give_way()
+    else:
+        group.fail(Failure(code, "the cable is out"))
     assert group.resting
     run(group, PERIOD)
     assert channel.sent[-1][0] == pytest.approx([0.3, -0.2])
