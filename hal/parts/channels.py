@@ -212,8 +212,12 @@ class GripperChannel(ABC):
 
     reaction_time = 0.4
 
-    def refresh(self) -> None:  # noqa: B027 - nothing to do where readings come by themselves
-        """Request the next reading; may take a round trip. Called once per cycle, after commands were sent."""
+    def refresh(self) -> bool:
+        """Request the next reading; may take a round trip. Called once per cycle, after commands were sent.
+
+        Returns whether there is a new reading: fingers are not taken to stand still while none arrives.
+        """
+        return True
 
     @abstractmethod
     def read(self) -> GripperReading:

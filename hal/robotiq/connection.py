@@ -140,14 +140,16 @@ class RobotiqChannel(GripperChannel):
             self._await(lambda: self._last_status().activation != RESET, deadline, lambda wire: wire.activate())
         self._await(lambda: fault_of(self._last_status()) is None, deadline)
 
-    def refresh(self) -> None:
+    def refresh(self) -> bool:
         """Read the status in one round trip; without a reply the last one stays valid."""
         status = self._exchange(lambda wire: wire.status())
-        if status is not None:
-            self._moved = self._moved or abs(status.position - self._from) >= LEAST_MOVE
-            self._status = status
-            if fault_of(status) is None and status.goes:  # a halt lets go of nothing
-                self._may_hold = status.object in STOPPED_BY_OBJECT
+        if status is None:
+            return False
+        self._moved = self._moved or abs(status.position - self._from) >= LEAST_MOVE
+        self._status = status
+        if fault_of(status) is None and status.goes:  # a halt lets go of nothing
+            self._may_hold = status.object in STOPPED_BY_OBJECT
+        return True
 
     @property
     def fault(self) -> Failure | None:

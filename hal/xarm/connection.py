@@ -67,11 +67,13 @@ class XArmGripper(GripperChannel):
         self._pulses_per_metre = pulses / (model.max_width - model.part.min_width)
         self._width: float | None = None
 
-    def refresh(self) -> None:
+    def refresh(self) -> bool:
         """Read the width; without a reply the last one stays."""
         pulses = self._wire.ask(lambda arm: arm.get_gripper_position())
-        if pulses is not None:
-            self._width = self._model.part.min_width + float(pulses) / self._pulses_per_metre
+        if pulses is None:
+            return False
+        self._width = self._model.part.min_width + float(pulses) / self._pulses_per_metre
+        return True
 
     def read(self) -> GripperReading:
         """Return the latest width."""

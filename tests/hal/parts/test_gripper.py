@@ -22,6 +22,10 @@ class Fingers(GripperChannel):
         self.felt: bool | None = None
         self.orders: list[tuple[float, float, float]] = []
         self.halts = 0
+        self.silent = False
+
+    def refresh(self) -> bool:
+        return not self.silent
 
     def read(self) -> GripperReading:
         return GripperReading(self.width, self.felt)
@@ -61,6 +65,23 @@ def run(gripper: CommandedGripper, fingers: Fingers, seconds: float) -> None:
     for _ in range(round(seconds / PERIOD)):
         gripper.cycle(PERIOD)
         fingers.move(PERIOD)
+
+
+@pytest.mark.parametrize(("felt", "seconds"), [(None, 0.8), (False, 1.6)])
+def test_fingers_of_which_nothing_is_heard_neither_hold_nor_are_stuck(
+    gripper: CommandedGripper, fingers: Fingers, felt: bool | None, seconds: float
+) -> None:
+    fingers.felt, fingers.low = felt, 0.04
+    motion = gripper.move(0.0, speed=0.05)
+    run(gripper, fingers, 0.5)
+    fingers.silent = True
+    run(gripper, fingers, seconds)
+    assert motion.status is MotionStatus.RUNNING
+    assert not gripper.state().object_held
+    fingers.silent = False
+    run(gripper, fingers, seconds)
+    assert gripper.state().object_held is (felt is None)
+    assert motion.status is (MotionStatus.SUCCEEDED if felt is None else MotionStatus.FAILED)
 
 
 def test_an_order_is_sent_once_with_its_force_and_speed(gripper: CommandedGripper, fingers: Fingers) -> None:
