@@ -27,6 +27,7 @@ from hal.conformance.subject import (
     ARMS,
     GROUPS,
     POLL,
+    REST_TIME,
     Check,
     each,
     finish,
@@ -50,6 +51,8 @@ SMALL_TURN = 0.001
 """Radians or metres."""
 AT_ONCE, LONGEST_TURN = 0.002, 0.3
 """Seconds: period at which motions are polled, and maximum mean duration of a small command."""
+FALL, MOVED = 0.15, 0.02
+"""Seconds without effort; radians or metres by which efforts have to move a joint for it to count."""
 UNEVEN = 0.023
 """Seconds between readings of a velocity that may oscillate with the controller's period; not a multiple of one."""
 READINGS_APART, READINGS_APART_IN_REAL_TIME = 4, 16
@@ -270,6 +273,24 @@ def velocities_are_the_rate_of_positions(robot: Robot, group: JointGroup) -> Non
 
 
 @each(JointGroup)
+def a_command_after_efforts_starts_from_the_joints(robot: Robot, group: JointGroup) -> None:
+    """Check that joints that efforts have moved are not pulled back to where they were; a driver may refuse efforts."""
+    before = group.positions()
+    try:
+        group.command(efforts=np.zeros(len(before)))
+    except CommandRefusedError:
+        return
+    robot.clock.sleep(FALL)
+    here = group.positions()
+    group.command(velocities=np.zeros(len(before)))
+    robot.clock.sleep(REST_TIME)
+    moved, left = np.abs(here - before), np.abs(group.positions() - before)
+    for joint, way, rest in zip(group.joint_names, moved, left, strict=True):
+        pulled_back = way > MOVED and rest < way / 2
+        require(not pulled_back, f"efforts moved {joint} by {way:.4f}; by the next command it is back at {rest:.4f}")
+
+
+@each(JointGroup)
 def velocities_of_joints_lapse(robot: Robot, group: JointGroup) -> None:
     """Check that the joints brake a quarter of a second after the last velocity command, since the client may be
     gone.
@@ -400,6 +421,7 @@ MOTION_CHECKS = (
     Check(velocities_are_the_rate_of_positions, GROUPS, commands=True),
     Check(set_points_are_held, GROUPS, commands=True),
     Check(velocities_of_joints_lapse, GROUPS, commands=True),
+    Check(a_command_after_efforts_starts_from_the_joints, GROUPS, commands=True),
     Check(trajectories_keep_the_limits_between_their_samples, ARMS, commands=True),
     Check(trajectories_are_followed, ARMS, commands=True),
     Check(set_points_are_streamed, ARMS, commands=True),

@@ -11,7 +11,7 @@ import numpy as np
 
 from bestman_bt.messages import JointTrajectory
 from hal.api import CommandRefusedError, Motion, MotionErrorCode, MotionStatus
-from tests.hal.conformance.changed_robot import Break, OneMotion, OnlySaysSo, of, wrapped
+from tests.hal.conformance.changed_robot import Break, OneMotion, OnlySaysSo, changed, of, wrapped
 
 
 class ChangesItsMind(OneMotion):
@@ -181,6 +181,17 @@ def joints_never_lapsing(robot: Any) -> None:
     arm._tracking = replace(arm._tracking, velocity_timeout=np.inf)
 
 
+def holding_on_to_old_set_points(robot: Any) -> None:
+    """Of an arm that efforts move, by a little."""
+    arm = robot.parts["arm"]
+
+    def exert(channel: Any, efforts: np.ndarray) -> None:
+        channel.send(channel.read().positions - 0.04, 0.0 * efforts)
+
+    changed(arm._channel, takes_efforts=True, exert=exert)
+    wrapped(arm, "_leave_effort_mode", lambda do: setattr(arm, "_efforts", None))
+
+
 def without_a_gate(robot: Any) -> None:
     """Set-points go out as they come, and trajectories at their own pace."""
     arm = robot.parts["arm"]
@@ -227,6 +238,7 @@ BROKEN: list[tuple[str, Break]] = [
     ("set points are streamed", of("arm", "servo", lambda do, positions: do(np.asarray(positions) + 0.02))),
     ("a gripper opens and closes", of("gripper", "state", lambda do: replace(do(), empty=False))),
     ("velocities of joints lapse", joints_never_lapsing),
+    ("a command after efforts starts from the joints", holding_on_to_old_set_points),
     ("trajectories keep the limits between their samples", without_a_gate),
     ("velocities of a base lapse", never_lapsing),
     ("a base moves in its own frame", velocity_in_the_odometry_frame),
