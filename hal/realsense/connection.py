@@ -20,6 +20,7 @@ from bestman_bt.robot_model.sensor_parts import CameraPart
 from hal.api import Failure, NoDataError
 from hal.hardware.clock import RemoteTime, StampOrder
 from hal.hardware.connection import Connection, PartFactory
+from hal.hardware.controller_facts import Identity
 from hal.hardware.sensors import HardwareCamera, is_another_camera, lens_differences
 from hal.parts.part_connection import ConnectionFailedError
 
@@ -31,8 +32,8 @@ class RealSenseOptions:
     """Options of ``driver: realsense``; images have the size of the robot model's camera.
 
     Without images for ``image_time`` the camera counts as lost; only readers of images are affected. ``serial``:
-    selects one of several cameras. ``recording``: a file recorded by the RealSense viewer or SDK, played in a loop
-    instead of a camera. ``frame_rate``: images per second. ``image_time``: seconds to wait for an image.
+    of the camera; another one is refused. ``recording``: a file recorded by the RealSense viewer or SDK, played in a
+    loop instead of a camera. ``frame_rate``: images per second. ``image_time``: seconds to wait for an image.
     """
 
     serial: str = ""
@@ -75,7 +76,7 @@ class RealSenseConnection(Connection):
         self._newest: tuple[Any, float] | None = None
         self._heard = -1e9
         self._camera_times: dict[Any, tuple[RemoteTime, StampOrder]] = {}  # by domain
-        self._lens = model.intrinsics
+        self._lens, self._identity = model.intrinsics, Identity()
         self._part = HardwareCamera(name, model, self.latch, self._take)
         return self._part
 
@@ -93,7 +94,15 @@ class RealSenseConnection(Connection):
         try:
             profile = pipeline.start(config)
         except RuntimeError as error:
-            raise ConnectionFailedError(f"{self.name}: the camera does not start: {error}") from error
+            asked = f" with the serial number {options.serial}" if options.serial else ""
+            raise ConnectionFailedError(f"{self.name}: {self._camera}{asked} does not start: {error}") from error
+        self._identity = _identity_of(rs, profile.get_device())
+        if options.serial and self._identity.serial_number != options.serial:
+            pipeline.stop()
+            raise ConnectionFailedError(
+                f"{self.name}: {self._camera} has the serial number {self._identity.serial_number or 'not reported'}; "
+                f"the option 'serial' says {options.serial}"
+            )
         self._pipeline, self._align = pipeline, rs.align(rs.stream.color)
         reported = profile.get_stream(rs.stream.color).as_video_stream_profile().get_intrinsics()
         self._lens = CameraIntrinsics(
@@ -137,6 +146,10 @@ class RealSenseConnection(Connection):
         """Return None: exceptions of the SDK end the loop, which is a fault already."""
         return None
 
+    def identity(self) -> Identity:
+        """Return the identity of the device that streams."""
+        return self._identity
+
     def recover(self) -> None:
         """Do nothing: a camera has no faults to clear."""
 
@@ -179,6 +192,11 @@ class RealSenseConnection(Connection):
             return RGBDImage(rgb, metres.astype(np.float32), self._lens, stamp)
         except ValueError as error:
             raise NoDataError(f"{self._camera}: an image cannot be used: {error}", self._camera) from error
+
+
+def _identity_of(rs: ModuleType, device: Any) -> Identity:
+    infos = rs.camera_info.name, rs.camera_info.serial_number, rs.camera_info.firmware_version
+    return Identity(*(device.get_info(info) if device.supports(info) else "" for info in infos))
 
 
 def realsense_sdk(load: Callable[[str], ModuleType]) -> ModuleType:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ connections:
 """
 SIZE = (480, 640)
 COLOR = (200, 30, 10)
+SERIAL = "0123456789"
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +46,7 @@ def recording(sdk: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("realsense") / "wall.db3"
     device = sdk.software_device()
     kinds = ((sdk.stream.depth, sdk.format.z16, 2), (sdk.stream.color, sdk.format.rgb8, 3))
+    device.register_info(sdk.camera_info.serial_number, SERIAL)
     sensors = [device.add_sensor("Depth"), device.add_sensor("Color")]
     profiles = [
         sensor.add_video_stream(_stream(sdk, number, *kind))
@@ -111,6 +114,18 @@ def test_colour_and_registered_depth_come_in_metres_and_newly_taken(model: Robot
         assert camera.capture().rgb[100, 100].tolist() == list(COLOR)
 
 
+def test_a_camera_of_another_serial_number_is_refused(model: RobotModel, recording: Path) -> None:
+    file = recording.parent / "robot.yaml"
+    with HardwareRobot(load_robot_model(file, {"connections.eye.options.serial": SERIAL})) as robot:
+        assert robot.connections["eye"].identity().serial_number == SERIAL
+    other = load_robot_model(file, {"connections.eye.options.serial": "9876543210"})
+    with pytest.raises(ConnectionFailedError, match=f"camera has the serial number {SERIAL}; .* says 9876543210"):
+        HardwareRobot(other).connect()
+    brought_up = replace(model, serial_numbers={"eye": "9876543210"}, bringup="robot.bringup")
+    with pytest.raises(ConnectionFailedError, match=f"serial number is {SERIAL}, that of the bring-up is 9876543210"):
+        HardwareRobot(brought_up).connect()
+
+
 @pytest.fixture(scope="module")
 def make_robot(model: RobotModel) -> MakeRobot:
     return partial(HardwareRobot, model)
@@ -132,5 +147,5 @@ def test_its_images_are_as_promised(check: Check, make_robot: MakeRobot) -> None
 @pytest.mark.slow  # the SDK looks for one for 15 s
 def test_a_camera_that_is_not_there_is_an_error_in_words(model: RobotModel, recording: Path) -> None:
     absent = load_robot_model(recording.parent / "robot.yaml", {"connections.eye.options.recording": ""})
-    with pytest.raises(ConnectionFailedError, match="eye: the camera does not start"):
+    with pytest.raises(ConnectionFailedError, match="eye: camera does not start"):
         HardwareRobot(absent).connect()
