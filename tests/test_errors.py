@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import bestman_bt
-from bestman_bt.cli.input_errors import input_errors
+from bestman_bt.cli.main import input_errors
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.engine import TreeLoadError
 from bestman_bt.errors import AlgorithmError, Error, InputError, MissingExtraError, RobotError

@@ -10,9 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.option_values import confirmed, pose, wrong_input
-from bestman_bt.cli.options import Json, Settings
+from bestman_bt.cli.options import Json, Settings, confirmed, json_output, pose, wrong_input
 from bestman_bt.configuration.data import find_data
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import parse_settings

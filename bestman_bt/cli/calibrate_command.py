@@ -13,8 +13,7 @@ from typing import Annotated, Any
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Seed, Settings, grouped_options
+from bestman_bt.cli.options import Json, Seed, Settings, grouped_options, json_output
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import parse_settings

@@ -9,9 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.option_values import number, wrong_input
-from bestman_bt.cli.options import Json, Png
+from bestman_bt.cli.options import Json, Png, json_output, number, wrong_input
 from bestman_bt.messages import CameraIntrinsics, PointCloud, Pose
 from bestman_bt.perception.clouds import (
     cloud_picture,

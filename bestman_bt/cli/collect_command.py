@@ -9,9 +9,17 @@ from typing import Annotated
 
 import typer
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.launcher_options import LauncherOptions
-from bestman_bt.cli.options import Engine, Json, Plugins, Robot, Scene, Settings, grouped_options
+from bestman_bt.cli.options import (
+    Engine,
+    Json,
+    LauncherOptions,
+    Plugins,
+    Robot,
+    Scene,
+    Settings,
+    grouped_options,
+    json_output,
+)
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunConfig, RunRequest, run_of_options

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, writable_file
+from bestman_bt.cli.options import Json, json_output, writable_file
 
 
 def _writable_picture(path: Path | None) -> Path | None:

@@ -11,8 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Png
+from bestman_bt.cli.options import Json, Png, json_output
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError, DatasetFolder
 

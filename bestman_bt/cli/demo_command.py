@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import MONITOR_PORT, Groot2Port, Json, Live, Monitor, MonitorPort, Seed
+from bestman_bt.cli.options import MONITOR_PORT, Groot2Port, Json, Live, Monitor, MonitorPort, Seed, json_output
 from bestman_bt.cli.report_command import REPORT_NAME
 from bestman_bt.cli.run_command import ViewOptions, execute, exit_code
 from bestman_bt.cli.run_view import RESULTS

@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json
+from bestman_bt.cli.options import Json, json_output
 from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.engine import TreeLoadError, TreeProblem
 from bestman_bt.engine.models.difference import compare, difference_svg, differences

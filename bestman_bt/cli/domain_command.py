@@ -8,8 +8,7 @@ from typing import Annotated
 
 import typer
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, PlanningOptions, grouped_options
+from bestman_bt.cli.options import Json, PlanningOptions, grouped_options, json_output
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.errors import Problem as Fault
 from bestman_bt.facts.predicate import Beliefs

@@ -18,9 +18,18 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.launcher_options import LauncherOptions
-from bestman_bt.cli.options import Engine, Json, MonitorOptions, Plugins, Robot, Scene, Settings, grouped_options
+from bestman_bt.cli.options import (
+    Engine,
+    Json,
+    LauncherOptions,
+    MonitorOptions,
+    Plugins,
+    Robot,
+    Scene,
+    Settings,
+    grouped_options,
+    json_output,
+)
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration.errors import ConfigurationError, Problem

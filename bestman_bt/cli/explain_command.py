@@ -9,8 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json
+from bestman_bt.cli.options import Json, json_output
 from bestman_bt.errors import InputError
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.records.events import LogEvent

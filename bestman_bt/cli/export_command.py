@@ -10,8 +10,7 @@ from typing import Annotated
 
 import typer
 
-from bestman_bt.cli.option_values import wrong_input
-from bestman_bt.cli.options import writable_file
+from bestman_bt.cli.options import writable_file, wrong_input
 
 
 class Format(StrEnum):

@@ -10,8 +10,7 @@ from typing import Annotated, Any
 import typer
 from PIL import Image
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Robot, Scene, Seed, Settings, grouped_options
+from bestman_bt.cli.options import Json, Robot, Scene, Seed, Settings, grouped_options, json_output
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunRequest
 from bestman_bt.extras import is_installed, require_extra

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import typer
 from typer.core import TyperGroup
+
+from bestman_bt.errors import InputError
 
 VERBS = {
     "demo": "fetch a cup in simulation and show what happened",
@@ -58,6 +63,9 @@ VERBS = {
 NUMBERS = {"int": "whole number", "int range": "whole number", "float": "number", "float range": "number"}
 """What typer calls the types of options → what people do."""
 
+CONTROLS = ("status", "pause", "resume", "step", "decline", "speed", "break", "unbreak", "set", "stop")
+"""Verbs of running executions."""
+
 STARTING = (
     *("demo", "run", "plan", "eval", "sweep", "collect", "look"),
     *("twin", "monitor", "render", "replay", "robot", "calibrate"),
@@ -66,7 +74,9 @@ STARTING = (
 
 
 class Verbs(TyperGroup):
-    """Imports ``bestman_bt.cli.<verb>_command:command`` (or ``verbs``, a group) when a verb is used."""
+    """Imports a verb when it is used: ``bestman_bt.cli.<verb>_command:command`` (or ``verbs``, a group), and those of
+    running executions from ``bestman_bt.cli.control_commands:<verb>_command``.
+    """
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return all verbs, in the order of use."""
@@ -78,11 +88,16 @@ class Verbs(TyperGroup):
             from bestman_bt.registry import suggestion
 
             ctx.fail(f"unknown command {cmd_name!r}; {suggestion(cmd_name, list(VERBS))}")
-        module = import_module(f"bestman_bt.cli.{cmd_name}_command")
-        if hasattr(module, "verbs"):
-            return _in_plain_words(typer.main.get_command(module.verbs))
+        if cmd_name in CONTROLS:
+            command = getattr(import_module("bestman_bt.cli.control_commands"), f"{cmd_name}_command")
+            examples = inspect.cleandoc(command.__doc__).partition("\n\n")[2]
+        else:
+            module = import_module(f"bestman_bt.cli.{cmd_name}_command")
+            if hasattr(module, "verbs"):
+                return _in_plain_words(typer.main.get_command(module.verbs))
+            command, examples = module.command, module.__doc__
         verb = typer.Typer(add_completion=False, rich_markup_mode=None)
-        verb.command(name=cmd_name, help=VERBS[cmd_name].capitalize() + ".", epilog=module.__doc__)(module.command)
+        verb.command(name=cmd_name, help=VERBS[cmd_name].capitalize() + ".", epilog=examples)(command)
         return _in_plain_words(typer.main.get_command(verb))
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
@@ -130,11 +145,30 @@ def main() -> None:
     # Products of small arrays are slower on several threads, and their last bits depend on how many there are.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    from bestman_bt.cli.input_errors import input_errors
-
     verb = next((argument for argument in sys.argv[1:] if argument in VERBS), "")
     with input_errors(starts=verb in STARTING):
         app(prog_name="bestman-bt")
+
+
+@contextmanager
+def input_errors(starts: bool) -> Iterator[None]:
+    """Turn the errors that wrong input raises into a message and exit code 2.
+
+    ``starts``: whether the verb would have started something, which the message then denies.
+    """
+    try:
+        yield
+    except InputError as error:
+        print(f"bestman-bt: {_message(error, starts)}", file=sys.stderr)
+        sys.exit(2)
+
+
+def _message(error: InputError, starts: bool) -> str:
+    count = len(getattr(error, "problems", (error,)))
+    nothing = "nothing was started" if starts else ""
+    if count > 1:
+        return f"{count} errors{', ' if nothing else ''}{nothing}:\n{error}"
+    return f"{nothing}: {error}" if nothing else str(error)
 
 
 if __name__ == "__main__":

@@ -8,8 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Png
+from bestman_bt.cli.options import Json, Png, json_output
 from bestman_bt.messages import OccupancyGrid
 from bestman_bt.messages.grids import FREE, OCCUPIED, UNKNOWN
 from bestman_bt.navigation.map_file import read_map

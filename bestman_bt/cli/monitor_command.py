@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bestman_bt.cli.option_values import wrong_input
-from bestman_bt.cli.options import MONITOR_PORT, grouped_options, refuse_unwritable_folder
+from bestman_bt.cli.options import MONITOR_PORT, grouped_options, refuse_unwritable_folder, wrong_input
 from bestman_bt.monitor.control_client import TOKEN_VARIABLE, page_address
 
 if TYPE_CHECKING:

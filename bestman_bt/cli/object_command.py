@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.option_values import number, wrong_input
-from bestman_bt.cli.options import Json, Png, grouped_options
+from bestman_bt.cli.options import Json, Png, grouped_options, json_output, number, wrong_input
 from bestman_bt.configuration.data import data_names, find_data, own_objects
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.messages import ObjectModel

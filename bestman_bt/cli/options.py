@@ -1,23 +1,30 @@
-"""Options that several verbs share."""
+"""What several verbs share: options, checks of their values, the confirmation that ``--yes`` replaces, ``--json``."""
 
 from __future__ import annotations
 
+import ctypes
 import dataclasses
 import functools
 import inspect
+import json
 import os
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.extras import EXTRA_OF_SIMULATOR
 
 if TYPE_CHECKING:
     from bestman_bt.configuration.run import RunRequest
     from bestman_bt.engine import NodeRegistry
+    from bestman_bt.evaluation.launchers.launcher import Launcher
+    from bestman_bt.messages import Pose
 
 
 def grouped_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -183,3 +190,106 @@ class OtherFiles:
 def is_package(path: str) -> bool:
     """Return whether an argument names a folder of trees, or a project of Groot2."""
     return Path(path).suffix == ".btproj" or Path(path).is_dir()
+
+
+@dataclass(frozen=True)
+class LauncherOptions:
+    """The number of processes, and the machines."""
+
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Episodes at the same time; 1, or all that the cluster has room for.", show_default=False
+        ),
+    ] = None
+    launcher: Annotated[str, typer.Option(help="What runs the episodes: local, slurm, ray, or one of yours.")] = "local"
+    address: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="Of the launcher's cluster.", show_default=False)
+    ] = None
+
+    def made(self, folder: Path, monitor: bool = False) -> Launcher:
+        """Return the launcher of episodes kept in ``folder``. Raises ConfigurationError, UnknownNameError."""
+        from bestman_bt.evaluation.launchers.launcher import LaunchOptions
+        from bestman_bt.registry import LAUNCHERS
+
+        launcher: Launcher = LAUNCHERS.resolve(self.launcher)(
+            LaunchOptions(self.jobs, self.address or "", folder, monitor)
+        )
+        return launcher
+
+    def problems(self) -> list[Problem]:
+        """Return what contradicts itself."""
+        if self.address and self.launcher == "local":
+            return [Problem("--address", None, "", "is of a cluster; name its --launcher")]
+        return []
+
+
+def wrong_input(source: str, message: str) -> ConfigurationError:
+    """Return the error for an option, or a file, that is wrong."""
+    return ConfigurationError([Problem(source, None, "", message)])
+
+
+def number(option: str, text: str, *dimensions: str, allow_zero: bool = False) -> float:
+    """Return a quantity above 0 in SI units, such as ``5mm`` of the dimension ``length``. Raises ConfigurationError."""
+    from bestman_bt.configuration.quantity import parse_quantity
+
+    try:
+        value = parse_quantity(text, *dimensions)
+    except ValueError as error:
+        raise wrong_input(option, str(error)) from error
+    if value < 0.0 or (value == 0.0 and not allow_zero):
+        raise wrong_input(option, f"should be {'0 or more' if allow_zero else 'more than 0'}, got {text}")
+    return value
+
+
+def pose(option: str, text: str) -> Pose:
+    """Return the pose of ``x y z roll pitch yaw``, metres and radians. Raises ConfigurationError."""
+    from bestman_bt.messages import Pose
+
+    try:
+        x, y, z, roll, pitch, yaw = (float(word) for word in text.replace(",", " ").split())
+    except ValueError as error:
+        message = f"should be six numbers, x y z in metres, roll pitch yaw in radians: {error}"
+        raise wrong_input(f"{option} {text}", message) from error
+    return Pose.from_xyz_rpy((x, y, z), (roll, pitch, yaw))
+
+
+def confirmed(question: str) -> bool:
+    """Ask ``question`` in the terminal and return whether the user agrees. Raises ConfigurationError without a
+    terminal."""
+    if not sys.stdin.isatty():
+        raise wrong_input("--yes", "is required without a terminal, where no confirmation is possible")
+    return typer.confirm(question, err=True)
+
+
+@contextmanager
+def json_output(wanted: bool) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """Yield a function that receives the document. If ``wanted``, the document is printed at the end, and other output
+    goes to standard error.
+
+    The redirection includes C libraries: it replaces the file descriptor.
+    """
+    documents: list[dict[str, Any]] = []
+    if not wanted:
+        yield documents.append
+        return
+    try:
+        with redirect_stdout(sys.stderr), _descriptor_to_standard_error():
+            yield documents.append
+    finally:  # also where the verb ends with an exit code
+        for document in documents:
+            print(json.dumps(document, allow_nan=False), flush=True)
+
+
+@contextmanager
+def _descriptor_to_standard_error() -> Iterator[None]:
+    c_library = ctypes.CDLL(None)
+    c_library.fflush(None)
+    kept = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        c_library.fflush(None)
+        os.dup2(kept, 1)
+        os.close(kept)

@@ -17,9 +17,15 @@ from typing import Annotated, Any
 
 import typer
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.option_values import wrong_input
-from bestman_bt.cli.options import Json, PlanningOptions, grouped_options, refuse_unwritable_folder, writable_file
+from bestman_bt.cli.options import (
+    Json,
+    PlanningOptions,
+    grouped_options,
+    json_output,
+    refuse_unwritable_folder,
+    writable_file,
+    wrong_input,
+)
 from bestman_bt.configuration.run import RunConfig
 from bestman_bt.configuration.secret import shown_setting
 from bestman_bt.engine import TreeProblem, render_svg

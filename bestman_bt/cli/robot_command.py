@@ -10,9 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from bestman_bt.cli.bringup_command import bringup
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.option_values import confirmed, wrong_input
-from bestman_bt.cli.options import Json, Plugins, Png, Settings, grouped_options
+from bestman_bt.cli.options import Json, Plugins, Png, Settings, confirmed, grouped_options, json_output, wrong_input
 from bestman_bt.configuration.data import own_parts, pybullet_data
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import parse_settings

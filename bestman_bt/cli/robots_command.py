@@ -8,8 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json
+from bestman_bt.cli.options import Json, json_output
 from bestman_bt.configuration.data import data_names
 from bestman_bt.configuration.errors import ConfigurationError
 

@@ -19,7 +19,6 @@ from typing import Annotated
 
 import typer
 
-from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import (
     Driver,
     Groot2Port,
@@ -33,6 +32,7 @@ from bestman_bt.cli.options import (
     Seed,
     Settings,
     grouped_options,
+    json_output,
 )
 from bestman_bt.cli.run_view import RunView
 from bestman_bt.cli.started_monitor import show_in_monitor

@@ -14,8 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, MonitorOptions, OtherFiles, Seed, grouped_options
+from bestman_bt.cli.options import Json, MonitorOptions, OtherFiles, Seed, grouped_options, json_output
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, EngineError, Node, Tree, WallClock, render_svg

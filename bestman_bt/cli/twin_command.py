@@ -16,9 +16,7 @@ from typing import Annotated
 import typer
 
 from bestman_bt.bringup.sensors import BOARD
-from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.option_values import pose
-from bestman_bt.cli.options import Engine, Json, Seed, Settings, grouped_options
+from bestman_bt.cli.options import Engine, Json, Seed, Settings, grouped_options, json_output, pose
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import parse_settings
 from bestman_bt.extras import DEFAULT_SIMULATOR, EXTRA_OF_SIMULATOR, require_extra

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.cli import chosen_run, stop_command
+from bestman_bt.cli import control_commands
 from bestman_bt.monitor.control_client import ControlError
 from tests.cli.command_line import Answer
 
@@ -25,8 +25,8 @@ def test_an_executor_that_does_not_obey_is_reported_and_the_others_are_stopped_a
             raise ControlError("it does not answer")
         return {"task": path.stem, "pid": 7, "ticks": 40}
 
-    monkeypatch.setattr(stop_command, "running_executors", lambda: executors)
-    monkeypatch.setattr(stop_command, "request", request)
+    monkeypatch.setattr(control_commands, "running_executors", lambda: executors)
+    monkeypatch.setattr(control_commands, "request", request)
     answer = bestman_bt("stop")
     assert asked == [(path, {"do": "stop"}) for path in executors]
     assert answer.code == 1
@@ -38,10 +38,10 @@ def test_an_executor_that_does_not_obey_is_reported_and_the_others_are_stopped_a
 def test_where_all_obey_the_exit_code_is_0_and_where_nothing_runs_too(
     bestman_bt: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stop_command, "running_executors", lambda: [Path("a.sock")])
-    monkeypatch.setattr(stop_command, "request", lambda *_: {"task": "a", "pid": 7, "ticks": 40})
+    monkeypatch.setattr(control_commands, "running_executors", lambda: [Path("a.sock")])
+    monkeypatch.setattr(control_commands, "request", lambda *_: {"task": "a", "pid": 7, "ticks": 40})
     assert bestman_bt("stop").code == 0
-    monkeypatch.setattr(stop_command, "running_executors", list)
+    monkeypatch.setattr(control_commands, "running_executors", list)
     answer = bestman_bt("stop")
     assert (answer.code, answer.out) == (0, "nothing is running\n")
 
@@ -55,9 +55,8 @@ def test_a_named_run_is_stopped_and_no_other(
         stopped.extend([path] * (what["do"] == "stop"))
         return {"task": path.stem, "pid": 7, "ticks": 40, "folder": ""}
 
-    for module in (stop_command, chosen_run):
-        monkeypatch.setattr(module, "running_executors", lambda: executors)
-        monkeypatch.setattr(module, "request", request)
+    monkeypatch.setattr(control_commands, "running_executors", lambda: executors)
+    monkeypatch.setattr(control_commands, "request", request)
     assert bestman_bt("stop", "b").out == "stopped b (process 7, tick 40)\n"
     assert stopped == executors[1:2]
     assert bestman_bt("stop", "d").code == 2
