@@ -184,7 +184,7 @@ def events(size: int) -> Work:
 
 def page(size: int) -> Work:
     """What a page is told after a tick in which so many nodes have changed."""
-    from bestman_bt.monitor.updates import Updates
+    from bestman_bt.monitor.viewer import Updates
     from bestman_bt.records.events import StatesEvent
 
     history = _history(size, size * 4)

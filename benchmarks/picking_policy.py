@@ -29,7 +29,7 @@ from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
-from bestman_bt.manipulation.policy.training.expert_policy import ExpertPolicy
+from bestman_bt.manipulation.policy.training.picking import ExpertPolicy
 from bestman_bt.runtime.policy_experts import picking_expert
 from bestman_bt.runtime.robot_session import RobotSession
 from configs.evaluations.controls.altered_policy import Altered, Null, WrongGoal

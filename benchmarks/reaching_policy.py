@@ -24,8 +24,7 @@ from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
 from bestman_bt.manipulation.policy.features import pose_error
 from bestman_bt.manipulation.policy.policy_file import load_policy
 from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
-from bestman_bt.manipulation.policy.training.reaching import ReachingExpert
-from bestman_bt.manipulation.policy.training.rollout import roll_out
+from bestman_bt.manipulation.policy.training.reaching import ReachingExpert, roll_out
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import ArmModel

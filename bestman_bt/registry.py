@@ -278,18 +278,19 @@ BEHAVIOURS = Registry(
             "behaviours.manipulation.policy": "RunPolicy",
             "behaviours.manipulation.push": "FindPushStand Push",
             "behaviours.manipulation.next_best_view": "SecondLook",
-            "behaviours.nav2.cancel": (
-                "CancelAssistedTeleop CancelBackUp CancelComputeAndTrackRoute CancelControl CancelDriveOnHeading "
-                "CancelFollowObject CancelSpin CancelWait"
-            ),
             "behaviours.nav2.dock_at": "DockAt DockRobot UndockRobot",
             "behaviours.nav2.lacking": (
                 "AssistedTeleop ComputeAndTrackRoute ComputeRoute ExtractRouteNodesAsGoals FollowObject "
                 "IsBatteryCharging IsBatteryLow ToggleCollisionMonitor TransformAvailable"
             ),
-            "behaviours.nav2.motions": "BackUp DriveOnHeading Spin Wait",
+            "behaviours.nav2.motions": (
+                "BackUp CancelAssistedTeleop CancelBackUp CancelComputeAndTrackRoute CancelControl "
+                "CancelDriveOnHeading CancelFollowObject CancelSpin CancelWait DriveOnHeading Spin Wait"
+            ),
             "behaviours.nav2.navigate": (
-                "ComputePathThroughPoses ComputePathToPose FollowPath NavigateThroughPoses NavigateToPose"
+                "ComputePathThroughPoses ComputePathToPose ControllerSelector FollowPath GoalCheckerSelector "
+                "NavigateThroughPoses NavigateToPose PathHandlerSelector PlannerSelector ProgressCheckerSelector "
+                "SmootherSelector"
             ),
             "behaviours.nav2.pacing": (
                 "AppendGoalPoseToGoals ArePosesNear CheckPoseOccupancy CheckStopStatus DistanceController "
@@ -306,10 +307,6 @@ BEHAVIOURS = Registry(
                 "ClearCostmapExceptRegion ClearEntireCostmap IsStuck ReinitializeGlobalLocalization "
                 "WouldAControllerRecoveryHelp WouldAPlannerRecoveryHelp WouldARouteRecoveryHelp "
                 "WouldASmootherRecoveryHelp"
-            ),
-            "behaviours.nav2.selectors": (
-                "ControllerSelector GoalCheckerSelector PathHandlerSelector PlannerSelector "
-                "ProgressCheckerSelector SmootherSelector"
             ),
             "behaviours.nav2.sequences": (
                 "GoalUpdatedController NonblockingSequence PauseResumeController PersistentSequence SingleTrigger"

@@ -22,8 +22,11 @@ from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.manipulation.policy.base import Observation, Policy
 from bestman_bt.manipulation.policy.errors import PolicyError
 from bestman_bt.manipulation.policy.features import pose_vector
-from bestman_bt.manipulation.policy.training.demonstrations import DemonstrationFormat, DemonstrationRecorder
-from bestman_bt.manipulation.policy.training.expert_policy import ExpertPolicy
+from bestman_bt.manipulation.policy.training.demonstrations import (
+    DemonstrationFormat,
+    DemonstrationRecorder,
+)
+from bestman_bt.manipulation.policy.training.picking import ExpertPolicy
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.model import ArmModel
 from bestman_bt.runtime.policy_experts import picking_expert

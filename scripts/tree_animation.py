@@ -16,8 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from bestman_bt.engine.status import RUNNING
 from bestman_bt.evaluation.film.filmed_run import read_filmed_run
-from bestman_bt.evaluation.film.rendering import plan_shot
-from bestman_bt.evaluation.film.replay_scene import ReplayScene
+from bestman_bt.evaluation.film.rendering import ReplayScene, plan_shot
 from bestman_bt.records.history import RunHistory
 from bestman_bt.records.palette import LOOKS
 from bestman_bt.records.reader import read

@@ -1,4 +1,4 @@
-"""Small motions, mainly for recovery: Spin, BackUp, DriveOnHeading, Wait."""
+"""Small motions, mainly for recovery: Spin, BackUp, DriveOnHeading, Wait; the Cancel… nodes, which end a motion."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from annotated_types import Ge, Le
 
 from behaviours.computation import Until
 from behaviours.nav2.ports import SERVER, Nav2Errors, are_literals, without_meaning
-from behaviours.skill import Skill, SkillCoroutine, SkillFailure
-from bestman_bt.engine import In, NotZero
+from behaviours.skill import InstantSkill, Skill, SkillCoroutine, SkillFailure
+from bestman_bt.engine import RUNNING, In, NotZero
 from bestman_bt.messages.shapes import NonNegative
 from bestman_bt.world_model.world_model import BasePose
 
@@ -114,3 +114,59 @@ class Wait(Nav2Errors, Skill):
         """Wait for the duration."""
         duration = self.wait_duration
         yield self.skills.computation.submit(lambda: None, duration)
+
+
+class _Cancel(InstantSkill):
+    """Cancel the motions of all running leaves of a kind in the tree; SUCCESS also if there are none."""
+
+    INPUT_PORTS: ClassVar = {**SERVER}
+    LEAVES: ClassVar[tuple[str, ...]] = ()
+
+    def act(self) -> None:
+        """Cancel."""
+        for node in self.owner.nodes:
+            if isinstance(node, Skill) and node.state == RUNNING and node.type_id in self.LEAVES:
+                node.cancel()
+                self.feedback_message = f"{node.path} is cancelled"
+
+
+class CancelControl(_Cancel):
+    """Cancel FollowPath."""
+
+    LEAVES: ClassVar = ("FollowPath",)
+
+
+class CancelBackUp(_Cancel):
+    """Cancel BackUp."""
+
+    LEAVES: ClassVar = ("BackUp",)
+
+
+class CancelDriveOnHeading(_Cancel):
+    """Cancel DriveOnHeading."""
+
+    LEAVES: ClassVar = ("DriveOnHeading",)
+
+
+class CancelSpin(_Cancel):
+    """Cancel Spin."""
+
+    LEAVES: ClassVar = ("Spin",)
+
+
+class CancelWait(_Cancel):
+    """Cancel Wait."""
+
+    LEAVES: ClassVar = ("Wait",)
+
+
+class CancelAssistedTeleop(_Cancel):
+    """Do nothing: teleoperation is not supported."""
+
+
+class CancelComputeAndTrackRoute(_Cancel):
+    """Do nothing: route tracking is not supported."""
+
+
+class CancelFollowObject(_Cancel):
+    """Do nothing: following objects is not supported."""

@@ -1,16 +1,17 @@
-"""Nav2's planning of paths, following of paths, and both in one leaf."""
+"""Nav2's planning of paths, following of paths, both in one leaf, and the selectors of their algorithms."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from py_trees.ports import PortInformation
 
 from behaviours.computation import Until
 from behaviours.nav2.ports import SERVER, FollowerName, Nav2Errors, PlannerName, nothing_written, without_meaning
 from behaviours.navigation.navigate import DRIVING_FAILS, NavigateTo
-from behaviours.skill import Declaration, Skill, SkillCoroutine, SkillFailure
+from behaviours.skill import Declaration, InstantSkill, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import Goals, Path2D, Pose2D
 from bestman_bt.world_model.world_model import BasePose
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from bestman_bt.control import Motion
     from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure
     from bestman_bt.navigation.global_planning.costmap import Costmap
-
 
 ALL_GOALS = -1
 """Value of ``last_reached_index`` if the path leads through all poses."""
@@ -187,3 +187,60 @@ class NavigateThroughPoses(Nav2Errors, NavigateTo):
             raise SkillFailure("no_goals", "there is no pose to drive to")
         for goal in goals:
             yield from self.drive_to(goal)
+
+
+class _Selector(InstantSkill):
+    """Names an algorithm: that of the root entry ``topic_name``, else the default."""
+
+    OF: ClassVar = ""
+    topic_name = In(str, "the root entry for external selection, in place of Nav2's topic", required=False)
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Name the ports after the selected kind."""
+        kind = cls.OF
+        cls.INPUT_PORTS = {f"default_{kind}": PortInformation(str, False, "the default until then", "")}
+        cls.OUTPUT_PORTS = {f"selected_{kind}": PortInformation(str, False, "its name")}
+        super().__init_subclass__(**options)
+
+    def act(self) -> None:
+        """Look up the entry."""
+        topic = self.topic_name or f"{self.OF}_selector"
+        chosen = self.owner.blackboard.slot(topic).value or self.get_input(f"default_{self.OF}")
+        self.feedback_message = f"{chosen}"
+        self.set_output(f"selected_{self.OF}", str(chosen))
+
+
+class PlannerSelector(_Selector):
+    """Select the planner for ``planner_id`` of later leaves."""
+
+    OF = "planner"
+
+
+class ControllerSelector(_Selector):
+    """Select the path follower for ``controller_id`` of later leaves."""
+
+    OF = "controller"
+
+
+class SmootherSelector(_Selector):
+    """Select the smoother for ``smoother_id`` of later leaves."""
+
+    OF = "smoother"
+
+
+class GoalCheckerSelector(_Selector):
+    """Select a goal checker; FollowPath accepts the name, but has only one."""
+
+    OF = "goal_checker"
+
+
+class ProgressCheckerSelector(_Selector):
+    """Select a progress checker; FollowPath accepts the name, but has only one."""
+
+    OF = "progress_checker"
+
+
+class PathHandlerSelector(_Selector):
+    """Select a path handler; FollowPath accepts the name, but has only one."""
+
+    OF = "path_handler"

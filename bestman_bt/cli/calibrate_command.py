@@ -21,7 +21,7 @@ from bestman_bt.perception.calibration.boards import CalibrationError
 from bestman_bt.perception.calibration.intrinsics import IntrinsicsCalibration
 from bestman_bt.runtime.calibration.dataset import Progress as Report
 from bestman_bt.runtime.calibration.dataset import load_dataset
-from bestman_bt.runtime.calibration.simulate import Kind, Simulated, compare, simulate
+from bestman_bt.runtime.calibration.simulated_recording import Kind, Simulated, compare, simulate
 from bestman_bt.runtime.calibration.solve import (
     CalibrationResult,
     plot_residuals,

@@ -90,7 +90,7 @@ class Verbs(TyperGroup):
             ctx.fail(f"unknown command {cmd_name!r}; {suggestion(cmd_name, list(VERBS))}")
         if cmd_name in CONTROLS:
             command = getattr(import_module("bestman_bt.cli.control_commands"), f"{cmd_name}_command")
-            examples = inspect.cleandoc(command.__doc__).partition("\n\n")[2]
+            examples: str | None = inspect.cleandoc(command.__doc__).partition("\n\n")[2]
         else:
             module = import_module(f"bestman_bt.cli.{cmd_name}_command")
             if hasattr(module, "verbs"):

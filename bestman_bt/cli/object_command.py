@@ -128,7 +128,7 @@ def show(
         if png is not None:
             from PIL import Image
 
-            from bestman_bt.runtime.object_picture import object_picture
+            from bestman_bt.runtime.pictures import object_picture
 
             gripper = gripper_of(robot)[1] if model.grasps else None
             Image.fromarray(object_picture(model, gripper)).save(png)

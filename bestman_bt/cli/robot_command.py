@@ -306,7 +306,7 @@ def _load_plugins(plugins: list[Path] | None) -> None:
 def _picture(model: Any, png: Path, posture: str) -> str:
     from PIL import Image
 
-    from bestman_bt.runtime.robot_picture import robot_picture
+    from bestman_bt.runtime.pictures import robot_picture
 
     Image.fromarray(robot_picture(model, posture=posture)).save(png)
     return str(png)

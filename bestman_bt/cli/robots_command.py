@@ -51,7 +51,7 @@ def _sheet(names: list[str], png: Path) -> Path:
     from PIL import Image
 
     from bestman_bt.robot_model.compose import load_robot_model
-    from bestman_bt.runtime.robot_picture import contact_sheet, robot_picture
+    from bestman_bt.runtime.pictures import contact_sheet, robot_picture
 
     pictures = [(name, robot_picture(load_robot_model(name), 360, 420)) for name in names]
     Image.fromarray(contact_sheet(pictures)).save(png)

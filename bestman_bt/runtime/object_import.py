@@ -23,7 +23,7 @@ from bestman_bt.perception.grasp_pose.model_based import AntipodalModel
 from bestman_bt.perception.object_models.convex_parts import ConvexDecomposition, is_closed, simplified
 from bestman_bt.perception.object_models.symmetry import SymmetrySearch
 from bestman_bt.robot_model.model import GripperModel
-from bestman_bt.runtime.object_picture import object_picture
+from bestman_bt.runtime.pictures import object_picture
 from bestman_bt.scene.mesh_file import (
     MeshConfig,
     MeshError,

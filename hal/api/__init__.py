@@ -2,7 +2,6 @@
 
 from bestman_bt.errors import RobotError
 from bestman_bt.messages import Failure, MotionErrorCode
-from hal.api.arm import Arm, JointGroup
 from hal.api.errors import (
     CommandRefusedError,
     NoDataError,
@@ -11,10 +10,8 @@ from hal.api.errors import (
     RobotStoppedError,
     UnknownPartError,
 )
-from hal.api.gripper import Gripper, GripperState
-from hal.api.mobile_base import MobileBase
 from hal.api.motion import Motion, MotionStatus
-from hal.api.part import Part, Sensor
+from hal.api.part import Arm, Gripper, GripperState, JointGroup, MobileBase, Part, Sensor
 from hal.api.robot import Clock, Robot, Timer
 from hal.api.sensors import (
     Battery,

@@ -11,13 +11,11 @@ from hal.conformance.base_checks import BASE_CHECKS
 from hal.conformance.clock_checks import CLOCK_CHECKS
 from hal.conformance.connection_checks import CONNECTION_CHECKS
 from hal.conformance.description_checks import DESCRIPTION_CHECKS
-from hal.conformance.gripper_checks import GRIPPER_CHECKS
 from hal.conformance.limit_checks import LIMIT_CHECKS
-from hal.conformance.motion_checks import MOTION_CHECKS
-from hal.conformance.requirement import ConformanceError
+from hal.conformance.motion_checks import GRIPPER_CHECKS, MOTION_CHECKS
 from hal.conformance.sensor_checks import SENSOR_CHECKS
 from hal.conformance.stop_checks import STOP_CHECKS
-from hal.conformance.subject import COMMANDS, Check, settle
+from hal.conformance.subject import COMMANDS, Check, ConformanceError, settle
 
 CHECKS = CLOCK_CHECKS + SENSOR_CHECKS + LIMIT_CHECKS + MOTION_CHECKS + GRIPPER_CHECKS + BASE_CHECKS + STOP_CHECKS
 LIFE_CHECKS = DESCRIPTION_CHECKS + CONNECTION_CHECKS

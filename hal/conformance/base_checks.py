@@ -6,8 +6,7 @@ import math
 
 from bestman_bt.messages import Pose2D, wrap_angle
 from hal.api import MobileBase, MotionStatus, Robot
-from hal.conformance.requirement import require
-from hal.conformance.subject import BASES, Check, each, finish, require_rest
+from hal.conformance.subject import BASES, Check, each, finish, require, require_rest
 
 REFRESH = 0.1
 DRIVE_TIME = 1.0

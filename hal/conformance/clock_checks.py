@@ -6,8 +6,7 @@ import math
 from itertools import pairwise
 
 from hal.api import Robot
-from hal.conformance.requirement import ConformanceError, require
-from hal.conformance.subject import Check, waits_for_sleeps
+from hal.conformance.subject import Check, ConformanceError, require, waits_for_sleeps
 
 
 def sleeping_takes_the_time_asked(robot: Robot) -> None:

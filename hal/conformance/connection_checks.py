@@ -23,8 +23,18 @@ from hal.api import (
     Robot,
     Tactile,
 )
-from hal.conformance.requirement import require, require_refusal
-from hal.conformance.subject import BASES, GROUPS, Check, finish, first, nearby, parts_of, require_rest
+from hal.conformance.subject import (
+    BASES,
+    GROUPS,
+    Check,
+    finish,
+    first,
+    nearby,
+    parts_of,
+    require,
+    require_refusal,
+    require_rest,
+)
 
 
 def nothing_works_without_a_connection(robot: Robot) -> None:

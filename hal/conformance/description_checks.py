@@ -8,8 +8,7 @@ import numpy as np
 
 from bestman_bt.robot_model.model import BaseModel, GripperModel, JointedModel
 from hal.api import Camera, ForceTorque, Gripper, Imu, JointGroup, Lidar, MobileBase, Robot, Tactile, UnknownPartError
-from hal.conformance.requirement import ConformanceError, require, require_refusal
-from hal.conformance.subject import BASES, GRIPPERS, GROUPS, Check, parts_of
+from hal.conformance.subject import BASES, GRIPPERS, GROUPS, Check, ConformanceError, parts_of, require, require_refusal
 
 
 def the_description_can_be_read_before_connecting(robot: Robot) -> None:

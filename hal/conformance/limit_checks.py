@@ -9,8 +9,7 @@ import numpy as np
 
 from bestman_bt.messages import JointTrajectory
 from hal.api import Arm, CommandRefusedError, Gripper, JointGroup, MobileBase, Robot
-from hal.conformance.requirement import require, require_refusal
-from hal.conformance.subject import ARMS, BASES, GRIPPERS, GROUPS, Check, each, nearby
+from hal.conformance.subject import ARMS, BASES, GRIPPERS, GROUPS, Check, each, nearby, require, require_refusal
 
 
 @each(JointGroup)

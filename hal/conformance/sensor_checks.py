@@ -26,8 +26,17 @@ from hal.api import (
     Sensor,
     Tactile,
 )
-from hal.conformance.requirement import require, require_refusal
-from hal.conformance.subject import BASES, COMMANDS, GRIPPERS, GROUPS, Check, mass_on, parts_of
+from hal.conformance.subject import (
+    BASES,
+    COMMANDS,
+    GRIPPERS,
+    GROUPS,
+    Check,
+    mass_on,
+    parts_of,
+    require,
+    require_refusal,
+)
 
 OLDEST = 1.0
 """Maximum age of a reading when it is requested, seconds."""

@@ -9,8 +9,7 @@ import numpy as np
 
 from bestman_bt.messages import JointTrajectory
 from hal.api import Arm, CommandRefusedError, Gripper, JointGroup, MobileBase, MotionErrorCode, MotionStatus, Robot
-from hal.conformance.requirement import require, require_refusal
-from hal.conformance.subject import BASES, Check, nearby, parts_of, require_rest, set_moving
+from hal.conformance.subject import BASES, Check, nearby, parts_of, require, require_refusal, require_rest, set_moving
 
 
 def stop_brings_everything_to_rest(robot: Robot) -> None:

@@ -1,4 +1,4 @@
-"""The robot under test: its parts by kind, and helpers to move it and wait for it."""
+"""The robot under test: its parts by kind, helpers to move it and wait for it, and the error of a failed check."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.errors import Error
 from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, JointGroupModel, RobotModel
 from bestman_bt.robot_model.sensor_parts import (
     BatteryPart,
@@ -38,9 +39,9 @@ from hal.api import (
     Motion,
     Part,
     Robot,
+    RobotError,
     Tactile,
 )
-from hal.conformance.requirement import require
 
 PartType = TypeVar("PartType", bound=Part)
 POLL = 0.05
@@ -247,3 +248,26 @@ ARMS = (Arm,)
 GROUPS = (JointGroup,)
 GRIPPERS = (Gripper,)
 BASES = (MobileBase,)
+
+
+class ConformanceError(Error, AssertionError):
+    """Raised if an implementation violates a requirement of the Robotics API."""
+
+
+def require(holds: bool, sentence: str) -> None:
+    """Raise ConformanceError with ``sentence`` unless ``holds``."""
+    if not holds:
+        raise ConformanceError(sentence)
+
+
+def require_refusal(
+    call: Callable[[], object], error: type[RobotError], what: str, words: tuple[str, ...] = ()
+) -> None:
+    """Require that ``call`` raises ``error`` with all ``words`` in its message."""
+    try:
+        call()
+    except error as refusal:
+        missing = [word for word in words if word not in str(refusal)]
+        require(not missing, f"the message about {what} lacks {missing}: {refusal}")
+        return
+    raise ConformanceError(f"{what} should raise {error.__name__}")

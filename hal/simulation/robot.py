@@ -39,18 +39,17 @@ from hal.parts.stop_latch import StopLatch
 from hal.parts.streamed_arm import StreamedArm
 from hal.parts.streamed_joints import StreamedJointGroup, Tracking
 from hal.simulation.audit_record import AuditRecord, DisturbanceLog
+from hal.simulation.base_drives import LEGS_CANNOT, LegDrive, WheelDrive
 from hal.simulation.bodies import RefusedPartError, check_names
 from hal.simulation.engine import Engine
 from hal.simulation.finger_motors import FingerMotors
 from hal.simulation.imu import SimulatedImu
 from hal.simulation.joint_motors import JointMotors
-from hal.simulation.leg_drive import LEGS_CANNOT, LegDrive
 from hal.simulation.monitor import AuditMonitor
 from hal.simulation.parameters import SimulationParameters
 from hal.simulation.sensor_pipeline import Encoders, SimulatedSensor
 from hal.simulation.simulation import Simulation
 from hal.simulation.suction import SuctionPump
-from hal.simulation.wheel_drive import WheelDrive
 
 Actuator = CommandedGripper | DrivenBase | StreamedJointGroup
 Channel = FingerMotors | JointMotors | LegDrive | SuctionPump | WheelDrive

@@ -15,6 +15,7 @@ from bestman_bt.configuration.task import load_task
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, read_filmed_run
 from bestman_bt.evaluation.film.rendering import (
+    ReplayScene,
     Shot,
     best_frame,
     caption,
@@ -23,7 +24,6 @@ from bestman_bt.evaluation.film.rendering import (
     write_film,
     write_still,
 )
-from bestman_bt.evaluation.film.replay_scene import ReplayScene
 from bestman_bt.evaluation.run_folder import make_run_folder
 
 TRIES = 5

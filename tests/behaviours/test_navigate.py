@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.engine import RUNNING, SUCCESS
+from hal.simulation.base_drives import WheelMotors
 from hal.simulation.sensor_pipeline import SensorFault
-from hal.simulation.wheel_drive import WheelMotors
 from tests.behaviours.at_the_table import fastest, tick, tree_of
 from tests.behaviours.driving import BEHIND_THE_DOORWAY, at, to
 from tests.behaviours.truth import audited, succeeds, why_not

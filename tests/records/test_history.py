@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.monitor.updates import Updates
-from bestman_bt.monitor.viewer import compare, encoded
+from bestman_bt.monitor.viewer import Updates, compare, encoded
 from bestman_bt.records.events import (
     BlackboardEvent,
     EndEvent,

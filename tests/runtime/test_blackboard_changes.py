@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bestman_bt.engine import AlwaysSuccess, ManualClock, build_tree
-from bestman_bt.runtime.blackboard_changes import BlackboardChanges
+from bestman_bt.runtime.telemetry import BlackboardChanges
 
 
 def test_entries_are_reported_once_when_they_are_written_and_when_they_are_removed() -> None:

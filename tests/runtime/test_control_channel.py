@@ -31,10 +31,9 @@ from bestman_bt.monitor.control_client import ControlError, request, running_exe
 from bestman_bt.monitor.control_socket import serve
 from bestman_bt.records.events import EndEvent, Event, RunEvent, StatesEvent, from_line
 from bestman_bt.runtime import control_channel
-from bestman_bt.runtime.blackboard_changes import BlackboardChanges
 from bestman_bt.runtime.control_channel import ControlChannel
 from bestman_bt.runtime.executor import Execution, Executor, TerminationReason
-from bestman_bt.runtime.telemetry import Telemetry
+from bestman_bt.runtime.telemetry import BlackboardChanges, Telemetry
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">
   <Repeat num_cycles="-1" name="again"><Blink name="blink"/></Repeat>

@@ -8,7 +8,7 @@ import pytest
 from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.episode_measures import MotionLog
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, read_filmed_run
-from bestman_bt.evaluation.film.replay_scene import ReplayScene
+from bestman_bt.evaluation.film.rendering import ReplayScene
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.runtime.resolved_config import prepare
 from hal.simulation.scene_recorder import SceneRecorder

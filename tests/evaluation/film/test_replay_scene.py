@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
-from bestman_bt.evaluation.film.replay_scene import ReplayScene, opening
+from bestman_bt.evaluation.film.rendering import ReplayScene, opening
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.model import GripperModel
 from bestman_bt.visualization.blender.painting import BlenderRobot

@@ -12,7 +12,7 @@ import pytest
 from bestman_bt.bringup.brought_up_robot import BroughtUpRobot
 from bestman_bt.bringup.procedure import STEPS, bring_up, run_step
 from bestman_bt.bringup.sensors import board_in_view
-from bestman_bt.cli.option_values import pose
+from bestman_bt.cli.options import pose
 from bestman_bt.robot_model.bringup_file import BringUpFile
 from bestman_bt.robot_model.compose import load_robot_model
 from hal.twins.process import TwinProcess

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.bringup.sensors import BOARD, board_finding, board_in_view
-from bestman_bt.cli.option_values import pose
+from bestman_bt.cli.options import pose
 from bestman_bt.manipulation.kinematics.link_hulls import ForwardKinematics
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
 from bestman_bt.robot_model.compose import load_robot_model

@@ -18,10 +18,10 @@ from bestman_bt.robot_model.model import RobotModel, WheeledBaseModel
 from bestman_bt.robot_model.urdf_elements import child_of
 from bestman_bt.scene.scene import World
 from hal.simulation.audit_record import CallCounter
+from hal.simulation.base_drives import make_drives
 from hal.simulation.bodies import BuiltWorld, ContactPoint, LinkMotion, SimulationError, Viewpoint
 from hal.simulation.engine import Engine
 from hal.simulation.robot import SimulatedRobot
-from hal.simulation.wheel_drive import make_drives
 
 FLOOR, ROBOT = 0, 1
 FAR = 2.0

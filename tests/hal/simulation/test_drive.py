@@ -11,8 +11,8 @@ import pytest
 from bestman_bt.messages import Twist2D
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.model import BaseModel
+from hal.simulation.base_drives import PARK_AFTER, Odometry, SideDrive, SteeredDrive, WheelDrive
 from hal.simulation.parameters import SimulationParameters
-from hal.simulation.wheel_drive import PARK_AFTER, Odometry, SideDrive, SteeredDrive, WheelDrive
 
 SIDES = SideDrive(0.1, 0.1, 0.5)
 PLACES = np.array([[0.25, 0.2], [0.25, -0.2], [-0.25, 0.2], [-0.25, -0.2]])

@@ -16,7 +16,7 @@ from bestman_bt.manipulation.policy.errors import (
 from bestman_bt.manipulation.policy.features import feature_vector, pose_error, pose_vector
 from bestman_bt.manipulation.policy.onnx_policy import PolicyNormalization
 from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification, Workspace
-from bestman_bt.manipulation.policy.training.rollout import Rollout, roll_out
+from bestman_bt.manipulation.policy.training.reaching import Rollout, roll_out
 from bestman_bt.manipulation.trajectory.base import SpeedScale
 from bestman_bt.messages import Pose
 from tests.manipulation.kinematics.slides import LIMITS, Slides, at

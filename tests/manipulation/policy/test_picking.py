@@ -10,8 +10,7 @@ import pytest
 from bestman_bt.manipulation.policy.base import Observation
 from bestman_bt.manipulation.policy.errors import PolicyObservationError
 from bestman_bt.manipulation.policy.policy_file import load_policy
-from bestman_bt.manipulation.policy.training.expert_policy import ExpertPolicy
-from bestman_bt.manipulation.policy.training.picking import PickedObject, PickingExpert, PickState
+from bestman_bt.manipulation.policy.training.picking import ExpertPolicy, PickedObject, PickingExpert, PickState
 from bestman_bt.manipulation.policy.training.reaching import ReachingExpert
 from bestman_bt.messages import Pose
 

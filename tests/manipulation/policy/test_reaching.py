@@ -17,8 +17,7 @@ from bestman_bt.manipulation.policy.onnx_policy import OnnxPolicy
 from bestman_bt.manipulation.policy.policy_file import load_policy
 from bestman_bt.manipulation.policy.training.behaviour_cloning import BehaviourCloning, ClonedPolicy
 from bestman_bt.manipulation.policy.training.demonstrations import Demonstration
-from bestman_bt.manipulation.policy.training.reaching import ReachingExpert
-from bestman_bt.manipulation.policy.training.rollout import roll_out
+from bestman_bt.manipulation.policy.training.reaching import ReachingExpert, roll_out
 
 TOLERANCE = 0.01, 0.1
 

@@ -15,10 +15,10 @@ import ruckig
 from numpy.typing import NDArray
 
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
-from bestman_bt.manipulation.policy.base import Observation
-from bestman_bt.manipulation.policy.errors import PolicyError
+from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
+from bestman_bt.manipulation.policy.errors import PolicyError, PolicyObservationError
 from bestman_bt.manipulation.policy.features import pose_error, pose_vector
-from bestman_bt.manipulation.policy.specification import PolicySpecification
+from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
 from bestman_bt.manipulation.policy.training.demonstrations import Demonstration
 from bestman_bt.manipulation.trajectory.base import SpeedScale
 from bestman_bt.messages import Pose
@@ -301,3 +301,28 @@ def _towards(tool: Pose, target: Pose, carrot: float) -> Pose:
     axis = error[3:] / angle if angle > 1e-9 else np.array([0.0, 0.0, 1.0])
     turn = Pose(np.zeros(3), np.append(np.sin(half) * axis, np.cos(half)))
     return Pose(tool.position + share * error[:3], (turn @ Pose(np.zeros(3), tool.quaternion)).quaternion)
+
+
+class ExpertPolicy(Policy):
+    """Plans its actions from the observations that a learned policy gets."""
+
+    def __init__(self, expert: PickingExpert, robot: str) -> None:
+        self._expert, self._specification = expert, expert.specification(robot)
+
+    @property
+    def specification(self) -> PolicySpecification:
+        """The specification of the policy to be trained."""
+        return self._specification
+
+    def reset(self) -> None:
+        """Do nothing: the policy is stateless."""
+
+    def act(self, observation: Observation) -> ActionChunk:
+        """Return a planned chunk. Raises PolicyObservationError without velocities, gripper width or a pose as goal."""
+        velocities, width, goal = observation.joint_velocities, observation.gripper_width, observation.goal
+        if velocities is None or width is None or goal.shape != (7,):
+            raise PolicyObservationError("the expert needs velocities, the gripper's width and a pose as goal")
+        state = PickState(observation.joint_positions, velocities, np.zeros(len(velocities)), width)
+        deltas, gripper = self._expert.plan(state, Pose(goal[:3], goal[3:]))
+        widths = np.where(gripper > 0.0, self._specification.open_width, 0.0)
+        return ActionChunk(deltas, self._specification.dt, ActionSpace.JOINT_DELTAS, widths)

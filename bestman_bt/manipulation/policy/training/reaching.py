@@ -1,4 +1,4 @@
-"""Demonstrations of reaching: inverse kinematics and jerk-limited motions, without a simulator.
+"""Demonstrations of reaching, and runs of its policies: inverse kinematics, without a simulator.
 
 An expert demonstrates the first H steps of the motion to the nearest solution of the tool goal; then again from there,
 still moving, slightly perturbed, so that the imitator learns corrections (Laskey et al., "DART: noise injection for
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
-from bestman_bt.manipulation.policy.base import Observation
+from bestman_bt.manipulation.policy.base import Observation, Policy
+from bestman_bt.manipulation.policy.chunk_stream import chunk_path
 from bestman_bt.manipulation.policy.errors import PolicyError
-from bestman_bt.manipulation.policy.features import pose_vector
+from bestman_bt.manipulation.policy.features import pose_error, pose_vector
 from bestman_bt.manipulation.policy.specification import PolicySpecification
 from bestman_bt.manipulation.policy.training.demonstrations import Demonstration
 from bestman_bt.manipulation.trajectory.base import SpeedScale
@@ -151,3 +152,41 @@ class ReachingExpert:
         reference = self.home + rng.normal(0.0, self.posture_noise, len(self.home))
         found = self.kinematics.solve(pose, np.clip(reference, self.arm.lower, self.arm.upper), rng, attempts=1)
         return found.best if found.found else None
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """``path``: (N, n) radians; ``errors``: (C, 2) metres and radians to the goal after each chunk."""
+
+    path: NDArray[np.float64]
+    errors: NDArray[np.float64]
+
+    def reached(self, position_tolerance: float, rotation_tolerance: float) -> bool:
+        """Return whether the tool was at the goal after some chunk."""
+        return bool((self.errors <= (position_tolerance, rotation_tolerance)).all(axis=1).any())
+
+
+def roll_out(
+    policy: Policy,
+    kinematics: InverseKinematics,
+    arm: ArmModel,
+    start: NDArray[np.float64],
+    goal: Pose,
+    judged: Pose | None = None,
+    chunks: int = 16,
+) -> Rollout:
+    """Run a policy from ``start`` (n,), radians, to ``goal``. Errors are relative to ``judged`` (default: ``goal``)."""
+    judged = judged or goal
+    path, errors = [start], []
+    velocities = np.zeros(len(start))
+    policy.reset()
+    for _ in range(chunks):
+        tool = kinematics.tool_pose(path[-1])
+        chunk = policy.act(Observation(path[-1], tool, pose_vector(goal), joint_velocities=velocities))
+        steps = chunk_path(chunk, path[-1], kinematics, arm)
+        done = policy.specification.executed or max(1, (len(steps) - 1) // 2)
+        path.extend(steps[1 : done + 1])
+        velocities = (steps[min(done + 1, len(steps) - 1)] - steps[done - 1]) / (2.0 * chunk.dt)
+        error = pose_error(judged, kinematics.tool_pose(path[-1]))
+        errors.append((np.linalg.norm(error[:3]), np.linalg.norm(error[3:])))
+    return Rollout(np.array(path), np.array(errors))
