@@ -31,8 +31,9 @@ from typing import Any
 
 import psutil
 
-from bestman_bt.evaluation.code_version import commit, versions
+from bestman_bt.evaluation.code_version import commit
 from bestman_bt.evaluation.shards import TIMES
+from bestman_bt.evaluation.versions import versions
 from tests.evaluation.launchers.ray_cluster import OPTIONS, RayCluster
 
 TREE = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Work/></BehaviorTree></root>'

@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 
 from benchmarks.rendered_table import RenderedTable, TrueObject, random_table
-from bestman_bt.evaluation.code_version import versions
+from bestman_bt.evaluation.versions import versions
 from bestman_bt.perception import clouds
 from bestman_bt.perception.segmentation.base import voxel_means
 from bestman_bt.perception.segmentation.horizontal_plane import HorizontalPlane

@@ -34,7 +34,7 @@ from typing import Any
 
 import numpy as np
 
-from bestman_bt.evaluation.code_version import versions
+from bestman_bt.evaluation.versions import versions
 from bestman_bt.task_planning.symbolic.fast_downward import unified_planning
 from bestman_bt.task_planning.symbolic.pddl_reading import PddlError, read_pddl
 from bestman_bt.task_planning.symbolic.problem import PlanningError

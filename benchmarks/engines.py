@@ -16,8 +16,8 @@ from typing import Any
 
 from benchmarks.fetch import FIRST_SEED, Episode, measure, summary
 from bestman_bt.configuration.run import load_run
-from bestman_bt.evaluation.code_version import versions
 from bestman_bt.evaluation.episode import run_episode
+from bestman_bt.evaluation.versions import versions
 from bestman_bt.extras import EXTRA_OF_SIMULATOR, is_installed
 
 SHOWN = ("successes", "clean_audits", "cpu_time_factor", "real_time_factor", "simulated_s", "cpu_s")

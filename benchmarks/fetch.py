@@ -27,8 +27,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy is imported
 
 from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.audit import CHEATS
-from bestman_bt.evaluation.code_version import versions
 from bestman_bt.evaluation.episode import run_episode
+from bestman_bt.evaluation.versions import versions
 
 FIRST_SEED = 900_000
 """Seeds from here on belong to benchmarks; no test uses them."""

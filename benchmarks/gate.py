@@ -20,7 +20,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.evaluation.code_version import versions
+from bestman_bt.evaluation.versions import versions
 from bestman_bt.messages import JointTrajectory
 from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig

@@ -15,11 +15,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from bestman_bt.configuration.run import load_run
-from bestman_bt.evaluation.code_version import code_fingerprint, config_fingerprint, versions
+from bestman_bt.evaluation.code_version import code_fingerprint, config_fingerprint
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.journal import EpisodeKey, Journal
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.suite import Suite, SuiteEntry
+from bestman_bt.evaluation.versions import versions
 
 AUDIT = ("teleports", "grasp_constraints", "ground_truth_reads", "collisions", "joint_limit_violations")
 METRICS = {f"metric_{number}_mm": 1.0 + number for number in range(6)}

@@ -35,7 +35,7 @@ from benchmarks.perception_measures import (
     known_objects,
     unknown_objects,
 )
-from bestman_bt.evaluation.code_version import versions
+from bestman_bt.evaluation.versions import versions
 
 TARGETS: Mapping[str, tuple[str, float]] = {
     "identity_rate": ("≥", 0.98),

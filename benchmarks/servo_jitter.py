@@ -12,7 +12,7 @@ import os
 from dataclasses import asdict
 from typing import Any
 
-from bestman_bt.evaluation.code_version import versions
+from bestman_bt.evaluation.versions import versions
 from bestman_bt.robot_model.compose import load_robot_model
 from hal.api import Arm
 from hal.hardware.control_loop import ControlLoop, take_real_time_priority

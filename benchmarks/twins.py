@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.configuration.task import load_task
-from bestman_bt.evaluation.code_version import versions
 from bestman_bt.evaluation.interval import wilson_interval
+from bestman_bt.evaluation.versions import versions
 from hal.twins.process import TwinProcess
 
 KEPT = ("success", "outcome", "tree_status", "failure", "audit", "metrics", "sim_time_s", "run_folder")

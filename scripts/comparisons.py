@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.evaluation.code_version import versions
+from bestman_bt.evaluation.versions import versions
 
 ROOT = Path(__file__).parents[1]
 PAGE, FOLDER = ROOT / "docs" / "comparisons.md", ROOT / "docs" / "reproductions"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from bestman_bt.evaluation.code_version import versions
+from bestman_bt.evaluation.versions import versions
 
 
 def median(values: Sequence[float]) -> float | None:

@@ -13,7 +13,7 @@ import typer
 
 from bestman_bt.cli.options import Json, Png, json_output
 from bestman_bt.configuration.errors import ConfigurationError, Problem
-from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError, DatasetFolder
+from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError, DatasetFolder, entry_names
 
 verbs = typer.Typer(
     add_completion=False,
@@ -170,8 +170,8 @@ def _document(dataset: DatasetFolder) -> dict[str, Any]:
 
 
 def _entries(feature: dict[str, Any]) -> str:
-    names, units = feature.get("names"), feature.get("units")
-    if not isinstance(names, list) or feature["dtype"] == "video":
+    names, units = entry_names(feature), feature.get("units")
+    if not names or feature["dtype"] == "video":
         return ""
     if units is None:
         return f": {', '.join(names)}"

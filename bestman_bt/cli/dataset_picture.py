@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError, DatasetFolder
+from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError, DatasetFolder, entry_names
 from bestman_bt.manipulation.policy.training.dataset_video import pictures
 
 PICTURES = 8
@@ -58,23 +58,15 @@ def _curves(
 ) -> dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]]:
     """Return unit → name, state and action of its entries; empty for a dataset whose states and actions differ."""
     feature, commanded = dataset.features.get(STATE), dataset.features.get(ACTION)
-    if feature is None or commanded is None or _names(feature) != _names(commanded):
+    if feature is None or commanded is None or entry_names(feature) != entry_names(commanded):
         return {}
     state, action = np.array(data[STATE], dtype=float), np.array(data[ACTION], dtype=float)
-    names = _names(feature)
+    names = entry_names(feature) or [str(column) for column in range(feature["shape"][0])]
     units = feature.get("units") or [""] * len(names)
     curves: dict[str, list[tuple[str, NDArray[np.float64], NDArray[np.float64]]]] = {}
     for column, (name, unit) in enumerate(zip(names, units, strict=True)):
         curves.setdefault(unit, []).append((name, state[:, column], action[:, column]))
     return curves
-
-
-def _names(feature: dict[str, Any]) -> list[str]:
-    """Return the names of its entries: LeRobot keeps a list, a list per group, or none."""
-    names = feature.get("names")
-    if isinstance(names, dict):
-        names = [name for group in names.values() for name in group]
-    return names or [str(column) for column in range(feature["shape"][0])]
 
 
 def _spans(nodes: list[str], times: NDArray[np.float64]) -> list[tuple[str, float, float]]:

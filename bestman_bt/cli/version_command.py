@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bestman_bt.evaluation.code_version import versions
+from bestman_bt.evaluation.versions import versions
 
 
 def command() -> None:

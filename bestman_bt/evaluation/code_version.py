@@ -1,15 +1,12 @@
-"""Fingerprints of the code and data of an episode by content, without commits and paths; versions of packages."""
+"""Fingerprints of the code and data of an episode, by content: commits and paths do not matter."""
 
 from __future__ import annotations
 
 import ast
 import hashlib
-import platform
 import subprocess
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -20,6 +17,7 @@ from bestman_bt.configuration.data import data_root, user_folders
 from bestman_bt.configuration.document import read_document
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import RunConfig, dump_run
+from bestman_bt.evaluation.versions import versions
 
 _DOCUMENTS, _TREES = (".yaml", ".yml"), (".xml", ".urdf", ".xacro")
 
@@ -160,30 +158,3 @@ def _files() -> Iterator[tuple[str, Path]]:
                 name = path.relative_to(root).as_posix()
                 if path.is_file() and path.suffix != ".pyc" and not name.startswith(_NO_MATTER):
                     yield name, path
-
-
-PACKAGES = (
-    "bestman-bt",
-    "py-trees",
-    "pybullet",
-    "mujoco",
-    "numpy",
-    "scipy",
-    "ompl",
-    "pin",
-    "toppra",
-    "opencv-python-headless",
-)
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of Python and of the packages that affect a run."""
-    return {"python": platform.python_version(), **{package: _version(package) for package in PACKAGES}}
-
-
-@cache
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"

@@ -19,13 +19,13 @@ from bestman_bt.engine import FAILURE, RUNNING, Node, StateChanges, Tree
 from bestman_bt.engine.models.foreign import missing_nodes
 from bestman_bt.engine.status import state_code
 from bestman_bt.evaluation.audit import Audit, audit
-from bestman_bt.evaluation.code_version import versions
 from bestman_bt.evaluation.declared_contacts import ContactLog
 from bestman_bt.evaluation.disturbances import Disturbances
 from bestman_bt.evaluation.episode_measures import DrivenPath, Durations, MotionLog
 from bestman_bt.evaluation.judge import find_judge
 from bestman_bt.evaluation.recording import Pictures, Recording
 from bestman_bt.evaluation.result import NO_GOAL, Outcome, RunResult
+from bestman_bt.evaluation.versions import versions
 from bestman_bt.extras import EXTRA_OF_SIMULATOR, is_installed, missing_extra
 from bestman_bt.facts.evidence import Verdict
 from bestman_bt.records.keeping import RecordingErrors

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem
-from bestman_bt.evaluation.code_version import code_fingerprint, commit, config_fingerprint, versions
+from bestman_bt.evaluation.code_version import code_fingerprint, commit, config_fingerprint
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry
 from bestman_bt.evaluation.journal import EpisodeKey, Journal, JournalError, read_episodes
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher
@@ -20,6 +20,7 @@ from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.shards import ConflictingResults, KnownDurations, Shard, find_journals, merge_journals
 from bestman_bt.evaluation.suite import Suite, SuiteEntry, check_targets
 from bestman_bt.evaluation.summary import Summary
+from bestman_bt.evaluation.versions import versions
 
 OnResult = Callable[[SuiteEntry, RunResult], None]
 

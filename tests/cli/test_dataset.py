@@ -54,7 +54,7 @@ def test_view_draws_an_episode_with_its_pictures(bestman_bt: Command, folder: Pa
 
 
 @pytest.mark.parametrize("names", [None, {"motors": ["x", "y"]}], ids=["without names", "names of a group"])
-def test_view_draws_datasets_that_name_their_entries_otherwise(
+def test_datasets_that_name_their_entries_otherwise_are_described_and_drawn(
     bestman_bt: Command, folder: Path, names: object
 ) -> None:
     write(folder / "set", range(1))
@@ -66,6 +66,8 @@ def test_view_draws_datasets_that_name_their_entries_otherwise(
         info["features"][feature]["names"] = grouped
         info["features"][feature].pop("units", None)
     file.write_text(json.dumps(info))
+    described = bestman_bt("dataset", "info", "set").out
+    assert ("  action: float32 2: m0, m1\n" in described) == (names is not None)
     assert bestman_bt("dataset", "view", "set", "--png", "one.png").code == 0
     assert (folder / "one.png").stat().st_size > 1000
 

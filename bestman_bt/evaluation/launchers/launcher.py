@@ -22,12 +22,13 @@ from behaviours.failure import NodeFailure
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunConfig
 from bestman_bt.engine.own_files import describe_error
-from bestman_bt.evaluation.code_version import config_fingerprint, versions
+from bestman_bt.evaluation.code_version import config_fingerprint
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.evaluation.launchers.remote_events import EventAddress, forwarded_events
 from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, LauncherLostError, code_here
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
+from bestman_bt.evaluation.versions import versions
 from bestman_bt.records.writer import RESULT_FILE
 from bestman_bt.runtime.resolved_config import ResolvedConfig
 

@@ -143,7 +143,8 @@ def run_in_own_process(request: bytes, wall_limit: float, folder: str) -> Episod
 
 def code_here() -> tuple[str, str]:
     """Return the fingerprint of this process's code, and the versions of the packages in it as text."""
-    from bestman_bt.evaluation.code_version import code_fingerprint, versions
+    from bestman_bt.evaluation.code_version import code_fingerprint
+    from bestman_bt.evaluation.versions import versions
 
     return code_fingerprint(), ", ".join(f"{name} {version}" for name, version in versions().items())
 

@@ -96,7 +96,7 @@ class DetectedScene:
         named = [thing for thing in self.unknown if isinstance(thing, LabelledCluster) and thing.label == label]
         return max(named, key=lambda thing: thing.score, default=None)
 
-    def obstacles_beside(self, name: str | None, grow: float = 0.0) -> tuple[Cluster, ...]:
+    def obstacles_beside(self, name: str | None) -> tuple[Cluster, ...]:
         """Return all clusters except that of the object ``name``."""
         found = self.find(name) if name is not None else None
         others = tuple(detection.cluster for detection in self.detections if detection is not found)

@@ -261,6 +261,12 @@ class DatasetFolder:
         }
 
 
+def entry_names(feature: Mapping[str, Any]) -> list[str]:
+    """Return the names of a feature's entries, of which LeRobot keeps a list or a list per group; empty without any."""
+    names = feature.get("names") or []
+    return [name for group in names.values() for name in group] if isinstance(names, Mapping) else names
+
+
 def _write(path: Path, write: Callable[[Path], object]) -> None:
     """Write a file beside ``path``, then put it in its place."""
     path.parent.mkdir(parents=True, exist_ok=True)
