@@ -9,14 +9,24 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.registry import suggestion
-from bestman_bt.scene.furniture_generator.cupboard import CupboardOptions, cupboard
-from bestman_bt.scene.furniture_generator.dishwasher import DishwasherOptions, dishwasher
-from bestman_bt.scene.furniture_generator.drawer_chest import DrawerChestOptions, drawer_chest
-from bestman_bt.scene.furniture_generator.fridge import FridgeOptions, fridge
-from bestman_bt.scene.furniture_generator.microwave import MicrowaveOptions, microwave
+from bestman_bt.scene.furniture_generator.appliances import (
+    DishwasherOptions,
+    FridgeOptions,
+    MicrowaveOptions,
+    dishwasher,
+    fridge,
+    microwave,
+)
+from bestman_bt.scene.furniture_generator.cabinets import (
+    CupboardOptions,
+    DrawerChestOptions,
+    ShelfOptions,
+    cupboard,
+    drawer_chest,
+    shelf,
+)
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
 from bestman_bt.scene.furniture_generator.room_door import RoomDoorOptions, room_door
-from bestman_bt.scene.furniture_generator.shelf import ShelfOptions, shelf
 from bestman_bt.scene.scene import FurnitureModel
 
 _KINDS: Mapping[str, tuple[type, Callable[..., FurnitureModel]]] = {

@@ -74,7 +74,7 @@ class HandleDesign:
     cup: float
     height: float
 
-    def leaf_thickness(self, plain: float) -> float:
+    def door_thickness(self, plain: float) -> float:
         """Return the thickness of a door, metres: ``plain``, or more if a cup behind the lip needs it."""
         return self.lip + self.cup + CUP_BACK if self.kind == "edge" else plain
 

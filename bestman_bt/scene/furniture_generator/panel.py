@@ -5,11 +5,12 @@ Its origin is in the middle of the front face, x to the right and y up as seen f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bestman_bt.configuration.quantity import Color as ColorOption
 from bestman_bt.messages import Pose
@@ -38,6 +39,13 @@ def carcass(
         block((front, -half + board, bottom), (back - board, half - board, bottom + board), color),
         block((front, -half + board, top - board), (back - board, half - board, top), color),
     ]
+
+
+def given_or_drawn(options: Any, drawn: NDArray[np.float64], *names: str) -> Iterator[float]:
+    """Return the named values of ``options``, or for those that are None the ``drawn`` ones."""
+    for name, value in zip(names, drawn, strict=True):
+        given = getattr(options, name)
+        yield float(value if given is None else given)
 
 
 def surface(name: str, x: tuple[float, float], y: tuple[float, float], z: float) -> Surface:

@@ -22,7 +22,7 @@ from bestman_bt.scene.furniture_generator.panel import (
 from bestman_bt.scene.furniture_generator.solid import Point, Solid, block
 from bestman_bt.scene.scene import Articulation
 
-GAP = 0.002  # metres between a closed leaf and the body behind it
+GAP = 0.002  # metres between a closed door and the body behind it
 SEAM = 0.004  # metres between neighbouring fronts
 _OPPOSITE: dict[HingeSide, FreeBorder] = {"left": "right", "right": "left", "top": "bottom", "bottom": "top"}
 # The axis about which a door that is hinged on a side turns towards -x, in the furniture frame.
@@ -71,7 +71,7 @@ def door(
 ) -> Articulation:
     """Return a door that turns about a border of its front, in the middle of its thickness.
 
-    ``extra``: more solids of the leaf, in the panel frame (a window).
+    ``extra``: more solids of the door, in the panel frame (a window).
     """
     panel = Panel(front.width, front.height, design.thickness, _OPPOSITE[hinge_side], closed_behind=True)
     solids, handle = front_with_handle(panel, design.handle, design.finish, centred=False)
@@ -120,11 +120,11 @@ def drawer(
     axis = np.array([-1.0, 0.0, 0.0])
     truth = _handle(design.handle, front, pose, handle, axis, None, None, None)
     joint = _LeafJoint("prismatic", np.array(front.centre), axis, upper)
-    leaf = _articulation(name, joint, solids, pose, design, truth)
+    moving = _articulation(name, joint, solids, pose, design, truth)
     inner, floor = half - _BOX_WALL, front.centre[2] + low + _BOX_BOTTOM
     behind = front.centre[0] + thickness
     bottom = surface(name, (behind, behind + depth - _BOX_WALL), (-inner, inner), floor)
-    return replace(leaf, surfaces=(bottom,))
+    return replace(moving, surfaces=(bottom,))
 
 
 def _handle(
