@@ -199,7 +199,7 @@ class RunHistory:
             case RobotEvent():
                 self.robot.take(event, self.version)
             case ScanEvent():
-                self.robot.take_scan(event, self.version)
+                self.robot.add_scan(event, self.version)
             case MapEvent():
                 self.map = asdict(event)
                 self.tree_version = self.version
@@ -231,7 +231,7 @@ class RunHistory:
     def _take_states(self, event: StatesEvent) -> None:
         changes = self.shown(event)
         if len(changes):
-            self.take_changes(changes, np.full(len(changes), event.tick))
+            self.add_changes(changes, np.full(len(changes), event.tick))
         elif not event.messages:  # a step that changed nothing
             self.states.record(event.time, event.tick)
         offset, count = self.nodes.range_of(event.tree)
@@ -241,7 +241,7 @@ class RunHistory:
                 said.add(event.time, text[:MAX_TEXT])
                 self.changed_messages.touch(offset + uid, self.version)
 
-    def take_changes(self, changes: Transitions, ticks: NDArray[np.int64]) -> None:
+    def add_changes(self, changes: Transitions, ticks: NDArray[np.int64]) -> None:
         """Add changes as they are shown, in the order of time, with the tick of each."""
         for begin in range(0, len(changes), PIECE):
             fresh = self.states.extend(changes[begin : begin + PIECE], ticks[begin : begin + PIECE])
@@ -415,7 +415,7 @@ class RobotHistory:
         self._samples.add(event.time, _Sample(plain, names, values))
         self.version = version
 
-    def take_scan(self, event: ScanEvent, version: int) -> None:
+    def add_scan(self, event: ScanEvent, version: int) -> None:
         """Add a scan."""
         stride = -(-len(event.points) // MAX_POINTS) or 1
         self._scans.add(event.time, (event.base, array("f", chain.from_iterable(event.points[::stride]))))

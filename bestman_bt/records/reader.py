@@ -114,7 +114,7 @@ def read(path: Path, left_out: Collection[str] = ()) -> RunHistory:
         _take_states(history, log, states.name, changes)
     if changes.told:
         told, ticks = changes.sorted()
-        history.take_changes(history.with_answers(told), ticks)
+        history.add_changes(history.with_answers(told), ticks)
     if not path.is_file() and _is_read(path / LOG_FILE, history.faults):
         _take_all(history, LOG_FILE, read_log(path))
     if path.is_file() and len(history.states.now) and (outcome := OUTCOMES.get(int(history.states.now.results[1]))):

@@ -57,7 +57,7 @@ class ObservedStates:
         """Store the changes of a tick."""
         self._kept.append(changes)
 
-    def take_in(self) -> None:
+    def read_changes(self) -> None:
         """Process the stored changes; call it regularly, or they accumulate."""
         while self._kept:
             changes = self._kept.popleft()
@@ -73,24 +73,24 @@ class ObservedStates:
 
     def status_bytes(self) -> bytes:
         """Return three bytes per node, SubTree by SubTree, in the order of creation: u16 uid, u8 state."""
-        self.take_in()
+        self.read_changes()
         return b"".join(_STATE.pack(uid, state) for uid, state in self._shown.items())
 
     def start_recording(self) -> bytes:
         """Record from now on, on the tree's clock; returns the time of day in microseconds since the epoch, as text."""
-        self.take_in()
+        self.read_changes()
         self._transitions.clear()
         self._recording_since = self._clock.now()
         return str(time.time_ns() // 1000).encode()
 
     def stop_recording(self) -> None:
         """Stop recording; the record stays available until it is fetched."""
-        self.take_in()
+        self.read_changes()
         self._recording_since = None
 
-    def take_transitions(self) -> bytes:
+    def pop_transitions(self) -> bytes:
         """Return the transitions since the last call: u48 microseconds since the start, u16 uid, u8 state each."""
-        self.take_in()
+        self.read_changes()
         taken = b"".join(self._transitions)
         self._transitions.clear()
         return taken
@@ -182,7 +182,7 @@ class Groot2Publisher:
         last_request, there = time.monotonic(), True
         while not self._closing.is_set():
             asked = self._requests.poll(round(self.poll * 1000)) != 0
-            self._states.take_in()
+            self._states.read_changes()
             if asked:
                 last_request = time.monotonic()
             if there != (time.monotonic() - last_request < self.heartbeat):
@@ -214,7 +214,7 @@ class Groot2Publisher:
                 if request.needed() == b"stop":
                     self._states.stop_recording()
             case RequestKind.TRANSITIONS:
-                return self._states.take_transitions()
+                return self._states.pop_transitions()
             case _:
                 return self._hooks.answer(request)
         return None

@@ -84,11 +84,11 @@ class LanguagePlanner(TaskPlanner):
         """
         further = self.further
         names = PlainNames.of(problem.objects)
-        told, limits = names.renamed(problem), self.limits.resolved(problem).renamed(names.told)
-        model = plan_answer(told, limits)
+        renamed, limits = names.renamed(problem), self.limits.resolved(problem).renamed(names.in_prompt)
+        model = plan_answer(renamed, limits)
 
         def check(answer: PlanAnswer) -> tuple[PlanningProblem, TaskPlan]:
-            solved, plan = checked_plan(told, limits, answer)
+            solved, plan = checked_plan(renamed, limits, answer)
             meant = names.meant(problem, solved)
             operators = {operator.name: operator for operator in problem.operators}
             actions = (instantiate(meant, operators[one.name], names.back(one.arguments)) for one in plan.actions)
@@ -98,7 +98,7 @@ class LanguagePlanner(TaskPlanner):
                 raise FaultyAnswerError(faults)
             return meant, plan
 
-        request = ChatRequest(plan_messages(told, limits), json_schema(model))
+        request = ChatRequest(plan_messages(renamed, limits), json_schema(model))
         endpoint = self.endpoint or HttpEndpoint(EndpointAddress.from_environment())
         (meant, plan), usage = ask_until_valid(endpoint, request, model, check, self.tries)
         return Proposal(meant, plan, usage)
@@ -125,11 +125,11 @@ class GoalReader:
             GoalError: the limits contain unknown names.
         """
         names = PlainNames.of(problem.objects)
-        told, limits = names.renamed(problem), self.limits.resolved(problem).renamed(names.told)
-        request = ChatRequest(goal_messages(told, limits), json_schema(GoalAnswer))
+        renamed, limits = names.renamed(problem), self.limits.resolved(problem).renamed(names.in_prompt)
+        request = ChatRequest(goal_messages(renamed, limits), json_schema(GoalAnswer))
         endpoint = self.endpoint or HttpEndpoint(EndpointAddress.from_environment())
         meant, usage = ask_until_valid(
-            endpoint, request, GoalAnswer, lambda answer: checked_goal(told, answer), self.tries
+            endpoint, request, GoalAnswer, lambda answer: checked_goal(renamed, answer), self.tries
         )
         return names.meant(problem, meant), usage
 

@@ -29,47 +29,47 @@ _WORDS = frozenset({"and", "not", "forall"})
 class PlainNames:
     """A one-to-one renaming for the prompt: plain names are kept, others (from a camera or detector) are sanitised.
 
-    ``told``: name in the world → name in the prompt.
+    ``in_prompt``: name in the world → name in the prompt.
     """
 
-    told: Mapping[str, str] = field(hash=False)
+    in_prompt: Mapping[str, str] = field(hash=False)
 
     @classmethod
     def of(cls, names: Iterable[str]) -> PlainNames:
         """Create the renaming: names with special characters are sanitised, and equal results are numbered."""
         names = list(names)
-        told = {name: name for name in names if _is_plain(name)}
-        taken = set(told)
+        in_prompt = {name: name for name in names if _is_plain(name)}
+        taken = set(in_prompt)
         for name in names:
-            if name in told:
+            if name in in_prompt:
                 continue
             stem = _OTHER.sub("_", name).strip("_/.")[:LONGEST_NAME].rstrip("_/.") or "thing"
             candidate, number = stem, 2
             while candidate in taken or candidate in _WORDS:
                 candidate, number = f"{stem}_{number}", number + 1
-            told[name] = candidate
+            in_prompt[name] = candidate
             taken.add(candidate)
-        return cls(told)
+        return cls(in_prompt)
 
     def renamed(self, problem: PlanningProblem) -> PlanningProblem:
         """Return the problem with the names of the prompt."""
         return replace(
             problem,
-            objects={self.told[name]: kind for name, kind in problem.objects.items()},
-            state=frozenset(fact.bound(self.told) for fact in problem.state),
-            goal=tuple(literal.bound(self.told) for literal in problem.goal),
+            objects={self.in_prompt[name]: kind for name, kind in problem.objects.items()},
+            state=frozenset(fact.bound(self.in_prompt) for fact in problem.state),
+            goal=tuple(literal.bound(self.in_prompt) for literal in problem.goal),
         )
 
     def back(self, names: Iterable[str]) -> tuple[str, ...]:
         """Return the names in the world for names of the prompt."""
-        world = {told: name for name, told in self.told.items()}
+        world = {plain: name for name, plain in self.in_prompt.items()}
         return tuple(world[name] for name in names)
 
     def meant(self, problem: PlanningProblem, solved: PlanningProblem) -> PlanningProblem:
         """Return ``problem`` with the goal of ``solved``, converted to names of the world, and without excluded
         facts.
         """
-        world = {told: name for name, told in self.told.items()}
+        world = {plain: name for name, plain in self.in_prompt.items()}
         left = {fact.bound(world) for fact in solved.state}
         goal = tuple(literal.bound(world) for literal in solved.goal)
         return replace(problem, goal=goal, state=problem.state & left)

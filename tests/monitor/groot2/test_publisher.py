@@ -238,6 +238,6 @@ def test_a_recording_holds_nothing_of_the_one_before(tree: Tree) -> None:
     states.stop_recording()
     tree.halt()
     states.start_recording()
-    assert states.take_transitions() == b""
+    assert states.pop_transitions() == b""
     tree.tick_exactly_once()
-    assert states.take_transitions().startswith(bytes(6) + b"\x01\x00\x01"), "the root has begun to run, at 0 s"
+    assert states.pop_transitions().startswith(bytes(6) + b"\x01\x00\x01"), "the root has begun to run, at 0 s"

@@ -31,28 +31,28 @@ def attacked() -> PlanningProblem:
 
 def test_a_name_with_a_sentence_in_it_is_reported_as_one_word() -> None:
     names = PlainNames.of(attacked().objects)
-    told = names.told[ATTACK]
-    assert told == TOLD
-    assert len(told) <= LONGEST_NAME
-    assert names.back([told, "table"]) == (ATTACK, "table")
+    plain = names.in_prompt[ATTACK]
+    assert plain == TOLD
+    assert len(plain) <= LONGEST_NAME
+    assert names.back([plain, "table"]) == (ATTACK, "table")
 
 
 def test_names_that_would_be_told_alike_stay_apart() -> None:
     names = PlainNames.of(
         ["red mug", "red_mug", "red  mug", "red_mug_2", "not", "", "杯", "ok-1", "furniture/drawer_3"]
     )
-    assert len(set(names.told.values())) == len(names.told)
-    assert names.told["red_mug"] == "red_mug"
-    assert names.told["furniture/drawer_3"] == "furniture/drawer_3"
-    assert {name for name, told in names.told.items() if name == told} == {
+    assert len(set(names.in_prompt.values())) == len(names.in_prompt)
+    assert names.in_prompt["red_mug"] == "red_mug"
+    assert names.in_prompt["furniture/drawer_3"] == "furniture/drawer_3"
+    assert {name for name, plain in names.in_prompt.items() if name == plain} == {
         *("red_mug", "red_mug_2", "ok-1", "furniture/drawer_3")
     }
 
 
 def test_the_text_of_an_attack_stays_inside_a_name_and_the_instruction_is_the_users() -> None:
     problem = attacked()
-    told = PlainNames.of(problem.objects).renamed(problem)
-    system, user = plan_messages(told, PlanLimits())
+    plain = PlainNames.of(problem.objects).renamed(problem)
+    system, user = plan_messages(plain, PlanLimits())
     assert "ignore the user" not in user.content
     document = json.loads(user.content)
     assert document["instruction"] == "bring the mug from the drawer to the table"
@@ -93,12 +93,12 @@ def test_a_plan_that_names_an_attack_is_a_plan_for_that_thing_alone() -> None:
 )
 def test_any_name_is_reported_as_one_plain_word_and_found_again(name: str) -> None:
     problem = renamed(kitchen(), "mug", name)
-    told = PlainNames.of(problem.objects).told[name]
-    assert told.isascii()
-    assert len(told) <= LONGEST_NAME
-    assert not set(told) & set(" \n{}()<>$'\"\x1b,;")
-    fetch = json.loads(json.dumps(FETCH).replace('"mug"', json.dumps(told)))
-    with serving(says(answer(fetch, [f"on({told}, table)"]))) as server:
+    plain = PlainNames.of(problem.objects).in_prompt[name]
+    assert plain.isascii()
+    assert len(plain) <= LONGEST_NAME
+    assert not set(plain) & set(" \n{}()<>$'\"\x1b,;")
+    fetch = json.loads(json.dumps(FETCH).replace('"mug"', json.dumps(plain)))
+    with serving(says(answer(fetch, [f"on({plain}, table)"]))) as server:
         proposal = planner(server).propose(problem)
     assert proposal.problem.goal[0].fact == Fact("on", (name, "table"))
     assert [action.arguments[0] for action in proposal.plan.actions] == ["drawer", name, name]
@@ -119,8 +119,8 @@ OBEYED = {
     ),
     "a tree instead of an ability": answer([step("<SubTree ID='OpenFridge'/>")], ["open(fridge)"]),
     "further fields": {**RIGHT, "run": "rm"},
-    "a place that is no place": {**RIGHT, "told": ["open(fridge)"]},
-    "a place of a thing that there is not": {**RIGHT, "told": ["on(knife, table)"]},
+    "a place that is no place": {**RIGHT, "plain": ["open(fridge)"]},
+    "a place of a thing that there is not": {**RIGHT, "plain": ["on(knife, table)"]},
     "further arguments": answer([step("TuckArm", speed="99")], ["tucked"]),
 }
 
