@@ -10,11 +10,12 @@ from typing import Any
 
 from bestman_bt.configuration.quantity import Color, Length, Lengths3, Mass, PositiveLength, Size3
 from bestman_bt.messages import Box, Cylinder, Sphere
-from bestman_bt.robot_model.generated_arms import OffsetWristArm, offset_wrist_arm
-from bestman_bt.robot_model.generated_hands import (
+from bestman_bt.robot_model.generated_parts import (
+    OffsetWristArm,
     ParallelHand,
     SuctionCup,
     SwingingHand,
+    offset_wrist_arm,
     parallel_hand,
     suction_cup,
     swinging_hand,

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.visualization.rerun.blueprint import eye_on
+from bestman_bt.visualization.rerun.open_recording import eye_on
 
 ROOM = np.array([[-3.0, -3.0, 0.0], [4.0, 3.0, 2.2]])
 
