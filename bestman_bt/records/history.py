@@ -39,7 +39,7 @@ from bestman_bt.records.events import (
     TreeEvent,
 )
 from bestman_bt.records.nodes import NodeList
-from bestman_bt.records.states import NO, HistoryLimits, StateHistory
+from bestman_bt.records.states import NO, StateHistory
 from bestman_bt.records.timeline import Timeline
 
 MAX_LOG_LINES = 20_000
@@ -76,11 +76,11 @@ class RunHistory:
     ``xml``: of the main tree. ``faults``: unreadable parts of the run folder, as text.
     """
 
-    def __init__(self, limits: HistoryLimits | None = None) -> None:
+    def __init__(self) -> None:
         self.version = 0
         self.about: dict[str, Any] = {}
         self.nodes = NodeList()
-        self.states = StateHistory(limits)
+        self.states = StateHistory()
         self.timeline = Timeline()
         self.xml = ""
         self.faults: list[str] = []

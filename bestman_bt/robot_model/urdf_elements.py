@@ -73,12 +73,10 @@ def shape(
     return element
 
 
-def mesh_visual(
-    filename: str, xyz: Vector = ZERO, rpy: Vector = ZERO, rgba: Vector = (0.7, 0.7, 0.7, 1.0), material: str = ""
-) -> ET.Element:
+def mesh_visual(filename: str, rpy: Vector, rgba: Vector, material: str) -> ET.Element:
     """Return a ``<visual>`` of a mesh file by its absolute path."""
     element = ET.Element("visual")
-    element.append(origin(xyz, rpy))
+    element.append(origin(ZERO, rpy))
     ET.SubElement(ET.SubElement(element, "geometry"), "mesh", filename=filename)
     ET.SubElement(ET.SubElement(element, "material", name=material), "color", rgba=numbers(rgba))
     return element

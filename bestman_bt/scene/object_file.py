@@ -25,11 +25,9 @@ SCALE = 0.015
 """Metres per unit of the meshes, as pybullet_data has it: longest sides of 90 to 150 mm."""
 
 
-def random_shape_document(number: int, scale: float = SCALE) -> Document:
+def random_shape_document(number: int) -> Document:
     """Return the object file of shape ``number``, 0 to 999: about seven convex lumps stuck together, 100 g, in its
-    colour.
-
-    ``scale``: metres per unit of the mesh. Raises MeshError if pybullet_data is not installed.
+    colour. Raises MeshError if pybullet_data is not installed.
     """
     place = f"package://pybullet_data/random_urdfs/{number:03d}/{number:03d}"
     urdf = ElementTree.parse(locate_mesh(f"{place}.urdf", Path())).getroot()
@@ -38,7 +36,7 @@ def random_shape_document(number: int, scale: float = SCALE) -> Document:
         "mass": 0.1,
         "color": [float(value) for value in color.split()[:3]],
         "friction": 0.8,
-        "collision": [{"mesh": {"file": f"{place}.obj", "scale": scale}}],
+        "collision": [{"mesh": {"file": f"{place}.obj", "scale": SCALE}}],
     }
     return Document(data, {(): (f"random_{number:03d}", None)})
 
