@@ -330,7 +330,8 @@ class TreeListener:
 
     def attach(self) -> None:
         """Start publishing, with the tree and its current state."""
-        self._publish(lambda: (self._described(),))
+        above = None if self._under is None else self._under.uid
+        self._publish(lambda: (describe_tree(self._tree, self._number, above),))
         self._tree.subscribe(self._listen)
         self._publish_all()
 
@@ -371,9 +372,6 @@ class TreeListener:
 
     def _states(self, time: float, tick: int, codes: Iterable[int], messages: dict[int, str]) -> None:
         self._lost |= not self._publish(partial(self._event, time, tick, codes, messages))
-
-    def _described(self) -> Event:
-        return describe_tree(self._tree, self._number, None if self._under is None else self._under.uid)
 
     def _event(self, time: float, tick: int, codes: Iterable[int], messages: dict[int, str]) -> tuple[Event]:
         changes = [uid_and_state(code) for code in codes]

@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from bestman_bt.engine.core.registry import NodeInfo
 from bestman_bt.engine.graphics import NodeBox, quoted, render_boxes
 from bestman_bt.engine.models.package import Package
-from bestman_bt.engine.xml.documents import TreeDefinition
 
 
 def overview_text(package: Package) -> str:
@@ -19,16 +18,12 @@ def overview_text(package: Package) -> str:
             file = one.file
             lines.append(file)
         users = [outer for outer, inners in uses.items() if one.tree_id in inners and outer != one.tree_id]
-        facts = [f"{_size(one)} nodes"]
+        facts = [f"{sum(1 for _ in one.element.iter()) - 1} nodes"]
         if uses[one.tree_id]:
             facts.append("uses " + ", ".join(_counted(*used) for used in uses[one.tree_id].items()))
         facts.append("used by " + ", ".join(users) if users else "used by no other tree")
         lines.append(f"  {one.tree_id} (line {one.element.line}): {'; '.join(facts)}")
     return "\n".join(lines) + "\n"
-
-
-def _size(one: TreeDefinition) -> int:
-    return sum(1 for _ in one.element.iter()) - 1
 
 
 def _counted(tree_id: str, count: int) -> str:

@@ -65,7 +65,7 @@ class MovingObstacles:
         ``range_min``: metres below which the lidar sees nothing.
         """
         clusters = _clusters(hits, self.gap)
-        small = [c for c in clusters if len(c) >= 3 and _size(hits[c]) <= self.max_size]
+        small = [c for c in clusters if len(c) >= 3 and np.linalg.norm(np.ptp(hits[c], axis=0)) <= self.max_size]
         discs = [_disc(hits[c], lidar) for c in small]
         for track in self._tracks:
             track.predict(stamp, self.acceleration)
@@ -160,10 +160,6 @@ def _clusters(hits: NDArray[np.float64], gap: float) -> list[NDArray[np.intp]]:
     if len(runs) > 1 and np.linalg.norm(hits[0] - hits[-1]) <= gap:
         runs = [np.concatenate([runs[-1], runs[0]]), *runs[1:-1]]
     return runs
-
-
-def _size(hits: NDArray[np.float64]) -> float:
-    return float(np.linalg.norm(hits.max(axis=0) - hits.min(axis=0)))
 
 
 def _disc(hits: NDArray[np.float64], lidar: NDArray[np.float64]) -> NDArray[np.float64]:
