@@ -69,6 +69,9 @@ class FindBasePlacement(ArmNode, Skill, ABC):
     def _ranked(self) -> SkillCoroutine[Sequence[BasePlacement | PathPlacement]]:
         """Return the placements that are new, best first. Raises SkillFailure (``no_stand``) if none is left."""
 
+    def _is_new(self, stand: Pose2D) -> bool:
+        return all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)
+
 
 class FindStandAtFurniture(FindBasePlacement):
     """Base class of skills that place the base at the furniture of a surface; subclasses define the poses to reach."""
@@ -133,7 +136,7 @@ class FindStandAtFurniture(FindBasePlacement):
         """Return placements at the furniture that have not been tried, free or not."""
         front = float(np.array(self.skills.base.model.footprint)[:, 0].max())
         beside = self.skills.base_placement.beside(with_open_drawers(self.skills, furniture), target.at, front)
-        return [one for one in beside if all(one.distance_to(tried) > SAME_STAND for tried in self._tried)]
+        return [stand for stand in beside if self._is_new(stand)]
 
     def _why_none(self, furniture: MapFurniture, target: StandTarget) -> SkillFailure:
         """Return the failure: no room for the base, or the obstacle of the arm at the placement nearest to the
