@@ -196,26 +196,26 @@ class RobotiqTwin(TcpTwin):
 
     def _answer_frame(self, function: int, data: bytes) -> bytes:
         address, count = struct.unpack_from(">HH", data)
-        if function not in (READ_INPUTS, WRITE_REGISTERS):
+        registers = {READ_INPUTS: self._options.status_register, WRITE_REGISTERS: self._options.command_register}
+        if function not in registers:
             return bytes([function | 0x80, ILLEGAL_FUNCTION])
-        reads = function == READ_INPUTS
-        if address != (self._options.status_register if reads else self._options.command_register) or count > 3:
+        if address != registers[function] or count > 3:
             return bytes([function | 0x80, ILLEGAL_ADDRESS])
-        if reads:
-            gripper_variables = self.gripper.variables
-            state = (
-                gripper_variables["ACT"]
-                | gripper_variables["GTO"] << 3
-                | gripper_variables["STA"] << 4
-                | gripper_variables["OBJ"] << 6
-            )
-            values = bytes([state, 0, gripper_variables["FLT"], gripper_variables["PRE"], gripper_variables["POS"], 0])[
-                : 2 * count
-            ]
-            return bytes([function, len(values)]) + values
-        action, _, _, position, speed, force = data[5:11].ljust(6, b"\0")
-        values_by_name = {"ACT": action & 1, "GTO": action >> 3 & 1, "SPE": speed, "FOR": force}
-        if values_by_name["GTO"]:
-            values_by_name["POS"] = position
-        self.gripper.command(values_by_name)
+        if function == READ_INPUTS:
+            status = _status_registers(self.gripper.variables)[: 2 * count]
+            return bytes([function, len(status)]) + status
+        self.gripper.command(_commanded_variables(data[5:11]))
         return bytes([function]) + data[:4]
+
+
+def _status_registers(told: dict[str, int]) -> bytes:
+    """Return the three registers of the state: activation and object in bits, fault, target, position."""
+    bits = told["ACT"] | told["GTO"] << 3 | told["STA"] << 4 | told["OBJ"] << 6
+    return bytes([bits, 0, told["FLT"], told["PRE"], told["POS"], 0])
+
+
+def _commanded_variables(registers: bytes) -> dict[str, int]:
+    """Return what up to three command registers set; without GTO the position does not count."""
+    bits, _, _, position, speed, force = registers.ljust(6, b"\0")
+    variables = {"ACT": bits & 1, "GTO": bits >> 3 & 1, "SPE": speed, "FOR": force}
+    return {**variables, "POS": position} if variables["GTO"] else variables
