@@ -20,10 +20,15 @@ _Way = tuple[tuple[Literal, Action], ...]
 def explain(problem: PlanningProblem) -> str:
     """Return why a goal cannot be reached, as text: ``locked(fridge) is believed, and nothing changes that: …``.
 
-    Each line is one root cause, with its chain to the goal. Empty if the goal holds already.
+    Each line is one root cause, with its chain to the goal. Empty if the goal holds already, and for problems with
+    formulas or conditional effects.
     """
-    frontier, unmet = _Frontier(problem), problem.unmet_in(problem.state)
-    lines = [line for goal in unmet for line in frontier.lines(goal)]
+    unmet = problem.unmet_in(problem.state)
+    literals = [goal for goal in unmet if isinstance(goal, Literal)]
+    if len(literals) < len(unmet) or any(operator.formulas or operator.when for operator in problem.operators):
+        return ""
+    frontier = _Frontier(problem)
+    lines = [line for goal in literals for line in frontier.lines(goal)]
     if not lines and len(unmet) == 1:
         return f"nothing that {unmet[0]} needs is out of reach, but no order of actions achieves it"
     if not lines and unmet:

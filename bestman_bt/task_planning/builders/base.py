@@ -10,7 +10,7 @@ from bestman_bt.engine import XmlElement
 from bestman_bt.engine.own_files import defined_at, describe_error, signature_fault
 from bestman_bt.registry import BUILDERS
 from bestman_bt.task_planning.builders.plan_tree import PlanTree, Writer
-from bestman_bt.task_planning.symbolic.problem import Literal, PlanningError, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import Formula, Literal, PlanningError, TaskPlan
 
 
 class TreeBuilder(ABC):
@@ -22,14 +22,23 @@ class TreeBuilder(ABC):
         if fault := signature_fault(cls, TreeBuilder):
             raise TypeError(fault)
 
-    def build(self, plan: TaskPlan, goal: Iterable[Literal], leaves: Collection[str] = ()) -> PlanTree:
+    def build(self, plan: TaskPlan, goal: Iterable[Formula], leaves: Collection[str] = ()) -> PlanTree:
         """Return the tree of ``plan`` for the whole ``goal``; ``leaves``: abilities that are leaves, not subtrees.
 
-        Raises PlanningError if the actions do not fit together, or if ``root`` fails or does not return an element.
+        Raises PlanningError if the actions do not fit together, if ``root`` fails or does not return an element, or for
+        formulas and conditional effects: build the tree of ``as_strips(problem, plan)`` then.
         """
-        goal, writer, who = tuple(goal), Writer(leaves), f"{type(self).__name__}.root"
+        formulas = tuple(goal)
+        literals = tuple(one for one in formulas if isinstance(one, Literal))
+        writer, who = Writer(leaves), f"{type(self).__name__}.root"
+        adl = [str(action) for action in plan.actions if action.any_of or action.when]
+        adl += [str(formula) for formula in formulas if not isinstance(formula, Literal)]
+        if adl:
+            raise PlanningError(
+                f"{adl[0]} has formulas or conditional effects; build the tree of what as_strips(problem, plan) returns"
+            )
         try:
-            element: object = self.root(plan, goal, writer) if plan.actions else writer.holds("goal", goal)
+            element: object = self.root(plan, literals, writer) if plan.actions else writer.holds("goal", literals)
         except PlanningError:
             raise
         except Exception as error:  # a user's builder may raise anything; reported with its line

@@ -11,7 +11,7 @@ from bestman_bt.extras import install_command
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.symbolic.grounding import instantiate
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
-from bestman_bt.task_planning.symbolic.problem import GoalError, PlanningError, PlanningProblem, TaskPlan, Unsolvable
+from bestman_bt.task_planning.symbolic.problem import PlanningError, PlanningProblem, TaskPlan, Unsolvable
 
 
 class PlannerMissingError(PlanningError, MissingExtraError):
@@ -31,9 +31,7 @@ class FastDownwardPlanner(TaskPlanner):
 
     def plan(self, problem: PlanningProblem) -> TaskPlan:
         """Return a plan; raises as ``TaskPlanner.plan``, and PlannerMissingError naming the extra."""
-        for literal in problem.goal:
-            if ~literal in problem.goal:
-                raise GoalError(f"the goal contradicts itself: {literal.fact} and not {literal.fact}")
+        problem.refuse_contradictory_goal()
         if not problem.unmet_in(problem.state):
             return TaskPlan(())
         planning = unified_planning(engine="up_fast_downward")

@@ -2,20 +2,26 @@
 
 Parameters are bound by a join of the conditions with the facts that hold or were reached (as Helmert, "Concise
 finite-domain representations for PDDL planning tasks", 2009): each new fact is tried in each matching condition.
+Disjunctions become derived facts (S. Thiébaux, J. Hoffmann, B. Nebel, "In defense of PDDL axioms", 2005): their number
+grows with the formula and the objects, not exponentially as a disjunctive normal form does.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
 
 from bestman_bt.task_planning.symbolic.problem import (
     EQUAL,
     Action,
+    AnyOf,
     Condition,
     Fact,
-    GoalError,
+    Formula,
+    Ground,
+    Joined,
     Literal,
     Operator,
     PlanningError,
@@ -45,12 +51,48 @@ def bind(problem: PlanningProblem, operator: Operator, arguments: Sequence[str])
         raise PlanningError(problem.unsound)
     values = {f"{{{name}}}": value for name, value in zip(operator.parameters, arguments, strict=True)}
     hold = frozenset(written_out(problem, operator.hold, values))
-    pre = hold.union(written_out(problem, operator.pre, values))
-    effects = written_out(problem, operator.effects, values)
+    formulas = ground_formula(problem, Joined(True, operator.formulas).bound(values))
+    parts = formulas if formulas is not None else [AnyOf(())]
+    pre = hold.union(written_out(problem, operator.pre, values), (one for one in parts if isinstance(one, Literal)))
+    any_of = sorted((one for one in parts if isinstance(one, AnyOf)), key=str)
+    effects, when = _effects(problem, operator, values)
     add = frozenset(one.fact for one in effects if not one.negated)
     delete = frozenset(one.fact for one in effects if one.negated) - add
+    when = [(given, one) for given, one in when if one.fact not in add]  # what is added holds, though it is deleted too
     needed = frozenset(one for one in pre if one.fact.predicate != EQUAL or not one.holds_in(()))
-    return Action(operator, tuple(arguments), needed, hold, add, delete)
+    return Action(operator, tuple(arguments), needed, hold, add, delete, tuple(any_of), tuple(when))
+
+
+def _effects(
+    problem: PlanningProblem, operator: Operator, values: Mapping[str, str]
+) -> tuple[list[Literal], list[tuple[Ground, Literal]]]:
+    """Return the effects that always occur, and the others with their conditions."""
+    always, conditional = written_out(problem, operator.effects, values), list[tuple[Ground, Literal]]()
+    for one in operator.when:
+        for names in product(*map(problem.of_type, one.variables.values())):
+            inside = {**values, **dict(zip(one.variables, names, strict=True))}
+            given, effect = ground_formula(problem, one.given.bound(inside)), one.effect.bound(inside)
+            if given:
+                conditional.append((given, effect))
+            elif given is not None:
+                always.append(effect)
+    return always, conditional
+
+
+def ground_formula(problem: PlanningProblem, formula: Formula) -> Ground | None:
+    """Return what has to hold for a formula without parameters, except facts that never change; None: it never does."""
+    if isinstance(formula, Literal):
+        if formula.fact.predicate in problem.changing:
+            return frozenset({formula})
+        return frozenset() if formula.holds_in(problem.state) else None
+    found = [ground_formula(problem, part) for part in problem.parts(formula)]
+    possible = [part for part in found if part is not None]
+    if formula.every:
+        return Ground().union(*possible) if len(possible) == len(found) else None
+    if Ground() in possible:
+        return Ground()
+    ways = tuple(dict.fromkeys(possible))
+    return Ground({AnyOf(ways)}) if len(ways) > 1 else next(iter(ways), None)
 
 
 def written_out(problem: PlanningProblem, conditions: Iterable[Condition], values: Mapping[str, str]) -> list[Literal]:
@@ -67,35 +109,57 @@ def written_out(problem: PlanningProblem, conditions: Iterable[Condition], value
     return literals
 
 
+@dataclass(eq=False)
+class Rule:
+    """Where all of ``needs`` hold, ``gives`` follow. ``missing``: how many of ``needs`` were not reached."""
+
+    needs: frozenset[Literal]
+    gives: frozenset[Literal]
+    missing: int = 0
+
+
 class GroundProblem:
     """STRIPS on bits: bit i of a state is ``literals[i]``; the negation of a fact has its own bit.
 
     Only changing facts that some action or the goal needs have bits. ``pre``, ``add``, ``delete``: bits of each of the
-    ``actions``. ``needs``, ``gives``: the bit numbers in ``pre`` and ``add``. ``needed_by``: the numbers of the actions
-    that need each bit.
+    ``actions``. Rules are the actions, with the same numbers, then their conditional effects, then derived facts.
+    ``needs``, ``gives``: the bit numbers of each rule. ``needed_by``: the numbers of the rules that need each bit.
+    ``doers``: the action of each rule, None for derived facts.
     """
 
-    def __init__(self, problem: PlanningProblem, actions: Sequence[Action]) -> None:
-        changing = {effect.fact for action in actions for effect in action.effects}
-        asked = {need for action in actions for need in action.pre}.union(problem.goal)
+    def __init__(self, problem: PlanningProblem, goal: frozenset[Literal], reach: Reach) -> None:
+        done = [(action, rule) for action, rule in reach.actions if not rule.missing]
+        numbers = {id(action): number for number, (action, _) in enumerate(done)}
+        conditional = [(numbers[id(action)], rule) for action, rule in reach.conditional if not rule.missing]
+        conditional.sort(key=lambda one: not any(effect.negated for effect in one[1].gives))  # added facts win: last
+        derived = [rule for rule in reach.derived if not rule.missing]
+        rules = [*(rule for _, rule in done), *(rule for _, rule in conditional), *derived]
+        changing = {effect.fact for rule in rules for effect in rule.gives}
+        asked = goal.union(*(rule.needs for rule in rules))
         self.literals = sorted(literal for literal in asked if literal.fact in changing)
         bit = {literal: 1 << number for number, literal in enumerate(self.literals)}
 
         def bits(literals: Iterable[Literal]) -> int:
             return sum(bit.get(literal, 0) for literal in frozenset(literals))
 
-        self.initial = bits(literal for literal in self.literals if literal.holds_in(problem.state))
-        self.goal = bits(problem.goal)
-        self.actions = tuple(actions)
-        self.pre = [bits(action.pre) for action in actions]
-        self.add = [bits(action.effects) for action in actions]
-        self.delete = [bits(~effect for effect in action.effects) for action in actions]
-        self.needs = list(map(self.numbers, self.pre))
-        self.gives = list(map(self.numbers, self.add))
+        self._derived = [(bits(rule.needs), bits(rule.gives)) for rule in derived]
+        self.initial = self._derive(bits(literal for literal in self.literals if literal.holds_in(problem.state)))
+        self.goal = bits(goal)
+        self.actions = tuple(action for action, _ in done)
+        self.pre = [bits(rule.needs) for _, rule in done]
+        self.add = [bits(rule.gives) for _, rule in done]
+        self.delete = [bits(~effect for effect in rule.gives) for _, rule in done]
+        self._when: list[list[tuple[int, int, int]]] = [[] for _ in done]
+        for number, rule in conditional:
+            undone = bits(~effect for effect in rule.gives)
+            self._when[number].append((bits(rule.needs), undone, bits(rule.gives)))
+        self.needs = [self.numbers(bits(rule.needs)) for rule in rules]
+        self.gives = [self.numbers(bits(rule.gives)) for rule in rules]
+        self.doers = [*range(len(done)), *(number for number, _ in conditional), *(None for _ in derived)]
         self.needed_by: list[list[int]] = [[] for _ in self.literals]
-        for action, needs in enumerate(self.needs):
+        for number, needs in enumerate(self.needs):
             for need in needs:
-                self.needed_by[need].append(action)
+                self.needed_by[need].append(number)
 
     def numbers(self, bits: int) -> list[int]:
         """Return the bit numbers that are set."""
@@ -107,94 +171,133 @@ class GroundProblem:
         return found
 
     def after(self, state: int, action: int) -> int:
-        """Return the state after an action."""
-        return state & ~self.delete[action] | self.add[action]
+        """Return the state after an applicable action."""
+        after = state & ~self.delete[action] | self.add[action]
+        for needs, undone, done in self._when[action]:
+            if needs & ~state == 0:
+                after = after & ~undone | done
+        return self._derive(after) if self._derived else after
+
+    def _derive(self, state: int) -> int:
+        for _, fact in self._derived:
+            state &= ~fact
+        for needs, fact in self._derived:
+            if needs & ~state == 0:
+                state |= fact
+        return state
 
 
 def ground(problem: PlanningProblem) -> GroundProblem:
     """Return the relevant ground actions. Raises Unsolvable if the goal is unreachable even under the delete
     relaxation.
     """
-    for literal in sorted(problem.goal):
-        if ~literal in problem.goal:
-            raise GoalError(f"the goal contradicts itself: {literal.fact} and not {literal.fact}")
+    problem.refuse_contradictory_goal()
     if problem.unsound:
         raise PlanningError(problem.unsound)
-    actions, reached = _joined(problem)
-    missing = tuple(goal for goal in problem.unmet_in(problem.state) if goal not in reached)
+    reach = _joined(problem)
+    goal, missing = frozenset[Literal](), list[Formula]()
+    for formula in problem.goal:
+        needed = ground_formula(problem, formula)
+        literals = reach.literals(needed) if needed is not None else frozenset()
+        goal |= literals
+        if needed is None or not all(map(reach.has, literals)):
+            missing.append(formula)
     if missing:
-        raise Unsolvable(f"no action achieves that {' and '.join(map(str, missing))}", missing)
-    return GroundProblem(problem, actions)
+        raise Unsolvable(f"no action achieves that {' and '.join(map(str, missing))}", tuple(missing))
+    return GroundProblem(problem, goal, reach)
 
 
 def reachable_actions(possible: Iterable[Action], state: frozenset[Fact]) -> tuple[list[Action], set[Literal]]:
     """Return the actions that are reachable under the delete relaxation, and the facts that they may add to
     ``state``.
     """
-    actions, reach = list(possible), _Reach(state)
-    for action in actions:
+    reach = Reach(state)
+    for action in possible:
         reach.add(action)
-    return [action for action in actions if id(action) in reach.done], reach.reached
+    return [action for action, rule in reach.actions if not rule.missing], reach.reached
 
 
-class _Reach:
-    """Actions that wait for their preconditions. ``reached``: effects of the ready ones (``done``, by id).
+class Reach:
+    """What can be reached under the delete relaxation. ``reached``: what the rules give of which nothing is missing.
 
+    ``derived``: rules for the facts that stand for disjunctions; a rule that needs another's fact comes after it.
     ``news``: reached facts that have not been processed yet.
     """
 
     def __init__(self, state: frozenset[Fact]) -> None:
         self._state = state
-        self._waiting = defaultdict[Literal, list[Action]](list)
-        self._missing: dict[int, int] = {}
+        self._waiting = defaultdict[Literal, list[Rule]](list)
+        self._known: dict[AnyOf, Literal] = {}
+        self.actions: list[tuple[Action, Rule]] = []
+        self.conditional: list[tuple[Action, Rule]] = []
+        self.derived: list[Rule] = []
         self.reached = set[Literal]()
-        self.done = dict[int, Action]()
         self.news: list[Fact] = []
 
     def add(self, action: Action) -> None:
-        missing = [need for need in action.pre if not need.holds_in(self._state) and need not in self.reached]
-        self._missing[id(action)] = len(missing)
-        for need in missing:
-            self._waiting[need].append(action)
-        if not missing:
-            self._do(action)
+        """Add an action and its conditional effects."""
+        needs = action.pre | self.literals(action.any_of)
+        self.actions.append((action, self._rule(needs, action.effects)))
+        for given, effect in action.when:
+            rule = self._rule(needs | self.literals(given), frozenset({effect}))
+            self.conditional.append((action, rule))
 
-    def _do(self, action: Action) -> None:
-        ready = [action]
+    def literals(self, parts: Iterable[Literal | AnyOf]) -> frozenset[Literal]:
+        """Return the parts with a derived fact for each disjunction."""
+        return frozenset(part if isinstance(part, Literal) else self._fact(part) for part in parts)
+
+    def has(self, literal: Literal) -> bool:
+        """Return whether a literal is reached or holds at the start."""
+        return literal in self.reached or literal.holds_in(self._state)
+
+    def _fact(self, part: AnyOf) -> Literal:
+        if part not in self._known:
+            ways = [self.literals(way) for way in part.ways]
+            fact = self._known[part] = Literal(Fact(f"({len(self._known)})"))
+            self.derived += [self._rule(way, frozenset({fact})) for way in ways]
+        return self._known[part]
+
+    def _rule(self, needs: frozenset[Literal], gives: frozenset[Literal]) -> Rule:
+        missing = [need for need in needs if not self.has(need)]
+        rule = Rule(needs, gives, len(missing))
+        for need in missing:
+            self._waiting[need].append(rule)
+        if not missing:
+            self._give(rule)
+        return rule
+
+    def _give(self, rule: Rule) -> None:
+        ready = [rule]
         while ready:
-            action = ready.pop()
-            self.done[id(action)] = action
-            for effect in action.effects - self.reached:
+            for effect in ready.pop().gives - self.reached:
                 self.reached.add(effect)
                 if not effect.negated and effect.fact not in self._state:
                     self.news.append(effect.fact)
                 for waiting in self._waiting.pop(effect, ()):
-                    self._missing[id(waiting)] -= 1
-                    if not self._missing[id(waiting)]:
+                    waiting.missing -= 1
+                    if not waiting.missing:
                         ready.append(waiting)
 
 
-def _joined(problem: PlanningProblem) -> tuple[list[Action], set[Literal]]:
-    """Return the reachable actions of all instances of the operators, without creating these; in the order of their
-    things.
-    """
-    reach, join, order = _Reach(problem.state), _Join(problem), dict[int, tuple[int, ...]]()
+def _joined(problem: PlanningProblem) -> Reach:
+    """Return what the instances of all operators reach, without creating these; in the order of their things."""
+    reach, join, order = Reach(problem.state), _Join(problem), dict[int, tuple[int, ...]]()
     numbers = {name: number for number, name in enumerate(problem.objects)}
 
     def add(found: Iterable[tuple[int, tuple[str, ...]]]) -> None:
         for number, arguments in found:
             action = bind(problem, problem.operators[number], arguments)
             order[id(action)] = (number, *(numbers[name] for name in arguments))
-            made.append(action)
             reach.add(action)
 
-    made: list[Action] = []  # kept, so that each has an id of its own
     add(join.without_facts())
     for fact in sorted(problem.state):
         add(join.with_fact(fact))
     while reach.news:
         add(join.with_fact(reach.news.pop()))
-    return sorted(reach.done.values(), key=lambda action: order[id(action)]), reach.reached
+    reach.actions.sort(key=lambda one: order[id(one[0])])
+    reach.conditional.sort(key=lambda one: order[id(one[0])])
+    return reach
 
 
 class _Join:
@@ -202,7 +305,6 @@ class _Join:
 
     def __init__(self, problem: PlanningProblem) -> None:
         self._problem = problem
-        self._changing = frozenset[str]().union(*(operator.changes for operator in problem.operators))
         self._kinds = [{f"{{{name}}}": kind for name, kind in one.parameters.items()} for one in problem.operators]
         kinds = {kind for one in self._kinds for kind in one.values()}
         self._members = {kind: frozenset(problem.of_type(kind)) for kind in kinds}
@@ -265,7 +367,7 @@ class _Join:
         return all(
             one.bound(values).holds_in(self._problem.state)
             for one in self._checked[number]
-            if one.fact.predicate not in self._changing
+            if one.fact.predicate not in self._problem.changing
         )
 
     def _candidates(self, asked: Fact, values: Mapping[str, str]) -> list[Fact]:

@@ -1,7 +1,7 @@
-"""Reader of PDDL 2.1 files: types, negative conditions, equality, ``forall`` and action costs.
+"""Reader of PDDL 2.1 files: ``:adl`` and action costs.
 
-Not supported are ``or``, ``exists``, ``when``, ``imply`` outside ``forall``, durations, and numbers other than
-``total-cost``. Each is refused with its line. The reader and engines of unified-planning support them.
+Not supported are durations, derived predicates, preferences, types of ``either``, and numbers other than
+``total-cost``. Each is refused with its line. The reader and engines of unified-planning support some of them.
 """
 
 from __future__ import annotations
@@ -15,24 +15,29 @@ from typing import NoReturn
 from bestman_bt.registry import suggestion
 from bestman_bt.task_planning.symbolic.problem import (
     EQUAL,
-    Condition,
+    ROOT,
     Fact,
-    Forall,
+    Formula,
+    Joined,
     Literal,
     Operator,
     PlanningError,
     PlanningProblem,
+    Quantified,
+    When,
 )
 
 _TOKEN = re.compile(r"[()]|[^\s();]+")
-ROOT = "object"
 REQUIREMENTS = (
-    *(":action-costs", ":adl", ":conditional-effects", ":equality", ":negative-preconditions"),
-    *(":quantified-preconditions", ":strips", ":typing", ":universal-preconditions"),
+    *(":action-costs", ":adl", ":conditional-effects", ":disjunctive-preconditions", ":equality"),
+    *(":existential-preconditions", ":negative-preconditions", ":quantified-preconditions", ":strips", ":typing"),
+    ":universal-preconditions",
 )
-"""Of each at least what abilities are written with; where a file uses more of it, that is told with its line."""
-_NOT_READ = ("or", "exists", "when", "imply", ">", "<", ">=", "<=", "assign", "increase", "decrease")
-_READ = "'and', 'not', '=' and 'forall' over one variable, with 'imply' inside, are"
+_NOT_FACTS = (">", "<", ">=", "<=", "assign", "increase", "decrease", "scale-up", "scale-down", "preference", "when")
+_NOT_EFFECTS = (*_NOT_FACTS, "and", "or", "not", "imply", "exists", "forall", EQUAL)
+_CONDITIONS = "'and', 'or', 'not', 'imply', 'exists', 'forall', '=' and facts are"
+_EFFECTS = "'and', 'not', 'forall', 'when' and facts are, and (increase (total-cost) NUMBER) outside of these"
+_FIELDS = (":parameters", ":precondition", ":effect")
 _TOTAL_COST = "total-cost"
 _DEPTH = 200
 """Brackets within brackets; files written by hand have fewer than twenty."""
@@ -83,9 +88,10 @@ def read_goal(source: str | Path) -> tuple[Literal, ...]:
     if isinstance(source, Path):
         _, _, goal = _File(source).problem(None)
     else:
-        goal = _File("the goal", source).conjunction()
-    slashes = {name: name.replace("__", "/") for literal in goal for name in literal.fact.arguments}
-    return tuple(literal.bound(slashes) for literal in goal)
+        goal = _File("the goal", source).goal()
+    literals = [one for one in goal if isinstance(one, Literal)]  # without predicates, others were refused
+    slashes = {name: name.replace("__", "/") for literal in literals for name in literal.fact.arguments}
+    return tuple(literal.bound(slashes) for literal in literals)
 
 
 class _File:
@@ -94,7 +100,6 @@ class _File:
     def __init__(self, path: str | Path, text: str | None = None) -> None:
         self._name = str(path)
         self._predicates: Mapping[str, tuple[str, ...]] | None = None
-        self._assumed: list[tuple[_List, Fact]] = []
         self.has_metric = False
         if text is None:
             try:
@@ -103,14 +108,9 @@ class _File:
                 raise PddlError(self._name, 1, f"it cannot be read: {error}") from error
         self._root = self._parse(text)
 
-    def conjunction(self) -> tuple[Literal, ...]:
-        """Return the literals that the expression joins by ``and``."""
-        literals = []
-        for condition in self._conditions(self._root, {}):
-            if isinstance(condition, Forall):
-                self._fail(self._root, "forall is not supported in a goal")
-            literals.append(condition)
-        return tuple(literals)
+    def goal(self) -> tuple[Formula, ...]:
+        """Return the formulas that the expression joins by ``and``."""
+        return tuple(self._goal_part(part) for part in self._conjuncts(self._root))
 
     def domain(self) -> tuple[tuple[Operator, ...], dict[str, str], dict[str, str], dict[str, tuple[str, ...]]]:
         """Return operators, type → more general type, constants and predicates."""
@@ -138,26 +138,26 @@ class _File:
                     pass
                 case other:
                     self._fail(section, f"{other or 'this'} is not supported")
-        self._check_assumed(operators)
         return tuple(operators), types, constants, predicates
 
     def problem(
         self, predicates: Mapping[str, tuple[str, ...]] | None
-    ) -> tuple[dict[str, str], frozenset[Fact], tuple[Literal, ...]]:
-        """Return objects, state and goal; ``predicates``: those of the domain, which they may use; None: any."""
+    ) -> tuple[dict[str, str], frozenset[Fact], tuple[Formula, ...]]:
+        """Return objects, state and goal; ``predicates``: those of the domain, which they may use; None: any, and a
+        goal of literals alone.
+        """
         self._predicates = predicates
         objects: dict[str, str] = {}
-        state: set[Fact] = set()
-        goal: tuple[Literal, ...] = ()
+        state = frozenset[Fact]()
+        goal: tuple[Formula, ...] | None = None
         for section in self._sections("problem"):
             match section.head:
                 case ":objects":
                     objects = self._typed(section.parts[1:])
                 case ":init":
-                    facts = (self._as_list(part) for part in section.parts[1:])
-                    state = {self._fact(fact, {}) for fact in facts if fact.head != EQUAL}
+                    state = self._state(section)
                 case ":goal":
-                    goal += self._goal(section)
+                    goal = (*(goal or ()), *self._goal(section))
                 case ":requirements":
                     self._check_requirements(section)
                 case ":metric":
@@ -167,19 +167,32 @@ class _File:
                     pass
                 case other:
                     self._fail(section, f"{other or 'this'} is not supported")
-        if not goal:
+        if goal is None:
             self._fail(self._root, "there is no (:goal …)")
-        return objects, frozenset(state), goal
+        return objects, state, goal
 
-    def _goal(self, section: _List) -> tuple[Literal, ...]:
-        goal = []
-        for condition in self._conditions(self._only(section, ":goal"), {}):
-            if isinstance(condition, Forall):
-                self._fail(section, "forall is not supported in a goal")
-            goal.append(condition)
-        if not goal:
+    def _state(self, section: _List) -> frozenset[Fact]:
+        true, false = set[Fact](), set[Fact]()
+        for part in map(self._as_list, section.parts[1:]):
+            if part.head == "not":
+                false.add(self._fact(self._only(part, "not"), {}))
+            elif part.head != EQUAL:
+                true.add(self._fact(part, {}))
+        if true & false:
+            self._fail(section, f"{min(true & false)} and not {min(true & false)} cannot hold together")
+        return frozenset(true)
+
+    def _goal(self, section: _List) -> tuple[Formula, ...]:
+        goal = tuple(self._goal_part(part) for part in self._conjuncts(self._only(section, ":goal")))
+        if not goal and self._predicates is None:
             self._fail(section, "the goal is empty; name at least one fact")
-        return tuple(goal)
+        return goal
+
+    def _goal_part(self, part: _List) -> Formula:
+        formula = self._formula(part, {})
+        if self._predicates is None and not isinstance(formula, Literal):
+            self._fail(part, f"{part.head} is not supported in a goal for abilities; 'and', 'not' and facts are")
+        return formula
 
     def _check_metric(self, section: _List) -> None:
         way, what = (*section.parts[1:], *section.parts[:1])[:2]
@@ -196,13 +209,6 @@ class _File:
             if above is not None:
                 self._fail(section, f"the types go in a circle: {' - '.join([*seen, above])}")
 
-    def _check_assumed(self, operators: Sequence[Operator]) -> None:
-        """Check that the premise of ``imply`` never changes: the expanded ``forall`` would be another condition."""
-        for part, fact in self._assumed:
-            changing = [operator.name for operator in operators if fact.predicate in operator.changes]
-            if changing:
-                self._fail(part, f"'imply' on {fact.predicate}, which {changing[0]} changes, is not supported")
-
     def _check_requirements(self, section: _List) -> None:
         for word in map(self._as_word, section.parts[1:]):
             if word.text not in REQUIREMENTS:
@@ -214,30 +220,53 @@ class _File:
         rest = list(section.parts[2:])
         while rest:
             key = self._as_word(rest.pop(0))
-            if key.text not in (":parameters", ":precondition", ":effect") or not rest:
-                self._fail(key, f"{key.text} is not supported")
+            if key.text not in _FIELDS or not rest:
+                self._fail(key, f"{key.text} is not supported; {', '.join(_FIELDS)} are, each with its list")
             fields[key.text] = self._as_list(rest.pop(0))
         typed = self._typed(fields[":parameters"].parts) if ":parameters" in fields else {}
         variables = {variable: f"{{{variable[1:]}}}" for variable in typed}
         parameters = {variable[1:]: kind for variable, kind in typed.items()}
-        pre = self._conditions(fields[":precondition"], variables) if ":precondition" in fields else []
-        operator = Operator(name, parameters, tuple(pre))
+        operator = Operator(name, parameters)
+        if ":precondition" in fields:
+            found = [self._formula(part, variables) for part in self._conjuncts(fields[":precondition"])]
+            pre = tuple(one for one in found if isinstance(one, Literal))
+            formulas = tuple(one for one in found if not isinstance(one, Literal))
+            operator = replace(operator, pre=pre, formulas=formulas)
         return self._with_effects(operator, fields[":effect"], variables) if ":effect" in fields else operator
 
     def _with_effects(self, operator: Operator, effect: _List, variables: Mapping[str, str]) -> Operator:
-        add, delete, each, cost = list(operator.add), list(operator.delete), list(operator.each), 0.0
+        add: list[Fact] = []
+        delete: list[Fact] = []
+        when: list[When] = []
+        cost = 0.0
         for part in self._conjuncts(effect):
             if part.head == "increase":
                 cost += self._cost(part)
                 continue
-            for condition in self._conditions(part, variables):
-                if isinstance(condition, Forall):
-                    if condition.given is not None:
-                        self._fail(part, "a condition on an effect is not supported")
-                    each.append(condition)
+            for one in self._effects(part, variables, (), {}):
+                if one.variables or one.given != Joined(True, ()):
+                    when.append(one)
                 else:
-                    (delete if condition.negated else add).append(condition.fact)
-        return replace(operator, add=tuple(add), delete=tuple(delete), each=tuple(each), cost=cost)
+                    (delete if one.effect.negated else add).append(one.effect.fact)
+        return replace(operator, add=tuple(add), delete=tuple(delete), when=tuple(when), cost=cost)
+
+    def _effects(
+        self, effect: _List, variables: Mapping[str, str], given: tuple[Formula, ...], quantified: Mapping[str, str]
+    ) -> Iterator[When]:
+        """Yield the single effects within conditions and quantifiers."""
+        for part in self._conjuncts(effect):
+            if part.head == "forall":
+                typed, inside, body = self._quantifier(part, variables)
+                yield from self._effects(body, inside, given, {**quantified, **typed})
+            elif part.head == "when":
+                condition, then = self._two(part, "when takes a condition and an effect")
+                yield from self._effects(then, variables, (*given, self._formula(condition, variables)), quantified)
+            else:
+                fact = self._only(part, "not") if part.head == "not" else part
+                if fact.head in _NOT_EFFECTS:
+                    self._fail(fact, f"{fact.head} is not supported here; {_EFFECTS}")
+                literal = Literal(self._fact(fact, variables), negated=part.head == "not")
+                yield When(Joined(True, given), literal, quantified)
 
     def _cost(self, part: _List) -> float:
         if len(part.parts) == 3:
@@ -246,9 +275,6 @@ class _File:
             if counted and isinstance(amount, _Word) and re.fullmatch(r"\d+(\.\d+)?", amount.text):
                 return float(amount.text)
         return self._fail(part, f"(increase ({_TOTAL_COST}) NUMBER) is the only supported form")
-
-    def _conditions(self, part: _List, variables: Mapping[str, str]) -> list[Condition]:
-        return [self._condition(one, variables) for one in self._conjuncts(part)]
 
     def _conjuncts(self, part: _List) -> Iterator[_List]:
         if not part.parts:
@@ -259,38 +285,38 @@ class _File:
         for inner in part.parts[1:]:
             yield from self._conjuncts(self._as_list(inner))
 
-    def _condition(self, part: _List, variables: Mapping[str, str]) -> Condition:
-        if part.head in _NOT_READ:
-            self._fail(part, f"{part.head} is not supported here; {_READ}")
-        if part.head == "not":
-            inner = self._condition(self._only(part, "not"), variables)
-            if isinstance(inner, Forall):
-                self._fail(part, "not forall is not supported")
-            return ~inner
-        if part.head == "forall":
-            return self._forall(part, variables)
-        return Literal(self._fact(part, variables))
+    def _formula(self, part: _List, variables: Mapping[str, str]) -> Formula:
+        match part.head:
+            case "and" | "or":
+                parts = tuple(self._formula(self._as_list(one), variables) for one in part.parts[1:])
+                return Joined(part.head == "and", parts)
+            case "not":
+                return ~self._formula(self._only(part, "not"), variables)
+            case "imply":
+                given, then = self._two(part, "imply takes two conditions")
+                return Joined(False, (~self._formula(given, variables), self._formula(then, variables)))
+            case "forall" | "exists":
+                typed, inside, body = self._quantifier(part, variables)
+                formula = self._formula(body, inside)
+                for variable, kind in reversed(typed.items()):
+                    formula = Quantified(part.head == "forall", variable, kind, formula)
+                return formula
+            case head if head in _NOT_FACTS:
+                self._fail(part, f"{head} is not supported here; {_CONDITIONS}")
+        return Literal(self._fact(part, variables)) if part.parts else Joined(True, ())
 
-    def _forall(self, part: _List, variables: Mapping[str, str]) -> Forall:
-        if len(part.parts) != 3:
-            self._fail(part, "forall takes a variable and a condition")
-        typed = self._typed(self._as_list(part.parts[1]).parts)
-        if len(typed) != 1:
-            self._fail(part, "forall over one variable is the only supported form")
-        ((variable, kind),) = typed.items()
-        own = f"{{{variable[1:]}}}"
-        while own in variables.values():  # it hides a variable of the same name
-            own = f"{own[:-1]}_}}"
-        inside = {**variables, variable: own}
-        body, given = self._as_list(part.parts[2]), None
-        if body.head == "imply" and len(body.parts) == 3:
-            given = self._fact(self._as_list(body.parts[1]), inside)
-            self._assumed.append((body, given))
-            body = self._as_list(body.parts[2])
-        then = self._condition(body, inside)
-        if isinstance(then, Forall):
-            self._fail(part, "forall within forall is not supported")
-        return Forall(inside[variable], kind, given, then)
+    def _quantifier(self, part: _List, variables: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str], _List]:
+        """Return own names → types of the variables, ``variables`` with them, and what is quantified."""
+        typed, body = self._two(part, f"{part.head} takes variables and a condition or an effect")
+        found, inside = dict[str, str](), dict(variables)
+        for variable, kind in self._typed(typed.parts).items():
+            own = f"{{{variable[1:]}}}"
+            while own in inside.values():  # it hides a variable of the same name
+                own = f"{own[:-1]}_}}"
+            inside[variable], found[own] = own, kind
+        if not found:
+            self._fail(part, f"{part.head} takes at least one variable")
+        return found, inside, body
 
     def _fact(self, part: _List, variables: Mapping[str, str]) -> Fact:
         words = [self._as_word(one) for one in part.parts]
@@ -324,6 +350,8 @@ class _File:
             kind = next(words, None)
             if kind is None:
                 self._fail(word, "a type is expected after '-'")
+            elif isinstance(kind, _List):
+                self._fail(kind, f"{kind.head or 'this'} is not supported; one type is, such as one that both are of")
             else:
                 found |= dict.fromkeys(waiting, self._as_word(kind).text)
                 waiting = []
@@ -340,6 +368,11 @@ class _File:
         if len(part.parts) != 2:
             self._fail(part, f"{what} takes one condition")
         return self._as_list(part.parts[1])
+
+    def _two(self, part: _List, what: str) -> tuple[_List, _List]:
+        if len(part.parts) != 3:
+            self._fail(part, what)
+        return self._as_list(part.parts[1]), self._as_list(part.parts[2])
 
     def _as_list(self, part: _Word | _List) -> _List:
         if not isinstance(part, _List):

@@ -1,46 +1,56 @@
-"""Writer of PDDL 2.1: typed, with negative and quantified conditions and action costs."""
+"""Writer of PDDL 2.1: ``:adl`` and action costs."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TypeVar
 
 from bestman_bt.task_planning.symbolic.problem import (
     EQUAL,
+    ROOT,
     Action,
     Condition,
     Fact,
     Forall,
+    Formula,
+    Joined,
     Literal,
     Operator,
     PlanningProblem,
+    Quantified,
+    When,
 )
 
 Key = TypeVar("Key")
 
-RENAMED = {"object": "item"}
-"""PDDL's ``object`` is the type of everything."""
+RENAMED = {ROOT: "item"}
+"""PDDL's ``object`` is the type of everything; here often one of several."""
 
 
 class PddlText:
     """A problem as a ``domain`` and a ``problem`` file.
 
-    PDDL has no slashes, upper case letters or things of two types: a drawer is written as two objects, as a place and
-    as a container, and equal lower-case names get numbers; ``action`` converts names back.
+    PDDL has no slashes, upper case letters or types with two supertypes: a drawer that is a place and a container is
+    written as two objects, and equal lower-case names get numbers; ``action`` converts names back.
     """
 
     def __init__(self, problem: PlanningProblem, name: str = "bestman") -> None:
         self._problem = problem
         self._name = _word(name)
         self._signatures = signatures(problem)
-        self._types = sorted(
-            {kind for operator in problem.operators for kind in operator.parameters.values()}
-            | {kind for types in self._signatures.values() for kind in types}
-        )
-        named = [(kind, name) for kind in self._types for name in problem.of_type(kind)]
-        self._objects = _apart({(kind, name): self._object(kind, name) for kind, name in named})
-        self._kinds = _apart({kind: _word(RENAMED.get(kind, kind)) for kind in self._types})
+        types = {kind for operator in problem.operators for kind in operator.parameters.values()}
+        types.update(*self._signatures.values())
+        self._is_tree = all(len(above) == 1 for above in problem.supertypes.values())
+        if self._is_tree:
+            types.update(problem.objects.values(), problem.supertypes, *problem.supertypes.values())
+        self._types = sorted(types)
+        of_object = all(problem.is_a(name, ROOT) for name in problem.objects)
+        renamed = {} if self._is_tree and of_object else RENAMED
+        self._kinds = _apart({kind: _word(renamed.get(kind, kind)) for kind in self._types})
+        words = _apart({name: _word(name) for name in problem.objects})
+        named = {(kind, name): words[name] for kind in self._types for name in problem.of_type(kind)}
+        self._objects = named if self._is_tree else _apart({key: self._object(*key) for key in named})
         self._predicates = _apart({name: _word(name) for name in sorted(self._signatures)})
         self._names = _apart({operator.name: _word(operator.name) for operator in problem.operators})
         self._operators = {self._names[operator.name]: operator for operator in problem.operators}
@@ -49,9 +59,8 @@ class PddlText:
         """Return the domain file."""
         lines = [
             f"(define (domain {self._name})",
-            "  (:requirements :strips :typing :negative-preconditions :equality :universal-preconditions "
-            ":conditional-effects :action-costs)",
-            f"  (:types {' '.join(self._kinds.values())})",
+            "  (:requirements :adl :action-costs)",
+            f"  (:types {' '.join(self._declared_types())})",
             "  (:predicates",
             *(
                 f"    ({self._predicates[name]}{self._typed(types)})"
@@ -66,9 +75,14 @@ class PddlText:
 
     def problem(self) -> str:
         """Return the problem file."""
-        objects = [f"    {name} - {self._kinds[kind]}" for (kind, _), name in self._objects.items()]
+        own = self._problem.objects
+        objects = [
+            f"    {word} - {self._kinds[kind]}"
+            for (kind, name), word in self._objects.items()
+            if not self._is_tree or own[name] == kind
+        ]
         state = [f"    {self._fact(fact)}" for fact in sorted(self._problem.state)]
-        goal = " ".join(self._condition(literal) for literal in self._problem.goal)
+        goal = " ".join(map(self._formula, self._problem.goal))
         return "\n".join([
             f"(define (problem {self._name}_problem)",
             f"  (:domain {self._name})",
@@ -91,14 +105,21 @@ class PddlText:
         meant = {written: own for (_, own), written in self._objects.items()}
         return operator, tuple(meant[argument.lower()] for argument in arguments)
 
+    def _declared_types(self) -> list[str]:
+        """Return each type, those with a supertype first, since PDDL's dash is for all types before it."""
+        above = self._problem.supertypes if self._is_tree else {}
+        below = [f"{self._kinds[kind]} - {self._kinds[above[kind][0]]}" for kind in self._types if kind in above]
+        return [*below, *(self._kinds[kind] for kind in self._types if kind not in above and self._kinds[kind] != ROOT)]
+
     def _object(self, kind: str, name: str) -> str:
         other = [one for one in self._types if one != kind and self._problem.is_a(name, one)]
         return f"{_word(name)}__{_type(kind)}" if other else _word(name)
 
     def _action(self, operator: Operator) -> list[str]:
         parameters = " ".join(f"?{_word(name)} - {self._kinds[kind]}" for name, kind in operator.parameters.items())
-        pre = " ".join(map(self._condition, (*operator.pre, *operator.hold)))
-        effects = " ".join(map(self._condition, operator.effects))
+        conditions = (*map(self._condition, (*operator.pre, *operator.hold)), *map(self._formula, operator.formulas))
+        pre = " ".join(conditions)
+        effects = " ".join([*map(self._effect, operator.effects), *map(self._when, operator.when)])
         return [
             f"  (:action {self._names[operator.name]}",
             f"    :parameters ({parameters})",
@@ -107,18 +128,34 @@ class PddlText:
             "  )",
         ]
 
-    def _condition(self, condition: Condition) -> str:
+    def _condition(self, condition: Condition, given: str = "imply") -> str:
         if isinstance(condition, Literal):
-            text = self._fact(condition.fact)
-            return f"(not {text})" if condition.negated else text
-        return self._forall(condition)
-
-    def _forall(self, condition: Forall) -> str:
-        inner = self._condition(condition.then)
+            return self._formula(condition)
+        inner = self._formula(condition.then)
         if condition.given is not None:
-            inner = f"(imply {self._fact(condition.given)} {inner})"
-        kind = self._kinds.get(condition.type, _type(condition.type))
-        return f"(forall ({_variable(condition.variable)} - {kind}) {inner})"
+            inner = f"({given} {self._fact(condition.given)} {inner})"
+        return self._quantified("forall", condition.variable, condition.type, inner)
+
+    def _effect(self, effect: Condition) -> str:
+        return self._condition(effect, given="when")
+
+    def _when(self, one: When) -> str:
+        text = f"(when {self._formula(one.given)} {self._formula(one.effect)})"
+        for variable, kind in reversed(one.variables.items()):
+            text = self._quantified("forall", variable, kind, text)
+        return text
+
+    def _formula(self, formula: Formula) -> str:
+        if isinstance(formula, Literal):
+            text = self._fact(formula.fact)
+            return f"(not {text})" if formula.negated else text
+        if isinstance(formula, Joined):
+            return f"({' '.join(['and' if formula.every else 'or', *map(self._formula, formula.parts)])})"
+        word = "forall" if formula.every else "exists"
+        return self._quantified(word, formula.variable, formula.type, self._formula(formula.body))
+
+    def _quantified(self, word: str, variable: str, kind: str, inner: str) -> str:
+        return f"({word} ({_variable(variable)} - {self._kinds.get(kind, _type(kind))}) {inner})"
 
     def _typed(self, types: Iterable[str]) -> str:
         return "".join(f" ?x{number} - {self._kinds[kind]}" for number, kind in enumerate(types))
@@ -134,21 +171,37 @@ class PddlText:
 
 def signatures(problem: PlanningProblem) -> dict[str, tuple[str, ...]]:
     """Return predicate → types of its arguments: as declared, or as used by operators, state and goal."""
-    known = dict(problem.predicates)
+    found = list[tuple[Fact, Mapping[str, str]]]()
     for operator in problem.operators:
-        for condition in (*operator.pre, *operator.hold, *operator.effects):
-            kinds = {f"{{{name}}}": kind for name, kind in operator.parameters.items()}
-            facts = [condition.fact] if isinstance(condition, Literal) else [condition.then.fact]
-            if isinstance(condition, Forall):
-                kinds[condition.variable] = condition.type
-                facts += [condition.given] if condition.given is not None else []
-            for fact in facts:
-                types = tuple(kinds.get(name) or problem.objects[name] for name in fact.arguments)
-                known.setdefault(fact.predicate, types)
-    for fact in sorted({*problem.state, *(literal.fact for literal in problem.goal)}):
-        known.setdefault(fact.predicate, tuple(problem.objects[name] for name in fact.arguments))
+        kinds = {f"{{{name}}}": kind for name, kind in operator.parameters.items()}
+        for condition in (*operator.pre, *operator.hold, *operator.effects, *operator.formulas):
+            found += _typed_facts(condition, kinds)
+        for one in operator.when:
+            found += _typed_facts(Joined(True, (one.given, one.effect)), {**kinds, **one.variables})
+    for formula in problem.goal:
+        found += _typed_facts(formula, {})
+    found += [(fact, {}) for fact in sorted(problem.state)]
+    known = dict(problem.predicates)
+    for fact, kinds in found:
+        known.setdefault(fact.predicate, tuple(kinds.get(name) or problem.objects[name] for name in fact.arguments))
     known.pop(EQUAL, None)
     return known
+
+
+def _typed_facts(condition: Condition | Formula, kinds: Mapping[str, str]) -> Iterator[tuple[Fact, Mapping[str, str]]]:
+    """Yield the facts of a condition with the types of the variables around them."""
+    match condition:
+        case Literal():
+            yield condition.fact, kinds
+        case Joined():
+            for part in condition.parts:
+                yield from _typed_facts(part, kinds)
+        case Quantified():
+            yield from _typed_facts(condition.body, {**kinds, condition.variable: condition.type})
+        case Forall():
+            kinds = {**kinds, condition.variable: condition.type}
+            facts = (condition.then.fact, condition.given)
+            yield from ((fact, kinds) for fact in facts if fact is not None)
 
 
 def _variable(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Planning problems: STRIPS with types, negative conditions, action costs, and ADL's ``forall``."""
+"""Planning problems: ADL, which is STRIPS with types, formulas and conditional effects, and action costs."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from bestman_bt.errors import AlgorithmError, InputError
 
 EQUAL = "="
 """The predicate that holds of a thing and itself, in any state."""
+ROOT = "object"
+"""PDDL's type of everything."""
 
 
 def with_article(noun: str) -> str:
@@ -55,9 +57,9 @@ class GoalFaults:
 
 
 class Unsolvable(PlanningError):
-    """Raised if no plan reaches the goal. ``missing``: facts that cannot be achieved."""
+    """Raised if no plan reaches the goal. ``missing``: parts of the goal that cannot be achieved."""
 
-    def __init__(self, why: str, missing: tuple[Literal, ...] = ()) -> None:
+    def __init__(self, why: str, missing: tuple[Formula, ...] = ()) -> None:
         super().__init__(why)
         self.missing = missing
 
@@ -139,12 +141,86 @@ Condition = Literal | Forall
 
 
 @dataclass(frozen=True)
+class Joined:
+    """Formulas joined by ``and`` (``every``) or ``or``; without ``parts``: true, or false."""
+
+    every: bool
+    parts: tuple[Formula, ...]
+
+    def __str__(self) -> str:
+        return f"({' and '.join(map(str, self.parts))})" if self.every else f"({' or '.join(map(str, self.parts))})"
+
+    def __invert__(self) -> Joined:
+        return Joined(not self.every, tuple(~part for part in self.parts))
+
+    def bound(self, values: Mapping[str, str]) -> Joined:
+        """Return the formula with parameters replaced."""
+        return Joined(self.every, tuple(part.bound(values) for part in self.parts))
+
+
+@dataclass(frozen=True)
+class Quantified:
+    """A formula for all objects of a type (``every``), or for at least one. ``variable``: with braces; it shadows a
+    parameter of the same name.
+    """
+
+    every: bool
+    variable: str
+    type: str
+    body: Formula
+
+    def __str__(self) -> str:
+        body = str(self.body).replace(self.variable, self.variable[1:-1])
+        return f"({'forall' if self.every else 'exists'} {self.variable[1:-1]} - {self.type}: {body})"
+
+    def __invert__(self) -> Quantified:
+        return Quantified(not self.every, self.variable, self.type, ~self.body)
+
+    def bound(self, values: Mapping[str, str]) -> Quantified:
+        """Return the formula with parameters replaced."""
+        outside = {name: value for name, value in values.items() if name != self.variable}
+        return Quantified(self.every, self.variable, self.type, self.body.bound(outside))
+
+
+Formula: TypeAlias = Literal | Joined | Quantified
+"""A condition of PDDL's ``:adl``; ``not`` stands before facts only."""
+
+
+@dataclass(frozen=True)
+class When:
+    """A conditional effect, for all objects of ``variables``, name with braces → type."""
+
+    given: Formula
+    effect: Literal
+    variables: Mapping[str, str] = field(default_factory=dict, hash=False)
+
+
+@dataclass(frozen=True)
+class AnyOf:
+    """A ground condition: all parts of at least one of the ``ways`` hold. Without ways it never holds."""
+
+    ways: tuple[Ground, ...]
+
+    def __str__(self) -> str:
+        return f"({' or '.join(' and '.join(sorted(map(str, way))) for way in self.ways) or 'false'})"
+
+    def holds_in(self, state: Collection[Fact]) -> bool:
+        """Return whether the condition holds if exactly the facts of ``state`` are true."""
+        return any(all(part.holds_in(state) for part in way) for way in self.ways)
+
+
+Ground: TypeAlias = frozenset[Literal | AnyOf]
+"""A ground formula: all parts hold."""
+
+
+@dataclass(frozen=True)
 class Operator:
     """An ability for planners; its facts use its parameters: ``on({object}, {place})``.
 
     ``parameters``: name → type, in order. ``pre``: must hold at the start; ``hold``: throughout. ``add``, ``delete``:
     facts that hold, and no longer hold, afterwards; ``each``: the same for all things of a type. ``cost``: not
-    negative; positive for abilities. ``parts``: parts of the robot in use.
+    negative; positive for abilities. ``parts``: parts of the robot in use. ``formulas``: must hold at the start too;
+    ``when``: conditional effects.
     """
 
     name: str
@@ -156,10 +232,12 @@ class Operator:
     each: tuple[Forall, ...] = ()
     cost: float = 1.0
     parts: tuple[str, ...] = ()
+    formulas: tuple[Formula, ...] = ()
+    when: tuple[When, ...] = ()
 
     @property
     def effects(self) -> tuple[Condition, ...]:
-        """The added facts, then the deleted ones."""
+        """The added facts, then the deleted ones; not the conditional effects."""
         return (*map(Literal, self.add), *(Literal(fact, negated=True) for fact in self.delete), *self.each)
 
     @property
@@ -173,14 +251,15 @@ class Operator:
     def changes(self) -> frozenset[str]:
         """The predicates of the operator's effects."""
         effects = (one.then if isinstance(one, Forall) else one for one in self.effects)
-        return frozenset(effect.fact.predicate for effect in effects)
+        return frozenset(effect.fact.predicate for effect in (*effects, *(one.effect for one in self.when)))
 
 
 @dataclass(frozen=True)
 class Action:
     """A ground action: an operator with its parameters bound.
 
-    ``pre`` includes the hold-conditions.
+    ``pre`` includes the hold-conditions. ``any_of``: must hold at the start too. ``when``: conditional effects, each
+    with what it needs.
     """
 
     operator: Operator = field(repr=False)
@@ -189,13 +268,15 @@ class Action:
     hold: frozenset[Literal] = field(compare=False, repr=False)
     add: frozenset[Fact] = field(compare=False, repr=False)
     delete: frozenset[Fact] = field(compare=False, repr=False)
+    any_of: tuple[AnyOf, ...] = field(default=(), compare=False, repr=False)
+    when: tuple[tuple[Ground, Literal], ...] = field(default=(), compare=False, repr=False)
 
     def __str__(self) -> str:
         return f"{self.name}({', '.join(self.arguments)})"
 
     @cached_property
     def effects(self) -> frozenset[Literal]:
-        """The literals that hold afterwards because of the action."""
+        """The literals that hold afterwards because of the action, whatever holds before it."""
         return frozenset(map(Literal, self.add)).union(Literal(fact, negated=True) for fact in self.delete)
 
     @property
@@ -218,18 +299,22 @@ class Action:
         """The parts of the robot in use."""
         return self.operator.parts
 
-    def broken_in(self, state: Collection[Fact]) -> tuple[Literal, ...]:
+    def broken_in(self, state: Collection[Fact]) -> tuple[Literal | AnyOf, ...]:
         """Return the violated preconditions, sorted; empty: the action is applicable."""
-        return tuple(sorted(literal for literal in self.pre if not literal.holds_in(state)))
+        broken = sorted(literal for literal in self.pre if not literal.holds_in(state))
+        return (*broken, *(one for one in self.any_of if not one.holds_in(state)))
 
     def applied_to(self, state: Iterable[Fact]) -> frozenset[Fact]:
         """Return the state afterwards; a fact that is both deleted and added holds, as in PDDL."""
-        return (frozenset(state) - self.delete) | self.add
+        before = frozenset(state)
+        occurring = [effect for given, effect in self.when if all(part.holds_in(before) for part in given)]
+        deleted = self.delete.union(effect.fact for effect in occurring if effect.negated)
+        return (before - deleted) | self.add.union(effect.fact for effect in occurring if not effect.negated)
 
 
 @dataclass(frozen=True)
 class PlanningProblem:
-    """A planning problem. ``objects``: name → type. ``state``: all facts that hold. ``goal``: literals to achieve.
+    """A planning problem. ``objects``: name → type. ``state``: all facts that hold. ``goal``: all to be achieved.
 
     ``supertypes``: type → its supertypes: a drawer is a place and a container. ``predicates``: name → declared types of
     its arguments. ``instruction``: the goal in the user's words, if given.
@@ -237,7 +322,7 @@ class PlanningProblem:
 
     objects: Mapping[str, str] = field(hash=False)
     state: frozenset[Fact]
-    goal: tuple[Literal, ...]
+    goal: tuple[Formula, ...]
     operators: tuple[Operator, ...]
     supertypes: Mapping[str, tuple[str, ...]] = field(default_factory=dict, hash=False)
     predicates: Mapping[str, tuple[str, ...]] = field(default_factory=dict, hash=False)
@@ -281,9 +366,33 @@ class PlanningProblem:
     def _of_type(self) -> dict[str, list[str]]:
         return {}
 
-    def unmet_in(self, state: Collection[Fact]) -> tuple[Literal, ...]:
+    @cached_property
+    def changing(self) -> frozenset[str]:
+        """The predicates that some operator changes."""
+        return frozenset[str]().union(*(operator.changes for operator in self.operators))
+
+    def parts(self, formula: Joined | Quantified) -> tuple[Formula, ...]:
+        """Return the formulas of which all (``every``) or one must hold: a quantifier gives one for each object."""
+        if isinstance(formula, Joined):
+            return formula.parts
+        return tuple(formula.body.bound({formula.variable: name}) for name in self.of_type(formula.type))
+
+    def holds(self, formula: Formula, state: Collection[Fact]) -> bool:
+        """Return whether a formula without parameters holds in a state."""
+        if isinstance(formula, Literal):
+            return formula.holds_in(state)
+        holding = (self.holds(part, state) for part in self.parts(formula))
+        return all(holding) if formula.every else any(holding)
+
+    def unmet_in(self, state: Collection[Fact]) -> tuple[Formula, ...]:
         """Return the unsatisfied parts of the goal."""
-        return tuple(literal for literal in self.goal if not literal.holds_in(state))
+        return tuple(formula for formula in self.goal if not self.holds(formula, state))
+
+    def refuse_contradictory_goal(self) -> None:
+        """Raise GoalError if the goal asks for a fact and its negation."""
+        for literal in sorted(one for one in self.goal if isinstance(one, Literal)):
+            if ~literal in self.goal:
+                raise GoalError(f"the goal contradicts itself: {literal.fact} and not {literal.fact}")
 
 
 @dataclass(frozen=True)

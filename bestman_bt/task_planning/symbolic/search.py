@@ -39,7 +39,7 @@ class RelaxedPlan:
 
     def __init__(self, problem: GroundProblem) -> None:
         self._problem = problem
-        self._costs = [max(action.cost, NOTHING) for action in problem.actions]
+        self._costs = [0.0 if doer is None else max(problem.actions[doer].cost, NOTHING) for doer in problem.doers]
         self._counts = [len(needs) for needs in problem.needs]
 
     def estimate(self, state: int) -> Estimate:
@@ -48,17 +48,19 @@ class RelaxedPlan:
         used = set[int]()
         pending = self._problem.numbers(self._problem.goal & ~state)
         while pending:
-            action = supporter[pending.pop()]
-            if action is None:
+            rule = supporter[pending.pop()]
+            if rule is None:
                 return Estimate(math.inf)
-            if action not in used:
-                used.add(action)
-                pending += (need for need in self._problem.needs[action] if not state >> need & 1)
-        cost = sum(self._costs[action] for action in used)
-        return Estimate(cost, tuple(sorted(applicable)), applicable & used)
+            if rule not in used:
+                used.add(rule)
+                pending += (need for need in self._problem.needs[rule] if not state >> need & 1)
+        doers = self._problem.doers
+        cost = sum(self._costs[doer] for doer in {doers[rule] for rule in used} if doer is not None)
+        helpful = frozenset(doer for rule in used & applicable if (doer := doers[rule]) is not None)
+        return Estimate(cost, tuple(rule for rule in sorted(applicable) if rule < len(self._problem.actions)), helpful)
 
     def _explored(self, state: int) -> tuple[list[int | None], frozenset[int]]:
-        """Return the action that reaches each literal cheapest, and the actions that can be done at once.
+        """Return the rule that reaches each literal cheapest, and the rules of which all needs hold.
 
         Dijkstra's algorithm, until all of the goal is reached; what holds in the state costs nothing and comes first.
         """
@@ -69,22 +71,22 @@ class RelaxedPlan:
         for literal in problem.numbers(state):
             reached[literal] = 0.0
             queue.append((0.0, literal))
-        applicable = [action for action, count in enumerate(counts) if count == 0]
-        for action in applicable:
-            _offer(action, costs[action], problem.gives[action], queue, reached, supporter)
+        applicable = [rule for rule, count in enumerate(counts) if count == 0]
+        for rule in applicable:
+            _offer(rule, costs[rule], problem.gives[rule], queue, reached, supporter)
         missing = set(problem.numbers(problem.goal))
         while queue and missing:
             cost, literal = heapq.heappop(queue)
             if cost > reached[literal]:
                 continue
             missing.discard(literal)
-            for action in problem.needed_by[literal]:
-                costs[action] += cost
-                counts[action] -= 1
-                if counts[action] == 0:
-                    _offer(action, costs[action], problem.gives[action], queue, reached, supporter)
+            for rule in problem.needed_by[literal]:
+                costs[rule] += cost
+                counts[rule] -= 1
+                if counts[rule] == 0:
+                    _offer(rule, costs[rule], problem.gives[rule], queue, reached, supporter)
                     if cost == 0.0:
-                        applicable.append(action)
+                        applicable.append(rule)
         return supporter, frozenset(applicable)
 
 
@@ -174,7 +176,7 @@ def _path(came_by: dict[int, tuple[int, int]], initial: int, state: int) -> tupl
 
 @dataclass(frozen=True)
 class SymbolicPlanner(TaskPlanner):
-    """Plans for typed objects, negative conditions, ``forall`` over static facts, and action costs.
+    """Plans for typed objects, conditions and effects of PDDL's ``:adl``, and action costs.
 
     Richter and Westphal, "The LAMA planner", 2010: a greedy search finds a plan, then weighted A* with decreasing
     weights and the best cost as bound searches for cheaper ones.
@@ -219,15 +221,15 @@ class SymbolicPlanner(TaskPlanner):
 
 
 def _offer(
-    action: int,
+    rule: int,
     cost: float,
     gives: Sequence[int],
     queue: list[tuple[float, int]],
     reached: list[float],
     supporter: list[int | None],
 ) -> None:
-    """Record the action for each of the literals that it ``gives`` if none reaches that at less cost."""
+    """Record the rule for each of the literals that it ``gives`` if none reaches that at less cost."""
     for literal in gives:
         if cost < reached[literal]:
-            reached[literal], supporter[literal] = cost, action
+            reached[literal], supporter[literal] = cost, rule
             heapq.heappush(queue, (cost, literal))

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from importlib.util import find_spec
 
 import pytest
@@ -8,7 +9,17 @@ from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_lite
 from bestman_bt.task_planning.symbolic.fast_downward import FastDownwardPlanner, is_valid
 from bestman_bt.task_planning.symbolic.pddl_reading import PddlError, read_pddl
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
-from bestman_bt.task_planning.symbolic.problem import Fact, Forall, Literal, Operator, PlanningProblem, Unsolvable
+from bestman_bt.task_planning.symbolic.plan_check import broken_in, state_after
+from bestman_bt.task_planning.symbolic.problem import (
+    Fact,
+    Forall,
+    Joined,
+    Literal,
+    Operator,
+    PlanningProblem,
+    Unsolvable,
+    When,
+)
 from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 
 needs_fast_downward = pytest.mark.skipif(
@@ -103,7 +114,12 @@ def test_what_is_written_is_read_as_the_same_problem(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "line", "words"),
     [
-        ("(clear ?x) (clear ?y) (table ?x)", "(or (clear ?x) (clear ?y))", 8, "or is not supported"),
+        (
+            "(clear ?x) (clear ?y) (table ?x)",
+            "(preference p (clear ?x))",
+            8,
+            "preference is not supported here; 'and', 'or'",
+        ),
         ("(on ?x ?y) (not", "(on ?x ?z) (not", 9, "?z is not a parameter"),
         ("(increase (total-cost) 2)", "(increase (total-cost) (size ?x))", 9, "NUMBER"),
         (":types", ":durative-action", 3, ":durative-action is not supported"),
@@ -130,7 +146,9 @@ def test_a_malformed_domain_is_reported_with_file_and_line(files, old, new, line
         ("(clear b)", "(claer b)", 4, "unknown predicate 'claer'; did you mean 'clear'?"),
         ("(clear b)", "(clear a b)", 4, "clear takes 1 things, not 2"),
         ("(and (on a b))", "(onn a b)", 5, "unknown predicate 'onn'; did you mean 'on'?"),
-        ("(and (on a b))", "(and)", 5, "the goal is empty"),
+        ("(clear b)", "(not (clear a))", 4, "clear(a) and not clear(a) cannot hold together"),
+        ("(and (on a b))", "(imply (on a b))", 5, "imply takes two conditions"),
+        ("A b - block", "a b - (either block ball)", 3, "either is not supported; one type is"),
         ("(:goal (and (on a b)))", "", 1, "there is no (:goal …)"),
         ("(:domain blocks)", "(:domain blocks) (:requirements :timed-initial-literals)", 2, "is not supported"),
         (PROBLEM, "", 1, "one (define …) is expected, not 0"),
@@ -145,7 +163,7 @@ def test_what_makes_no_sense_in_a_problem_is_reported_with_file_and_line(files, 
 
 
 def test_a_malformed_problem_is_reported_with_file_and_line(files):
-    with pytest.raises(PddlError, match=r"problem\.pddl:5: forall takes a variable"):
+    with pytest.raises(PddlError, match=r"problem\.pddl:5: forall takes variables and a condition"):
         read_pddl(*files(problem=PROBLEM.replace("(and (on a b))", "(forall (on a b))")))
 
 
@@ -184,15 +202,18 @@ def test_the_validator_needs_no_engine_and_finds_the_missing_step():
     ("old", "new", "words"),
     [
         (":effect (and", ":duration (= ?d 3) :effect (and", ":duration is not supported"),
-        ("(on ?x ?y) (not (clear ?y))", "(when (clear ?x) (on ?x ?y))", "when is not supported"),
+        ("(on ?x ?y) (not (clear ?y))", "(when (clear ?x))", "when takes a condition and an effect"),
         (
             "(on ?x ?y) (not (clear ?y))",
-            "(forall (?z - block) (imply (clear ?z) (table ?z)))",
-            "a condition on an effect",
+            "(or (clear ?x) (table ?x))",
+            "or is not supported here; 'and', 'not', 'forall'",
         ),
-        ("(not (= ?x ?y))", "(not (forall (?z - block) (clear ?z)))", "not forall is not supported"),
-        ("(not (= ?x ?y))", "(forall (?z ?w - block) (clear ?z))", "forall over one variable"),
-        ("(not (= ?x ?y))", "(forall (?z - block) (forall (?w - block) (clear ?w)))", "forall within forall"),
+        ("(on ?x ?y) (not (clear ?y))", "(not (and (clear ?x)))", "and is not supported here"),
+        ("(on ?x ?y)", "(when (clear ?x) (increase (total-cost) 1))", "NUMBER) outside of these"),
+        ("(on ?x ?y) (not (clear ?y))", "(imply (clear ?x) (table ?x))", "imply is not supported here"),
+        ("(not (= ?x ?y))", "(when (clear ?x) (clear ?y))", "when is not supported here; 'and', 'or', 'not', 'imply'"),
+        ("(not (= ?x ?y))", "(exists () (clear ?x))", "exists takes at least one variable"),
+        ("(not (= ?x ?y))", "(exists (?z - block) (clear ?w))", "?w is not a parameter"),
         ("(not (= ?x ?y))", "(not (clear ?x) (clear ?y))", "takes one condition"),
         ("(not (= ?x ?y))", "clear", "'(' is expected, not 'clear'"),
         ("(not (= ?x ?y))", "(clear (on ?x))", "a name is expected, not '('"),
@@ -213,7 +234,7 @@ def test_constants_effects_on_each_and_conditions_without_a_type_are_read(files)
     problem = read_pddl(*files(domain))
     assert problem.objects == {"a": "block", "b": "block", "floor": "block"}
     (stack,) = problem.operators
-    assert [str(each) for each in stack.each] == ["forall z - block: not on(z, {x})"]
+    assert stack.when == (When(Joined(True, ()), Literal(Fact("on", ("{z}", "{x}")), True), {"{z}": "block"}),)
     assert (stack.cost, stack.parameters) == (2.0, {"x": "block", "y": "block"})
 
 
@@ -241,16 +262,56 @@ def test_a_variable_of_forall_hides_the_parameter_of_its_name(files):
     domain = DOMAIN.replace("(not (= ?x ?y))", "(forall (?x - block) (not (on ?x ?y)))")
     (stack,) = read_pddl(*files(domain)).operators
     problem = read_pddl(*files(domain, PROBLEM.replace("(clear a)", "(clear a) (on b b)")))
-    assert "{x}" not in str(stack.pre[-1]).partition(":")[2]
+    assert "{x}" not in str(stack.formulas[0]).partition(":")[2]
     with pytest.raises(Unsolvable):
         SymbolicPlanner().plan(problem)
 
 
-def test_imply_on_what_an_action_changes_is_refused_with_its_line(files):
-    domain = DOMAIN.replace("(not (= ?x ?y))", "(forall (?z - block) (imply (on ?z ?x) (table ?z)))")
-    with pytest.raises(PddlError, match="'imply' on on, which stack changes") as raised:
-        read_pddl(*files(domain))
-    assert raised.value.line == 8
+def test_a_goal_that_asks_for_nothing_holds_already(files):
+    assert len(SymbolicPlanner().plan(read_pddl(*files(problem=PROBLEM.replace("(and (on a b))", "(and)"))))) == 0
+
+
+GRIPPERS = """(define (domain grippers)
+  (:requirements :adl)
+  (:types ball gripper room)
+  (:predicates (at ?x - object ?r - room) (robot ?r - room) (holds ?g - gripper ?b - ball) (lit ?r - room))
+  (:action light :parameters (?r - room) :precondition (robot ?r) :effect (lit ?r))
+  (:action pick
+    :parameters (?b - ball ?g - gripper)
+    :precondition (and (exists (?r - room) (and (robot ?r) (at ?b ?r) (lit ?r)))
+      (not (exists (?o - ball) (holds ?g ?o))))
+    :effect (holds ?g ?b))
+  (:action move
+    :parameters (?from ?to - room)
+    :precondition (robot ?from)
+    :effect (and (not (robot ?from)) (robot ?to)
+      (forall (?b - ball) (when (exists (?g - gripper) (holds ?g ?b)) (and (at ?b ?to) (not (at ?b ?from)))))))
+)
+"""
+BALLS = """(define (problem balls) (:domain grippers)
+  (:objects one two - ball left right - gripper start end - room)
+  (:init (at one start) (at two start) (robot start))
+  (:goal (and (forall (?b - ball) (at ?b end)) (or (lit end) (robot start)))))
+"""
+
+
+@pytest.mark.parametrize("planner", [SymbolicPlanner(), pytest.param(FastDownwardPlanner(), marks=needs_fast_downward)])
+def test_conditional_effects_and_formulas_are_planned_with(files, planner):
+    """What is held moves with the robot, which lights the room where it takes balls and one of two at the end."""
+    problem = read_pddl(*files(GRIPPERS, BALLS))
+    plan = planner.plan(problem)
+    assert planner != SymbolicPlanner() or len(plan) == 5
+    state = problem.state
+    for action in plan.actions:
+        assert not broken_in(problem, action.operator, action.arguments, state)
+        state = state_after(problem, action.operator, action.arguments, state)
+    assert not problem.unmet_in(state)
+
+
+def test_what_keeps_a_goal_of_formulas_out_of_reach_is_told(files):
+    problem = read_pddl(*files(GRIPPERS, BALLS.replace("(robot start))\n", ")\n")))
+    with pytest.raises(Unsolvable, match=re.escape("(forall b - ball: at(b, end)) and (lit(end) or robot(start))")):
+        SymbolicPlanner().plan(problem)
 
 
 def test_types_in_a_circle_and_brackets_without_end_are_refused(files):
