@@ -141,7 +141,7 @@ class PddlText:
 
     def _when(self, one: When) -> str:
         text = f"(when {self._formula(one.given)} {self._formula(one.effect)})"
-        for variable, kind in reversed(one.variables.items()):
+        for variable, kind in reversed([*one.variables.items()]):
             text = self._quantified("forall", variable, kind, text)
         return text
 
@@ -199,9 +199,9 @@ def _typed_facts(condition: Condition | Formula, kinds: Mapping[str, str]) -> It
         case Quantified():
             yield from _typed_facts(condition.body, {**kinds, condition.variable: condition.type})
         case Forall():
-            kinds = {**kinds, condition.variable: condition.type}
+            inside = {**kinds, condition.variable: condition.type}
             facts = (condition.then.fact, condition.given)
-            yield from ((fact, kinds) for fact in facts if fact is not None)
+            yield from ((fact, inside) for fact in facts if fact is not None)
 
 
 def _variable(name: str) -> str:
