@@ -44,8 +44,8 @@ def judged_by_goal(setup: ResolvedConfig, problem: PlanningProblem, asked: Facts
 
     be judged.
     """
-    judged = sum(map(can_be_judged, problem.goal))
-    for literal in problem.goal:
+    judged = sum(map(can_be_judged, problem.goal_literals))
+    for literal in problem.goal_literals:
         if not can_be_judged(literal):
             print(f"{literal} cannot be judged: the tree's own word counts", file=sys.stderr)
     if judged < len(problem.goal):

@@ -146,7 +146,7 @@ class PlanRequest:
     def tree(self, problem: PlanningProblem, plan: TaskPlan) -> PlanTree:
         """Return the tree of a plan."""
         leaves = [ability.name for ability in self.domain.abilities if not ability.is_subtree]
-        return made_builder(self.builder).build(plan, problem.goal, leaves)
+        return made_builder(self.builder).build(plan, problem.goal_literals, leaves)
 
     def xml(self, made: PlanTree, problem: PlanningProblem, plan: TaskPlan, planner: str) -> str:
         """Return the tree as a self-contained file; if the plan rests on an assumption, the tree replans when it is
@@ -159,7 +159,7 @@ class PlanRequest:
     def replanning_xml(self, made: PlanTree, problem: PlanningProblem, planner: str) -> str:
         """Return the tree that replans when the plan fails."""
         again = replanning_planner(planner)
-        return with_replanning(made, problem.goal, again, self.builder, self.setup.registry, self.limits)
+        return with_replanning(made, problem.goal_literals, again, self.builder, self.setup.registry, self.limits)
 
     def faults(self, problem: PlanningProblem, made: PlanTree) -> list[TreeProblem]:
         """Return the verification faults of the tree."""

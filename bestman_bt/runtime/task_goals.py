@@ -49,7 +49,7 @@ class Facts(Goal[FactsFields]):
     def literals(self) -> tuple[Literal, ...]:
         """The facts, with the full names of things. Raises GoalError for invalid facts."""
         known = Beliefs(self.world_model.initial_beliefs())
-        return Domain.of(self.task.registry).problem(known, self.asked.goal).goal
+        return Domain.of(self.task.registry).problem(known, self.asked.goal).goal_literals
 
     def problems(self) -> Iterator[Problem]:
         """Yield invalid goals, goals that cannot be judged, and unknown names."""

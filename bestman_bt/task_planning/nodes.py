@@ -210,7 +210,7 @@ class ExecutePlan(_Planning, ErrorReporting, StatefulAction):
         try:
             domain, problem = self.domain_and_problem()
             plan = self.plan
-            self._monitor = PlanMonitor(plan, problem.goal)
+            self._monitor = PlanMonitor(plan, problem.goal_literals)
             self._tree = self._checked(self._built(domain, problem, plan), problem)
             self.owner.announce_inner(self._tree, self)
         except SkillFailure as failure:
@@ -243,7 +243,7 @@ class ExecutePlan(_Planning, ErrorReporting, StatefulAction):
             builder = made_builder(self.builder)
         except UnknownNameError as error:
             raise SkillFailure("unknown_name", str(error)) from error
-        return builder.build(plan, problem.goal, [one.name for one in domain.abilities if not one.is_subtree])
+        return builder.build(plan, problem.goal_literals, [one.name for one in domain.abilities if not one.is_subtree])
 
     def _checked(self, made: PlanTree, problem: PlanningProblem) -> Tree:
         registry, skills = self.owner.registry, self.skills

@@ -28,7 +28,7 @@ from bestman_bt.task_planning.builders.plan_tree import ABILITIES_FILE, PlanTree
 from bestman_bt.task_planning.symbolic.facts import parse_literals
 from bestman_bt.task_planning.symbolic.grounding import instantiate
 from bestman_bt.task_planning.symbolic.plan_check import broken_in, state_after
-from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, Operator, PlanningError, PlanningProblem
+from bestman_bt.task_planning.symbolic.problem import Action, Fact, Formula, Operator, PlanningError, PlanningProblem
 
 MAX_TICKS = 10_000
 """Ticks after which a tree counts as one that does not end."""
@@ -51,7 +51,7 @@ class SymbolicWorld:
         """Return the facts that conditions see."""
         return self.state
 
-    def begin(self, action: Action) -> tuple[Literal, ...]:
+    def begin(self, action: Action) -> tuple[Formula, ...]:
         """Return the violated preconditions of an action."""
         return broken_in(self.problem, action.operator, action.arguments, self.state)
 

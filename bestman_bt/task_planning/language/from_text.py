@@ -205,7 +205,7 @@ def _facts(problem: PlanningProblem, field: str, texts: Sequence[str]) -> tuple[
     faults: list[str] = []
     for number, text in enumerate(texts):
         try:
-            literals += domain.with_goal(problem, text).goal
+            literals += domain.with_goal(problem, text).goal_literals
         except GoalError as error:
             faults.append(f"{field}[{number}]: {error}")
     return literals, faults

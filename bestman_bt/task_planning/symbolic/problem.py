@@ -388,6 +388,15 @@ class PlanningProblem:
         """Return the unsatisfied parts of the goal."""
         return tuple(formula for formula in self.goal if not self.holds(formula, state))
 
+    @property
+    def goal_literals(self) -> tuple[Literal, ...]:
+        """The goal of a robot, which consists of literals. Raises PlanningError if it has formulas."""
+        literals = tuple(one for one in self.goal if isinstance(one, Literal))
+        if len(literals) < len(self.goal):
+            formula = next(one for one in self.goal if not isinstance(one, Literal))
+            raise PlanningError(f"the goal should consist of facts and negated facts; {formula} is a formula")
+        return literals
+
     def refuse_contradictory_goal(self) -> None:
         """Raise GoalError if the goal asks for a fact and its negation."""
         for literal in sorted(one for one in self.goal if isinstance(one, Literal)):
