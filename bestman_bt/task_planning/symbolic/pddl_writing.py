@@ -182,8 +182,8 @@ def signatures(problem: PlanningProblem) -> dict[str, tuple[str, ...]]:
         found += _typed_facts(formula, {})
     found += [(fact, {}) for fact in sorted(problem.state)]
     known = dict(problem.predicates)
-    for fact, kinds in found:
-        known.setdefault(fact.predicate, tuple(kinds.get(name) or problem.objects[name] for name in fact.arguments))
+    for fact, around in found:
+        known.setdefault(fact.predicate, tuple(around.get(name) or problem.objects[name] for name in fact.arguments))
     known.pop(EQUAL, None)
     return known
 
