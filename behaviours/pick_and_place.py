@@ -175,6 +175,7 @@ def survey() -> Node:
             Sequence(
                 "survey",
                 [
+                    ClearStop(),
                     FindStandPose(surface="{surface}", stand="{stand}", error_code="{stand_error}", arm="{arm}"),
                     MoveArm(posture="carry", arm="{arm}"),
                     NavigateTo(goal="{stand}"),

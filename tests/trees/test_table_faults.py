@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
-from behaviours.pick_and_place import pick_and_place, put_aside
+from behaviours.pick_and_place import pick_and_place, put_aside, survey
 from bestman_bt.configuration.run import load_run
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Fallback, SubTree
 from bestman_bt.messages import Pose
@@ -51,13 +53,20 @@ def test_a_cup_that_is_lost_on_the_way_is_found_and_brought_all_the_same(tmp_pat
         assert np.linalg.norm(truth.object_pose("cup").position[:2] - goal[:2]) < 0.02
 
 
+def look_over_the_table() -> SubTree:
+    return SubTree(survey, tree_id="Survey", surface="table")
+
+
 @pytest.mark.slow
-def test_a_controller_that_is_lost_for_a_while_is_waited_for(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without waiting, all attempts of the tree would be spent within a second."""
+@pytest.mark.parametrize(("make", "holding"), [(bring_the_cup, True), (look_over_the_table, False)])
+def test_a_controller_that_is_lost_for_a_while_is_waited_for(
+    tmp_path, monkeypatch: pytest.MonkeyPatch, make: Callable[[], SubTree], holding: bool
+) -> None:
+    """Without waiting, all attempts of the tree would be spent within a second; ``holding``: lost with the cup held."""
     with known_world(table_with(tmp_path, seed=3, heading=0.0, cup=("cup", -0.2, 0.0, 0.0))) as (session, truth):
-        tree, robot = session.load(bring_the_cup()), session.robot
+        tree, robot = session.load(make()), session.robot
         tree.blackboard.set("goal", Pose(truth.object_pose("cup").position + np.array([0.0, 0.25, 0.0])))
-        clear, lost = robot.clear_stop, []
+        clear, lost, began = robot.clear_stop, [], robot.clock.now()
 
         def clear_stop() -> None:
             if robot.clock.now() < lost[0] + 8.0:
@@ -66,7 +75,8 @@ def test_a_controller_that_is_lost_for_a_while_is_waited_for(tmp_path, monkeypat
 
         monkeypatch.setattr(robot, "clear_stop", clear_stop)
         while (status := tree.tick_once()) == RUNNING:
-            if not lost and session.skills.held is not None:
+            under_way = robot.clock.now() > began + 0.5
+            if not lost and under_way and (session.skills.held is not None) == holding:
                 lost.append(robot.clock.now())
                 robot.stop()
             tree.sleep(PERIOD)
