@@ -54,8 +54,12 @@ def check_query(
         raise ManipulationError("goals should hold at least one goal but is empty")
     origin = joint_vector(start, count, "start")
     targets = [joint_vector(goal, count, f"goal {i}") for i, goal in enumerate(goals)]
-    _check_start(origin, world, limits, constraint, limit_tolerance)
-    refusals = [_goal_refusal(i, goal, world, limits, constraint) for i, goal in enumerate(targets)]
+    refused = _refusal(MotionStage.START, "the start", origin, world, limits, constraint, limit_tolerance)
+    if refused is not None:
+        raise refused
+    refusals = [
+        _refusal(MotionStage.GOAL, f"goal {i}", goal, world, limits, constraint, 1e-6) for i, goal in enumerate(targets)
+    ]
     indices = [i for i, refusal in enumerate(refusals) if refusal is None]
     if not indices:
         for refusal in refusals:
@@ -70,52 +74,37 @@ def check_query(
     )
 
 
-def _check_start(
-    start: NDArray[np.float64],
+_START = (
+    PlanningErrorCode.START_OUT_OF_LIMITS,
+    PlanningErrorCode.START_IN_COLLISION,
+    PlanningErrorCode.START_VIOLATES_CONSTRAINT,
+)
+_GOAL = (
+    PlanningErrorCode.GOAL_OUT_OF_LIMITS,
+    PlanningErrorCode.GOAL_IN_COLLISION,
+    PlanningErrorCode.GOAL_VIOLATES_CONSTRAINT,
+)
+
+
+def _refusal(
+    stage: MotionStage,
+    what: str,
+    positions: NDArray[np.float64],
     world: CollisionWorld,
     limits: JointLimits,
     constraint: PathConstraint | None,
     tolerance: float,
-) -> None:
-    outside = _out_of_limits(start, limits, tolerance)
-    if outside:
-        raise MotionPlanningError(
-            PlanningErrorCode.START_OUT_OF_LIMITS,
-            f"the start is outside its limits: {outside}",
-            at_limit(MotionStage.START, start, limits),
-        )
-    if not world.is_free(start):
-        raise MotionPlanningError(
-            PlanningErrorCode.START_IN_COLLISION,
-            f"the start is in collision: {describe_contacts(world, start)}",
-            in_the_way(MotionStage.START, world, start),
-        )
-    if constraint is not None and not constraint.satisfied(start):
-        raise MotionPlanningError(
-            PlanningErrorCode.START_VIOLATES_CONSTRAINT, f"the start violates: {constraint.description}"
-        )
-
-
-def _goal_refusal(
-    index: int, goal: NDArray[np.float64], world: CollisionWorld, limits: JointLimits, constraint: PathConstraint | None
 ) -> MotionPlanningError | None:
-    outside = _out_of_limits(goal, limits, 1e-6)
-    if outside:
-        return MotionPlanningError(
-            PlanningErrorCode.GOAL_OUT_OF_LIMITS,
-            f"goal {index} is outside the limits: {outside}",
-            at_limit(MotionStage.GOAL, goal, limits),
-        )
-    if not world.is_free(goal):
-        return MotionPlanningError(
-            PlanningErrorCode.GOAL_IN_COLLISION,
-            f"goal {index} is in collision: {describe_contacts(world, goal)}",
-            in_the_way(MotionStage.GOAL, world, goal),
-        )
-    if constraint is not None and not constraint.satisfied(goal):
-        return MotionPlanningError(
-            PlanningErrorCode.GOAL_VIOLATES_CONSTRAINT, f"goal {index} breaks: {constraint.description}"
-        )
+    """Return why ``positions`` (n,), radians, are refused, or None. ``what``: their name in the message."""
+    out_of_limits, in_collision, violates_constraint = _START if stage is MotionStage.START else _GOAL
+    if outside := _out_of_limits(positions, limits, tolerance):
+        message = f"{what} is outside its limits: {outside}"
+        return MotionPlanningError(out_of_limits, message, at_limit(stage, positions, limits))
+    if not world.is_free(positions):
+        message = f"{what} is in collision: {describe_contacts(world, positions)}"
+        return MotionPlanningError(in_collision, message, in_the_way(stage, world, positions))
+    if constraint is not None and not constraint.satisfied(positions):
+        return MotionPlanningError(violates_constraint, f"{what} violates: {constraint.description}")
     return None
 
 

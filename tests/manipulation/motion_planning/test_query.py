@@ -48,7 +48,7 @@ def test_a_goal_keeps_the_limits(goal, accepted):
     if accepted:
         assert query(goals=[np.array(goal)]).indices == (0,)
         return
-    with pytest.raises(MotionPlanningError, match="goal 0 is outside the limits") as refused:
+    with pytest.raises(MotionPlanningError, match="goal 0 is outside its limits") as refused:
         query(goals=[np.array(goal)])
     assert refused.value.code is PlanningErrorCode.GOAL_OUT_OF_LIMITS
 
@@ -59,7 +59,7 @@ def test_a_goal_against_the_constraint_is_left_out_or_refused():
     found = query(goals=[high, GOAL], constraint=low)
     assert found.indices == (1,)
     assert found.index_of(GOAL) == 1
-    with pytest.raises(MotionPlanningError, match="goal 0 breaks: b kept low") as refused:
+    with pytest.raises(MotionPlanningError, match="goal 0 violates: b kept low") as refused:
         query(goals=[high], constraint=low)
     assert refused.value.code is PlanningErrorCode.GOAL_VIOLATES_CONSTRAINT
 

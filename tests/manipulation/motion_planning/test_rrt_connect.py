@@ -118,7 +118,7 @@ def test_limits_are_kept_but_a_start_that_sags_a_little_is_accepted(arm, ready, 
     assert np.array_equal(QUICK.plan(sagging, [side], wall, arm, rng).path[0], sagging)
     with pytest.raises(MotionPlanningError, match=r"panda_joint4 at -0.0198, allowed -3.0718 to -0.0698") as start:
         QUICK.plan(outside, [side], wall, arm, rng)
-    with pytest.raises(MotionPlanningError, match="goal 0 is outside the limits: panda_joint4") as goal:
+    with pytest.raises(MotionPlanningError, match="goal 0 is outside its limits: panda_joint4") as goal:
         QUICK.plan(side, [outside], wall, arm, rng)
     assert start.value.code is PlanningErrorCode.START_OUT_OF_LIMITS
     assert goal.value.code is PlanningErrorCode.GOAL_OUT_OF_LIMITS
