@@ -37,10 +37,9 @@ class RateController(Decorator):
         return RUNNING
 
 
-class Timeout(Decorator):
-    """Halts its child and fails if the child is still running ``msec`` after the node started (0: never)."""
+class Timed(Decorator):
+    """Base of decorators with a timer, which runs from the first tick until the child has ended."""
 
-    msec = In[int](Annotated[int, Ge(0)], "After a certain amount of time, halt() the child if it is still running.")
     RESETS_CHILD = True
     CHECKED_AT_TICK = True
 
@@ -52,6 +51,20 @@ class Timeout(Decorator):
         """Stop the timer, then halt."""
         self.started = None
         super().halt()
+
+    def tick_child(self) -> int:
+        """Tick the child; once it has ended, reset it and stop the timer."""
+        status = self.child.execute_tick()
+        if status in (SUCCESS, FAILURE):
+            self.started = None
+            self.reset_child()
+        return status
+
+
+class Timeout(Timed):
+    """Halts its child and fails if the child is still running ``msec`` after the node started (0: never)."""
+
+    msec = In[int](Annotated[int, Ge(0)], "After a certain amount of time, halt() the child if it is still running.")
 
     def on_tick(self) -> int:
         """Fail if the time is up, else tick the child."""
@@ -65,28 +78,13 @@ class Timeout(Decorator):
             self.started = None
             self.feedback_message = f"timed out after {duration:g} s"
             return FAILURE
-        status = child.execute_tick()
-        if status in (SUCCESS, FAILURE):
-            self.started = None
-            self.reset_child()
-        return status
+        return self.tick_child()
 
 
-class Delay(Decorator):
+class Delay(Timed):
     """Ticks its child ``delay_msec`` after the node started, in a later tick; RUNNING until then."""
 
     delay_msec = In[int](Annotated[int, Ge(0)], "Tick the child after a few milliseconds")
-    RESETS_CHILD = True
-    CHECKED_AT_TICK = True
-
-    def on_load(self) -> None:
-        """Start with the timer stopped."""
-        self.started: float | None = None
-
-    def halt(self) -> None:
-        """Stop the timer, then halt."""
-        self.started = None
-        super().halt()
 
     def on_tick(self) -> int:
         """Tick the child once the delay is over."""
@@ -97,8 +95,4 @@ class Delay(Decorator):
             return RUNNING
         if self.clock.now() - self.started < duration:
             return RUNNING
-        status = self.child.execute_tick()
-        if status in (SUCCESS, FAILURE):
-            self.started = None
-            self.reset_child()
-        return status
+        return self.tick_child()
