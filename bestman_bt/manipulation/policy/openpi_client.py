@@ -144,7 +144,6 @@ class OpenpiPolicy(Policy):
             dt=self.dt,
             goal_size=7 if self.goal_key else 0,
             images=dict.fromkeys(self.image_keys, self.image_size),
-            needs_gripper=bool(self.gripper_key),
             moves_gripper=self.gripper_column is not None,
             description=self.prompt,
         )

@@ -85,9 +85,9 @@ class PolicySpecification:
     ``robot``: the robot model of the training; empty: any suitable one. ``joint_names``: the n joints, in the order of
     positions and actions. ``space``: an ``ActionSpace``. ``horizon``: H; 0: variable. ``dt``: seconds per action.
     ``executed``: actions to execute before the next query; 0: half of them. ``goal_size``: entries of the goal vector.
-    ``images``: camera → (H, W) pixels. ``needs_gripper``: whether the gripper's width is an input. ``moves_gripper``:
-    whether chunks have widths; ``open_width``: metres of an open gripper, for binary ones. ``workspace``: lower and
-    upper corner of the tool's box, in the base frame, from the training; None: unknown.
+    ``images``: camera → (H, W) pixels. ``moves_gripper``: whether chunks have widths; ``open_width``: metres of an open
+    gripper, for binary ones. ``workspace``: lower and upper corner of the tool's box, in the base frame, from the
+    training; None: unknown.
     """
 
     joint_names: tuple[str, ...]
@@ -98,7 +98,6 @@ class PolicySpecification:
     goal_size: int = 7
     robot: str = ""
     images: Mapping[str, tuple[int, int]] = field(default_factory=dict)
-    needs_gripper: bool = False
     moves_gripper: bool = False
     open_width: float = 0.0
     workspace: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None

@@ -124,7 +124,6 @@ class PickingExpert:
             dt=self.dt,
             executed=self.executed,
             robot=robot,
-            needs_gripper=True,
             moves_gripper=True,
             open_width=self.picked.opening,
             workspace=(tuple(low.round(4).tolist()), tuple(high.round(4).tolist())),
