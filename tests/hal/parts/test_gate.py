@@ -281,7 +281,7 @@ def test_late_cycles_at_a_high_speed_keep_the_tools_step_and_else_the_accelerati
     steps = np.linalg.norm(np.diff([tool.tool(place) for place in sent], axis=0), axis=1)
     rates = np.vstack([0.0 * TURN, np.diff(sent, axis=0) / dt[1:, None]])
     shares = np.abs(np.diff(rates, axis=0)) / (joints.acceleration * (dt[:-1] + dt[1:])[:, None] / 2)
-    waits = steps > 0.9 * longest
+    waits = steps > trials.WAITING_STEP * longest
     assert np.max(steps) <= 1.001 * longest
     assert np.max(shares[~waits]) < 1.01
     assert np.any(waits & (shares.max(axis=1) > 1.01))
