@@ -49,13 +49,18 @@ class BoardSighting:
     pixels: NDArray[np.float64]
 
 
+@dataclass(frozen=True)
 class Board(ABC):
     """A board with ``columns`` × ``rows`` squares of ``square`` metres."""
 
+    columns: int
+    rows: int
+    square: float
+
     @property
-    @abstractmethod
     def size(self) -> tuple[float, float]:
         """Extents (x, y) of the pattern, metres."""
+        return self.columns * self.square, self.rows * self.square
 
     @property
     @abstractmethod
@@ -77,9 +82,6 @@ class CharucoBoard(Board):
     Pattern Recognition 2014.
     """
 
-    columns: int
-    rows: int
-    square: float
     marker: float
     dictionary: str = "DICT_4X4_50"
 
@@ -94,11 +96,6 @@ class CharucoBoard(Board):
         needed, there = self.columns * self.rows // 2, len(_dictionary(self.dictionary).bytesList)
         if needed > there:
             raise CalibrationError(f"{self} needs {needed} markers, {self.dictionary} has {there}")
-
-    @property
-    @override
-    def size(self) -> tuple[float, float]:
-        return self.columns * self.square, self.rows * self.square
 
     @property
     def shows_orientation(self) -> bool:
@@ -138,18 +135,9 @@ class Checkerboard(Board):
     Duda & Frese, "Accurate detection and localization of checkerboard corners for calibration", BMVC 2018.
     """
 
-    columns: int
-    rows: int
-    square: float
-
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 4 or not self.square > 0.0:
             raise CalibrationError(f"a checkerboard has at least 4 × 4 squares of positive size, not {self}")
-
-    @property
-    @override
-    def size(self) -> tuple[float, float]:
-        return self.columns * self.square, self.rows * self.square
 
     @property
     def shows_orientation(self) -> bool:
