@@ -229,8 +229,10 @@ def opening_by_board(leaf: FurnitureArticulation, plane: SupportPlane) -> float 
     front = leaf.leaf.shapes[0]
     if not isinstance(front.shape, Box):
         return None
-    size = np.array(front.shape.size)
-    slack = ACROSS + 1.5 * leaf.furniture.position_error
+    size, piece = np.array(front.shape.size), leaf.furniture
+    beside = ACROSS + 1.5 * piece.position_error
+    # Little deeper lies the frame that a shut door covers.
+    deep = SLACK + 1.5 * piece.position_error + piece.heading_error * size[1]
     for side in (-1.0, 1.0):  # the front faces -x
         outward = -side * plane.normal
         on_front = plane.frame_from_plane.position + (side + 1.0) / 2 * size[0] * outward
@@ -238,7 +240,7 @@ def opening_by_board(leaf: FurnitureArticulation, plane: SupportPlane) -> float 
         if position is None:
             continue
         points = leaf.front(position).inverse().apply(plane.inliers)
-        inside = np.abs(points - (side * size[0] / 2, 0.0, 0.0)) < np.array([0.0, *size[1:] / 2]) + slack
+        inside = np.abs(points - (side * size[0] / 2, 0.0, 0.0)) < np.array([deep, *(size[1:] / 2 + beside)])
         seen = np.ptp(points[:, 1:], axis=0) > BOARD_SEEN * size[1:]
         if inside.all(axis=1).mean() > ON_BOARD and seen.all():
             return _rounded(leaf, position)

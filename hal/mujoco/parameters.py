@@ -15,8 +15,9 @@ class MujocoParameters(SimulationParameters):
     pressure (``impratio``): larger values reduce creeping of held objects. ``gear_time``: time constant of coupled
     fingers, seconds. ``support_friction``: of the furniture for which the friction of objects is tuned: MuJoCo takes
     one of the two coefficients of a contact, Bullet their product. Spinning frictions: metres. ``wheel_armature``:
-    inertia of a wheel's motor at the wheel, as a fraction of the inertia that the wheel drives. MuJoCo solves contacts
-    without the stiffness of the servos: a wheel that is light relative to its servo slips.
+    inertia of a wheel's motor at the wheel, as a fraction of the inertia that the wheel drives. ``finger_armature``:
+    inertia of the motor of a finger's joint, as a multiple of the inertia of the finger. MuJoCo solves contacts without
+    the stiffness of the servos: a wheel that is light relative to its servo slips, a finger vibrates on a handle.
     """
 
     step_rate: float = 480.0
@@ -30,6 +31,7 @@ class MujocoParameters(SimulationParameters):
     object_spinning_friction: float = 0.01
     support_friction: float = 0.8
     wheel_armature: float = 0.5
+    finger_armature: float = 30.0
     wheel_friction: float = 1.0
     floor_friction: float = 1.0
     link_friction: float = 0.5

@@ -214,6 +214,10 @@ class WorldBuilder(Shapes):
             loads |= {joints[joint]: share for joint in base.part.wheel_joints}
         for wheel, load in loads.items():
             model.dof_armature[model.body_dofadr[wheel]] = self.parameters.wheel_armature * load
+        for gripper in self.robot.of(GripperModel).values():
+            for joint in gripper.part.joints:
+                dof = model.body_dofadr[joints[joint]]
+                model.dof_armature[dof] = self.parameters.finger_armature * model.dof_M0[dof]
         data = mujoco.MjData(model)
         mujoco.mj_setConst(model, data)
         for joint, position in self.starts.items():

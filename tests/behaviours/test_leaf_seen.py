@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 
 from behaviours.furniture.articulation import FurnitureArticulation
-from behaviours.furniture.articulation_measurement import opening_by_board, opening_seen, opening_since
+from behaviours.furniture.articulation_measurement import (
+    HEADING_ERROR,
+    POSITION_ERROR,
+    opening_by_board,
+    opening_seen,
+    opening_since,
+)
 from behaviours.furniture.opening import Opening, stations
 from bestman_bt.messages import Box, Handle, Pose, Pose2D
 from bestman_bt.perception.segmentation.base import SupportPlane
@@ -136,6 +142,16 @@ def test_the_front_and_the_back_of_a_drawer_front_report_how_far_it_is_out(side:
 @pytest.mark.parametrize(("name", "part"), [("fridge", "upper_door"), ("drawer_chest", "drawer_2")])
 def test_the_board_of_a_shut_leaf_reports_that_it_is_shut(name: str, part: str) -> None:
     assert opening_by_board(*board_seen(name, part, 0.0)) == 0.0
+
+
+def test_the_frame_behind_a_door_that_stands_open_does_not_report_that_it_is_shut() -> None:
+    leaf, front = board_seen("fridge", "upper_door", 0.0)
+    board = leaf.leaf.shapes[0].shape
+    assert isinstance(board, Box)
+    measured = replace(leaf.furniture, pose=OFF, position_error=POSITION_ERROR, heading_error=HEADING_ERROR)
+    leaf = replace(leaf, furniture=measured)
+    assert opening_by_board(leaf, front) == 0.0
+    assert opening_by_board(leaf, front.seen_from(Pose(-board.size[0] * front.normal))) is None
 
 
 def test_other_boards_the_edge_of_a_door_and_a_small_part_of_it_tell_nothing() -> None:
