@@ -196,6 +196,8 @@ ON_BOARD = 0.9
 """Share of a seen plane that has to lie on a board."""
 BOARD_SEEN = 0.25
 """Shares of a board's width and height that have to be seen."""
+FILLED = 0.1
+"""Share of the points of a board that are in the middle quarter of what is seen of it; of a frame, none are."""
 
 
 def opening_seen(leaf: FurnitureArticulation, handle: Handle) -> float | None:
@@ -241,8 +243,10 @@ def opening_by_board(leaf: FurnitureArticulation, plane: SupportPlane) -> float 
             continue
         points = leaf.front(position).inverse().apply(plane.inliers)
         inside = np.abs(points - (side * size[0] / 2, 0.0, 0.0)) < np.array([deep, *(size[1:] / 2 + beside)])
-        seen = np.ptp(points[:, 1:], axis=0) > BOARD_SEEN * size[1:]
-        if inside.all(axis=1).mean() > ON_BOARD and seen.all():
+        extent = np.ptp(points[:, 1:], axis=0)
+        middle = np.abs(points[:, 1:] - points[:, 1:].min(axis=0) - extent / 2) < extent / 4
+        seen = (extent > BOARD_SEEN * size[1:]).all() and middle.all(axis=1).mean() > FILLED
+        if seen and inside.all(axis=1).mean() > ON_BOARD:
             return _rounded(leaf, position)
     return None
 

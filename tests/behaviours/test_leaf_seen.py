@@ -152,6 +152,11 @@ def test_the_frame_behind_a_door_that_stands_open_does_not_report_that_it_is_shu
     leaf = replace(leaf, furniture=measured)
     assert opening_by_board(leaf, front) == 0.0
     assert opening_by_board(leaf, front.seen_from(Pose(-board.size[0] * front.normal))) is None
+    unmeasured, front = board_seen("fridge", "upper_door", 0.0)
+    assert opening_by_board(unmeasured, front) == 0.0
+    at_border = np.abs(front.frame_from_plane.inverse().apply(front.inliers)[:, :2] / front.size) > 0.4
+    frame = replace(front, inliers=front.inliers[at_border.any(axis=1)])
+    assert opening_by_board(unmeasured, frame) is None
 
 
 def test_other_boards_the_edge_of_a_door_and_a_small_part_of_it_tell_nothing() -> None:
