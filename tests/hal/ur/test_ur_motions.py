@@ -163,7 +163,10 @@ def test_the_controller_counts_on_what_the_hand_holds_also_after_its_program_was
     assert isinstance(connection, URConnection)
 
     def counted() -> float:
-        return float(connection._link.call("identity", timeout=10.0)[-1])
+        facts = connection.arm_facts()
+        assert facts is not None
+        assert facts.payload is not None
+        return facts.payload
 
     hand = counted()
     arm.carry(1.5, (0.0, 0.0, 0.02))
