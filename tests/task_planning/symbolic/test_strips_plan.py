@@ -77,3 +77,18 @@ def test_an_action_whose_condition_never_holds_is_not_part_of_a_plan():
     problem = PlanningProblem({"book": "book"}, frozenset(), (READ,), (never,))
     with pytest.raises(PlanningError, match="no action achieves that read"):
         SymbolicPlanner().plan(problem)
+
+
+def test_a_plain_action_asks_for_what_keeps_a_conditional_effect_from_occurring():
+    dark = Literal(Fact("lit", ("desk",)), negated=True)
+    read = Operator("Read", {}, add=(READ.fact,), when=(When(~dark, ~READ), When(~dark, Literal(Fact("seen")))))
+    problem = PlanningProblem({"desk": "lamp", "book": "book"}, frozenset(), (READ,), (OPERATORS[0], read))
+    (action,) = as_strips(problem, SymbolicPlanner().plan(problem))[0].actions
+    assert (action.pre, action.add) == ({dark}, {READ.fact})
+
+
+def test_what_an_action_adds_holds_though_a_conditional_effect_takes_it_away():
+    read = Operator("Read", {}, add=(READ.fact,), when=(When(Literal(Fact("lit", ("desk",))), ~READ),))
+    state = frozenset({Fact("lit", ("desk",))})
+    problem = PlanningProblem({"desk": "lamp", "book": "book"}, state, (READ,), (OPERATORS[0], read))
+    assert [action.name for action in SymbolicPlanner().plan(problem).actions] == ["Read"]
