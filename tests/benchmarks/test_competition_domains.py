@@ -44,13 +44,13 @@ def test_what_a_planner_cannot_read_is_counted_apart_from_what_it_does_not_solve
     domain = tmp_path / "domain.pddl"
     domain.write_text(
         "(define (domain lamp) (:predicates (on) (cold)) (:action turn :parameters () "
-        ":precondition (or (on) (cold)) :effect (on)))"
+        ":precondition (preference soon (cold)) :effect (on)))"
     )
     problem = tmp_path / "problem.pddl"
     problem.write_text("(define (problem p) (:domain lamp) (:init (cold)) (:goal (and (on))))")
     found = measured("symbolic", Problem("lamp", domain, problem), limit=60)
     assert found["result"] == "not read"
-    assert "or is not supported" in found["why"]
+    assert "preference is not supported" in found["why"]
     row = {"group": "lamp", "problem": "p", "symbolic": found}
     assert table([row], ["symbolic"])[0]["symbolic"]["results"] == {"not read": 1}
 
