@@ -212,12 +212,11 @@ class GripperChannel(ABC):
 
     reaction_time = 0.4
 
-    def refresh(self) -> bool:
+    def refresh(self) -> bool | None:  # noqa: B027 - nothing to do where readings come by themselves
         """Request the next reading; may take a round trip. Called once per cycle, after commands were sent.
 
-        Returns whether there is a new reading: fingers are not taken to stand still while none arrives.
+        Returns False if none arrived: meanwhile the fingers are not taken to stand still.
         """
-        return True
 
     @abstractmethod
     def read(self) -> GripperReading:

@@ -137,7 +137,7 @@ class CommandedGripper(StoppablePart, Gripper):
         elif order is not None:
             width, force, speed = order
             self._channel.send(width, force, speed * share)
-        news = self._channel.refresh()
+        silent = self._channel.refresh() is False
         reading = self._channel.read()
         row = None if self.trace is None else self.trace.row()
         if row is not None:
@@ -146,7 +146,7 @@ class CommandedGripper(StoppablePart, Gripper):
             self._reading = reading
             if halting:
                 self._target = reading.width
-            self._watch(reading, elapsed * share, news)
+            self._watch(reading, elapsed * share, silent)
 
     def _halt(self) -> None:
         """Halt the fingers unless they press on an object; fingers that have not begun to move yet are not blocked."""
@@ -155,7 +155,7 @@ class CommandedGripper(StoppablePart, Gripper):
             if self._time <= self._channel.reaction_time or self._still_for < gripping.still_time / 3:
                 self._halting = True  # the next cycle halts, whatever was to be sent
 
-    def _watch(self, reading: GripperReading, elapsed: float, news: bool) -> None:
+    def _watch(self, reading: GripperReading, elapsed: float, silent: bool) -> None:
         gripping, motion = self._gripping, self._connection.motion
         if motion is None:
             # Fingers that press tremble; only when they have closed, the object is gone. What the gripper feels itself
@@ -163,7 +163,7 @@ class CommandedGripper(StoppablePart, Gripper):
             felt = self._closing and bool(reading.object_held)
             self._blocked = (self._blocked or felt) and reading.width > self._target + gripping.blocked_margin
             return
-        self._still_for += elapsed if news else 0.0
+        self._still_for += 0.0 if silent else elapsed
         if abs(reading.width - self._anchor) > gripping.still_band:
             self._anchor, self._still_for = reading.width, 0.0
         self._time += elapsed
@@ -180,7 +180,7 @@ class CommandedGripper(StoppablePart, Gripper):
             else:
                 self._give_up(reading, MotionErrorCode.FAULT, "is stuck")
         elif self._time > self._limit:
-            self._give_up(reading, MotionErrorCode.TIMEOUT, "is too slow")
+            self._give_up(reading, MotionErrorCode.TIMEOUT, "does not answer" if silent else "is too slow")
 
     def _give_up(self, reading: GripperReading, code: MotionErrorCode, what: str) -> None:
         text = f"{what}: the width is {reading.width:.4f} m, asked were {self._target:.4f} m"

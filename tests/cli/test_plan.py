@@ -116,7 +116,9 @@ def test_a_goal_may_be_the_name_of_a_problem_file(bestman_bt: Command, folder: P
     assert answer.document["goal"] == ["on(cup, counter/top)"]
     (folder / "bad.pddl").write_text("(define (problem p)\n (:goal (or (on cup counter))))")
     answer = bestman_bt("plan", "--goal", "bad.pddl")
-    assert (answer.code, "bad.pddl:2: or is not supported in a goal for abilities" in answer.err) == (2, True), answer.err
+    assert (answer.code, "bad.pddl:2: or is not supported in a goal for abilities" in answer.err) == (2, True), (
+        answer.err
+    )
 
 
 def test_a_task_with_a_plan_gives_the_goal_and_what_was_reported(bestman_bt: Command) -> None:

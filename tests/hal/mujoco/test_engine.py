@@ -61,6 +61,18 @@ def test_the_velocity_of_the_robot_is_that_of_its_centre_of_mass_whatever_it_tur
     assert velocity == pytest.approx(moving + np.cross(turning, off))
 
 
+def test_a_finger_is_as_hard_to_accelerate_as_its_motor() -> None:
+    speeds = []
+    for parameters in (MujocoParameters(), MujocoParameters(finger_armature=0.0)):
+        engine = MujocoEngine(load_robot_model("diff_panda"), WORLD, parameters)
+        finger = engine.built.joints["panda_finger_joint1"]
+        engine.turn(engine.built.robot, [finger], [0.0], [0.0])
+        engine.exert([finger], np.array([-1.0]))
+        engine.step()
+        speeds.append(engine.joint_states(engine.built.robot, [finger])[1][0])
+    assert speeds[1] / speeds[0] == pytest.approx(1.0 + MujocoParameters().finger_armature, rel=0.2)
+
+
 def test_an_honest_run_is_clean(robot) -> None:
     robot.part("base", MobileBase).set_velocity(0.3, 0.0, 0.0)
     robot.clock.sleep(0.3)

@@ -82,6 +82,11 @@ def test_fingers_of_which_nothing_is_heard_neither_hold_nor_are_stuck(
     run(gripper, fingers, seconds)
     assert gripper.state().object_held is (felt is None)
     assert motion.status is (MotionStatus.SUCCEEDED if felt is None else MotionStatus.FAILED)
+    fingers.silent = True
+    motion = gripper.move(0.08)
+    run(gripper, fingers, 6.0)
+    assert motion.failure is not None
+    assert "does not answer" in str(motion.failure)
 
 
 def test_an_order_is_sent_once_with_its_force_and_speed(gripper: CommandedGripper, fingers: Fingers) -> None:

@@ -119,10 +119,14 @@ OBEYED = {
     ),
     "a tree instead of an ability": answer([step("<SubTree ID='OpenFridge'/>")], ["open(fridge)"]),
     "further fields": {**RIGHT, "run": "rm"},
-    "a place that is no place": {**RIGHT, "plain": ["open(fridge)"]},
-    "a place of a thing that there is not": {**RIGHT, "plain": ["on(knife, table)"]},
     "further arguments": answer([step("TuckArm", speed="99")], ["tucked"]),
 }
+
+
+@pytest.mark.parametrize(("fact", "why"), [("open(fridge)", "does not state where"), ("on(knife, table)", "knife")])
+def test_a_place_that_the_model_invents_is_refused(fact: str, why: str) -> None:
+    with serving(says({**RIGHT, "told": [fact]})) as server, pytest.raises(NoValidAnswerError, match=why):
+        planner(server).propose(kitchen())
 
 
 @pytest.mark.parametrize("what", OBEYED)

@@ -262,9 +262,16 @@ class DatasetFolder:
 
 
 def entry_names(feature: Mapping[str, Any]) -> list[str]:
-    """Return the names of a feature's entries, of which LeRobot keeps a list or a list per group; empty without any."""
+    """Return the names of a feature's entries; empty without any.
+
+    LeRobot keeps a list of them, a list per group, or their numbers by name.
+    """
     names = feature.get("names") or []
-    return [name for group in names.values() for name in group] if isinstance(names, Mapping) else names
+    if not isinstance(names, Mapping):
+        return list(names)
+    if all(isinstance(place, int) for place in names.values()):
+        return sorted(names, key=lambda name: names[name])
+    return [name for group in names.values() for name in group]
 
 
 def _write(path: Path, write: Callable[[Path], object]) -> None:
