@@ -21,7 +21,10 @@ from tests.properties.profile import examples
 OBJECTS = {"a": "thing", "b": "thing", "c": "box"}
 ARITY = {"p": 1, "q": 1, "r": 0, "link": 2}
 """``link`` never changes."""
-KINDS = st.sampled_from(["thing", "box", "object"])
+KINDS = st.sampled_from(["thing", "thing", "box", "object", "none"])
+"""``none``: of no object."""
+
+VARIABLES = st.sampled_from(["?y", "?x0", "?x0"])
 
 
 def atoms(names, predicates):
@@ -29,29 +32,29 @@ def atoms(names, predicates):
 
 
 @st.composite
-def formulas(draw, names, depth=3):
+def formulas(draw, names, depth=4):
     """A formula as nested tuples, as PDDL writes it."""
     leaf = st.one_of(atoms(names, ARITY), st.tuples(st.just("="), st.sampled_from(names), st.sampled_from(names)))
     word = draw(st.sampled_from(["leaf", "leaf", "not", "and", "or", "imply", "forall", "exists"]))
     if depth == 0 or word == "leaf":
         return draw(leaf)
     if word in ("forall", "exists"):
-        variable = draw(st.sampled_from(["?y", "?x0"]))
+        variable = draw(VARIABLES)
         return (word, ((variable, draw(KINDS)),), draw(formulas([*names, variable], depth - 1)))
     count = {"not": 1, "imply": 2}.get(word) or draw(st.integers(0, 3))
     return (word, *(draw(formulas(names, depth - 1)) for _ in range(count)))
 
 
 @st.composite
-def effects(draw, names, depth=2):
-    word = draw(st.sampled_from(["leaf", "leaf", "when", "forall", "and"]))
+def effects(draw, names, depth=4):
+    word = draw(st.sampled_from(["leaf", "when", "forall", "forall", "and"]))
     if depth == 0 or word == "leaf":
         atom = draw(atoms(names, ("p", "q", "r")))
         return draw(st.sampled_from([atom, ("not", atom)]))
     if word == "when":
         return (word, draw(formulas(names, 2)), draw(effects(names, depth - 1)))
     if word == "forall":
-        variable = draw(st.sampled_from(["?y", "?x0"]))
+        variable = draw(VARIABLES)
         return (word, ((variable, draw(KINDS)),), draw(effects([*names, variable], depth - 1)))
     return ("and", *draw(st.lists(effects(names, depth - 1), min_size=1, max_size=3)))
 
@@ -59,7 +62,7 @@ def effects(draw, names, depth=2):
 @st.composite
 def actions(draw, name):
     parameters = tuple((f"?x{number}", kind) for number, kind in enumerate(draw(st.lists(KINDS, max_size=2))))
-    names = [*OBJECTS, *(variable for variable, _ in parameters)]
+    names = ["a", *(variable for variable, _ in parameters)]
     return name, parameters, draw(formulas(names)), ("and", *draw(st.lists(effects(names), min_size=1, max_size=3)))
 
 
@@ -85,7 +88,7 @@ def typed(pairs):
 
 def read(problem, folder):
     made, state, goal = problem
-    lines = ["(define (domain d) (:requirements :adl) (:types thing box - object)"]
+    lines = ["(define (domain d) (:requirements :adl) (:types thing box none - object)"]
     lines.append("(:predicates (p ?x) (q ?x) (r) (link ?x ?y))")
     for name, parameters, pre, effect in made:
         lines.append(f"(:action {name} :parameters ({typed(parameters)})")

@@ -7,6 +7,7 @@ Not supported are durations, derived predicates, preferences, types of ``either`
 from __future__ import annotations
 
 import re
+from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -68,6 +69,10 @@ class _List:
         return first.text if isinstance(first, _Word) else ""
 
 
+_Scope = ChainMap[str, str]
+"""Variable, as ``?x`` → its name with braces; the maps behind the first are those of the scopes around it."""
+
+
 def read_pddl(domain: str | Path, problem: str | Path) -> PlanningProblem:
     """Return the problem of a domain file and a problem file. Raises PddlError with file and line."""
     operators, types, constants, predicates = _File(domain).domain()
@@ -122,6 +127,7 @@ class _File:
             match section.head:
                 case ":types":
                     types = self._typed(section.parts[1:])
+                    types |= {above: ROOT for above in types.values() if above not in types}
                     types.pop(ROOT, None)
                     self._check_types(section, types)
                 case ":constants":
@@ -175,9 +181,9 @@ class _File:
         true, false = set[Fact](), set[Fact]()
         for part in map(self._as_list, section.parts[1:]):
             if part.head == "not":
-                false.add(self._fact(self._only(part, "not"), {}))
+                false.add(self._fact(self._only(part, "not"), _Scope()))
             elif part.head != EQUAL:
-                true.add(self._fact(part, {}))
+                true.add(self._fact(part, _Scope()))
         if true & false:
             self._fail(section, f"{min(true & false)} and not {min(true & false)} cannot hold together")
         return frozenset(true)
@@ -189,7 +195,7 @@ class _File:
         return goal
 
     def _goal_part(self, part: _List) -> Formula:
-        formula = self._formula(part, {})
+        formula = self._formula(part, _Scope())
         if self._predicates is None and not isinstance(formula, Literal):
             self._fail(part, f"{part.head} is not supported in a goal for abilities; 'and', 'not' and facts are")
         return formula
@@ -224,7 +230,7 @@ class _File:
                 self._fail(key, f"{key.text} is not supported; {', '.join(_FIELDS)} are, each with its list")
             fields[key.text] = self._as_list(rest.pop(0))
         typed = self._typed(fields[":parameters"].parts) if ":parameters" in fields else {}
-        variables = {variable: f"{{{variable[1:]}}}" for variable in typed}
+        variables = _Scope({variable: f"{{{variable[1:]}}}" for variable in typed})
         parameters = {variable[1:]: kind for variable, kind in typed.items()}
         operator = Operator(name, parameters)
         if ":precondition" in fields:
@@ -234,7 +240,7 @@ class _File:
             operator = replace(operator, pre=pre, formulas=formulas)
         return self._with_effects(operator, fields[":effect"], variables) if ":effect" in fields else operator
 
-    def _with_effects(self, operator: Operator, effect: _List, variables: Mapping[str, str]) -> Operator:
+    def _with_effects(self, operator: Operator, effect: _List, variables: _Scope) -> Operator:
         add: list[Fact] = []
         delete: list[Fact] = []
         when: list[When] = []
@@ -251,7 +257,7 @@ class _File:
         return replace(operator, add=tuple(add), delete=tuple(delete), when=tuple(when), cost=cost)
 
     def _effects(
-        self, effect: _List, variables: Mapping[str, str], given: tuple[Formula, ...], quantified: Mapping[str, str]
+        self, effect: _List, variables: _Scope, given: tuple[Formula, ...], quantified: Mapping[str, str]
     ) -> Iterator[When]:
         """Yield the single effects within conditions and quantifiers."""
         for part in self._conjuncts(effect):
@@ -285,7 +291,7 @@ class _File:
         for inner in part.parts[1:]:
             yield from self._conjuncts(self._as_list(inner))
 
-    def _formula(self, part: _List, variables: Mapping[str, str]) -> Formula:
+    def _formula(self, part: _List, variables: _Scope) -> Formula:
         match part.head:
             case "and" | "or":
                 parts = tuple(self._formula(self._as_list(one), variables) for one in part.parts[1:])
@@ -305,20 +311,20 @@ class _File:
                 self._fail(part, f"{head} is not supported here; {_CONDITIONS}")
         return Literal(self._fact(part, variables)) if part.parts else Joined(True, ())
 
-    def _quantifier(self, part: _List, variables: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str], _List]:
+    def _quantifier(self, part: _List, variables: _Scope) -> tuple[dict[str, str], _Scope, _List]:
         """Return own names → types of the variables, ``variables`` with them, and what is quantified."""
         typed, body = self._two(part, f"{part.head} takes variables and a condition or an effect")
-        found, inside = dict[str, str](), dict(variables)
+        found, inside = dict[str, str](), variables.new_child()
         for variable, kind in self._typed(typed.parts).items():
             own = f"{{{variable[1:]}}}"
-            while own in inside.values():  # it hides a variable of the same name
+            while any(own in scope.values() for scope in inside.maps):  # it may hide a variable of the same name
                 own = f"{own[:-1]}_}}"
             inside[variable], found[own] = own, kind
         if not found:
             self._fail(part, f"{part.head} takes at least one variable")
         return found, inside, body
 
-    def _fact(self, part: _List, variables: Mapping[str, str]) -> Fact:
+    def _fact(self, part: _List, variables: _Scope) -> Fact:
         words = [self._as_word(one) for one in part.parts]
         if not words:
             self._fail(part, "a fact is expected, not ()")

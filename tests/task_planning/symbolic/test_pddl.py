@@ -267,6 +267,35 @@ def test_a_variable_of_forall_hides_the_parameter_of_its_name(files):
         SymbolicPlanner().plan(problem)
 
 
+NESTED = """(define (domain nested) (:requirements :adl)
+  (:types thing empty)
+  (:predicates (small ?x) (marked ?x))
+  (:action mark :parameters (?x - thing) :precondition () :effect {effect}))
+"""
+
+
+@pytest.mark.parametrize(
+    ("effect", "marked"),
+    [
+        ("(forall (?x - thing) (forall (?x - thing) (marked ?x)))", "ab"),
+        ("(forall (?x - empty) (forall (?x - thing) (forall (?x - thing) (marked ?x))))", ""),
+        ("(when (small ?x) (forall (?x - thing) (forall (?x - thing) (marked ?x))))", "ab"),
+        ("(forall (?x - thing) (when (small ?x) (forall (?x - thing) (forall (?x - thing) (marked ?x)))))", "ab"),
+        ("(forall (?y - empty) (forall (?y ?y_ - thing) (forall (?y_ - thing) (marked ?y_))))", ""),
+    ],
+)
+def test_a_variable_does_not_get_the_name_of_one_that_is_hidden(files, effect, marked):
+    problem = "(define (problem x) (:domain nested) (:objects a b - thing) (:init (small a)) (:goal (marked b)))"
+    stated = read_pddl(*files(NESTED.format(effect=effect), problem))
+    after = state_after(stated, stated.operators[0], ["a"], stated.state) - stated.state
+    assert after == {Fact("marked", (name,)) for name in marked}
+
+
+def test_a_type_that_is_named_after_a_dash_alone_is_an_object(files):
+    domain = DOMAIN.replace("block - object", "block - piece").replace("?x ?y - block", "?x ?y - object")
+    assert len(SymbolicPlanner().plan(read_pddl(*files(domain)))) == 1
+
+
 def test_a_goal_that_asks_for_nothing_holds_already(files):
     assert len(SymbolicPlanner().plan(read_pddl(*files(problem=PROBLEM.replace("(and (on a b))", "(and)"))))) == 0
 
