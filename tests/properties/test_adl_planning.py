@@ -88,7 +88,7 @@ def typed(pairs):
 
 def read(problem, folder):
     made, state, goal = problem
-    lines = ["(define (domain d) (:requirements :adl) (:types thing box none - object)"]
+    lines = ["(define (domain d) (:requirements :adl) (:types thing box none - object) (:constants a - thing)"]
     lines.append("(:predicates (p ?x) (q ?x) (r) (link ?x ?y))")
     for name, parameters, pre, effect in made:
         lines.append(f"(:action {name} :parameters ({typed(parameters)})")

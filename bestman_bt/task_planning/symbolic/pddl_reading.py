@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NoReturn
 
@@ -38,6 +38,11 @@ _NOT_FACTS = (">", "<", ">=", "<=", "assign", "increase", "decrease", "scale-up"
 _NOT_EFFECTS = (*_NOT_FACTS, "and", "or", "not", "imply", "exists", "forall", EQUAL)
 _CONDITIONS = "'and', 'or', 'not', 'imply', 'exists', 'forall', '=' and facts are"
 _EFFECTS = "'and', 'not', 'forall', 'when' and facts are, and (increase (total-cost) NUMBER) outside of these"
+_SECTIONS = (
+    *(":requirements", ":types", ":constants", ":objects", ":predicates", ":functions", ":action"),
+    *(":init", ":goal", ":metric", ":domain"),
+)
+"""In the order in which they are read, wherever they stand."""
 _FIELDS = (":parameters", ":precondition", ":effect")
 _TOTAL_COST = "total-cost"
 _DEPTH = 200
@@ -69,19 +74,29 @@ class _List:
         return first.text if isinstance(first, _Word) else ""
 
 
+@dataclass
+class _Declared:
+    """Type → more general type, object → type, predicate → types of its arguments."""
+
+    types: dict[str, str] = field(default_factory=dict)
+    objects: dict[str, str] = field(default_factory=dict)
+    predicates: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+
 _Scope = ChainMap[str, str]
 """Variable, as ``?x`` → its name with braces; the maps behind the first are those of the scopes around it."""
 
 
 def read_pddl(domain: str | Path, problem: str | Path) -> PlanningProblem:
     """Return the problem of a domain file and a problem file. Raises PddlError with file and line."""
-    operators, types, constants, predicates = _File(domain).domain()
-    stated = _File(problem)
-    objects, state, goal = stated.problem(predicates)
+    declared = _Declared()
+    operators = _File(domain, declared).domain()
+    stated = _File(problem, declared)
+    state, goal = stated.problem()
     if not stated.has_metric:  # the shortest plan is asked for
         operators = tuple(replace(operator, cost=1.0) for operator in operators)
-    named = {**constants, **objects}
-    return PlanningProblem(named, state, goal, operators, {kind: (above,) for kind, above in types.items()}, predicates)
+    supertypes = {kind: (above,) for kind, above in declared.types.items()}
+    return PlanningProblem(declared.objects, state, goal, operators, supertypes, declared.predicates)
 
 
 def read_goal(source: str | Path) -> tuple[Literal, ...]:
@@ -91,20 +106,24 @@ def read_goal(source: str | Path) -> tuple[Literal, ...]:
     PddlError.
     """
     if isinstance(source, Path):
-        _, _, goal = _File(source).problem(None)
+        _, goal = _File(source).problem()
     else:
-        goal = _File("the goal", source).goal()
-    literals = [one for one in goal if isinstance(one, Literal)]  # without predicates, others were refused
+        goal = _File("the goal", text=source).goal()
+    literals = [one for one in goal if isinstance(one, Literal)]  # others were refused
     slashes = {name: name.replace("__", "/") for literal in literals for name in literal.fact.arguments}
     return tuple(literal.bound(slashes) for literal in literals)
 
 
 class _File:
-    """A file of one expression, or ``text`` that is called ``path`` in errors."""
+    """A file of one expression, or ``text`` that is called ``path`` in errors.
 
-    def __init__(self, path: str | Path, text: str | None = None) -> None:
+    ``declared``: what it may use, to which it adds its own; None: any names, and a goal of literals alone.
+    """
+
+    def __init__(self, path: str | Path, declared: _Declared | None = None, text: str | None = None) -> None:
         self._name = str(path)
-        self._predicates: Mapping[str, tuple[str, ...]] | None = None
+        self._declared = declared or _Declared()
+        self._any_names = declared is None
         self.has_metric = False
         if text is None:
             try:
@@ -117,49 +136,40 @@ class _File:
         """Return the formulas that the expression joins by ``and``."""
         return tuple(self._goal_part(part) for part in self._conjuncts(self._root))
 
-    def domain(self) -> tuple[tuple[Operator, ...], dict[str, str], dict[str, str], dict[str, tuple[str, ...]]]:
-        """Return operators, type → more general type, constants and predicates."""
-        types: dict[str, str] = {}
-        constants: dict[str, str] = {}
-        predicates: dict[str, tuple[str, ...]] = {}
-        operators: list[Operator] = []
+    def domain(self) -> tuple[Operator, ...]:
+        """Return the operators."""
+        operators: dict[str, Operator] = {}
         for section in self._sections("domain"):
             match section.head:
                 case ":types":
-                    types = self._typed(section.parts[1:])
-                    types |= {above: ROOT for above in types.values() if above not in types}
-                    types.pop(ROOT, None)
-                    self._check_types(section, types)
+                    self._declare_types(section)
                 case ":constants":
-                    constants = self._typed(section.parts[1:])
+                    self._declare_objects(section)
                 case ":predicates":
-                    self._predicates = predicates
                     for one in map(self._as_list, section.parts[1:]):
-                        predicates[one.head] = tuple(self._typed(one.parts[1:]).values())
+                        kinds = tuple(kind for _, kind in self._of_known_types(one.parts[1:]))
+                        self._declared.predicates[one.head] = kinds
                 case ":action":
-                    operators.append(self._action(section))
+                    operator = self._action(section)
+                    if operator.name in operators:
+                        self._fail(section, f"there are two actions {operator.name}")
+                    operators[operator.name] = operator
                 case ":requirements":
                     self._check_requirements(section)
                 case ":functions":
                     pass
                 case other:
                     self._fail(section, f"{other or 'this'} is not supported")
-        return tuple(operators), types, constants, predicates
+        return tuple(operators.values())
 
-    def problem(
-        self, predicates: Mapping[str, tuple[str, ...]] | None
-    ) -> tuple[dict[str, str], frozenset[Fact], tuple[Formula, ...]]:
-        """Return objects, state and goal; ``predicates``: those of the domain, which they may use; None: any, and a
-        goal of literals alone.
-        """
-        self._predicates = predicates
-        objects: dict[str, str] = {}
+    def problem(self) -> tuple[frozenset[Fact], tuple[Formula, ...]]:
+        """Return state and goal."""
         state = frozenset[Fact]()
         goal: tuple[Formula, ...] | None = None
         for section in self._sections("problem"):
             match section.head:
                 case ":objects":
-                    objects = self._typed(section.parts[1:])
+                    self._declare_objects(section)
                 case ":init":
                     state = self._state(section)
                 case ":goal":
@@ -175,7 +185,7 @@ class _File:
                     self._fail(section, f"{other or 'this'} is not supported")
         if goal is None:
             self._fail(self._root, "there is no (:goal …)")
-        return objects, state, goal
+        return state, goal
 
     def _state(self, section: _List) -> frozenset[Fact]:
         true, false = set[Fact](), set[Fact]()
@@ -190,14 +200,15 @@ class _File:
 
     def _goal(self, section: _List) -> tuple[Formula, ...]:
         goal = tuple(self._goal_part(part) for part in self._conjuncts(self._only(section, ":goal")))
-        if not goal and self._predicates is None:
+        if not goal and self._any_names:
             self._fail(section, "the goal is empty; name at least one fact")
         return goal
 
     def _goal_part(self, part: _List) -> Formula:
         formula = self._formula(part, _Scope())
-        if self._predicates is None and not isinstance(formula, Literal):
-            self._fail(part, f"{part.head} is not supported in a goal for abilities; 'and', 'not' and facts are")
+        if self._any_names and (not isinstance(formula, Literal) or formula.fact.predicate == EQUAL):
+            what = f"not ({self._only(part, 'not').head} …)" if part.head == "not" else part.head
+            self._fail(part, f"{what} is not supported in a goal for abilities; facts, 'not' before one, and 'and' are")
         return formula
 
     def _check_metric(self, section: _List) -> None:
@@ -206,7 +217,11 @@ class _File:
         if len(section.parts) != 3 or not minimize or not isinstance(what, _List) or what.head != _TOTAL_COST:
             self._fail(section, f"(:metric minimize ({_TOTAL_COST})) is the only supported form")
 
-    def _check_types(self, section: _List, types: Mapping[str, str]) -> None:
+    def _declare_types(self, section: _List) -> None:
+        types = self._declared.types
+        types |= {kind.text: above.text for kind, above in self._typed(section.parts[1:])}
+        types |= {above: ROOT for above in types.values() if above not in types}  # named after a dash alone
+        types.pop(ROOT, None)
         for kind in types:
             above, seen = types.get(kind), [kind]
             while above is not None and above not in seen:
@@ -214,6 +229,12 @@ class _File:
                 above = types.get(above)
             if above is not None:
                 self._fail(section, f"the types go in a circle: {' - '.join([*seen, above])}")
+
+    def _declare_objects(self, section: _List) -> None:
+        for name, kind in self._of_known_types(section.parts[1:]):
+            known = self._declared.objects.setdefault(name.text, kind)
+            if known != kind:
+                self._fail(name, f"{name.text} is declared as {known} and as {kind}")
 
     def _check_requirements(self, section: _List) -> None:
         for word in map(self._as_word, section.parts[1:]):
@@ -228,8 +249,10 @@ class _File:
             key = self._as_word(rest.pop(0))
             if key.text not in _FIELDS or not rest:
                 self._fail(key, f"{key.text} is not supported; {', '.join(_FIELDS)} are, each with its list")
+            if key.text in fields:
+                self._fail(key, f"{name} has two {key.text}")
             fields[key.text] = self._as_list(rest.pop(0))
-        typed = self._typed(fields[":parameters"].parts) if ":parameters" in fields else {}
+        typed = self._variables(fields[":parameters"].parts) if ":parameters" in fields else {}
         variables = _Scope({variable: f"{{{variable[1:]}}}" for variable in typed})
         parameters = {variable[1:]: kind for variable, kind in typed.items()}
         operator = Operator(name, parameters)
@@ -315,7 +338,7 @@ class _File:
         """Return own names → types of the variables, ``variables`` with them, and what is quantified."""
         typed, body = self._two(part, f"{part.head} takes variables and a condition or an effect")
         found, inside = dict[str, str](), variables.new_child()
-        for variable, kind in self._typed(typed.parts).items():
+        for variable, kind in self._variables(typed.parts).items():
             own = f"{{{variable[1:]}}}"
             while any(own in scope.values() for scope in inside.maps):  # it may hide a variable of the same name
                 own = f"{own[:-1]}_}}"
@@ -328,47 +351,69 @@ class _File:
         words = [self._as_word(one) for one in part.parts]
         if not words:
             self._fail(part, "a fact is expected, not ()")
-        for word in words[1:]:
-            if word.text.startswith("?") and word.text not in variables:
-                self._fail(word, f"{word.text} is not a parameter")
         self._check_predicate(words)
+        for word in words[1:]:
+            self._check_argument(word, variables)
         return Fact(words[0].text, tuple(variables.get(word.text, word.text) for word in words[1:]))
 
+    def _check_argument(self, word: _Word, variables: _Scope) -> None:
+        what, known = ("variable", [*variables]) if word.text.startswith("?") else ("object", [*self._declared.objects])
+        if word.text not in known and (what == "variable" or not self._any_names):
+            self._fail(word, f"unknown {what} {word.text!r}; {suggestion(word.text, known)}")
+
     def _check_predicate(self, words: Sequence[_Word]) -> None:
-        name, known = words[0].text, self._predicates
-        if known is None or name == EQUAL:
+        name, known = words[0].text, {EQUAL: (ROOT, ROOT), **self._declared.predicates}
+        if self._any_names:
             return
         if name not in known:
-            self._fail(words[0], f"unknown predicate {name!r}; {suggestion(name, list(known))}")
+            self._fail(words[0], f"unknown predicate {name!r}; {suggestion(name, [*self._declared.predicates])}")
         if len(words) - 1 != len(known[name]):
             self._fail(words[0], f"{name} takes {len(known[name])} things, not {len(words) - 1}")
 
-    def _typed(self, parts: tuple[_Word | _List, ...]) -> dict[str, str]:
-        """Parse ``a b - t c`` into ``{a: t, b: t, c: object}``."""
+    def _variables(self, parts: tuple[_Word | _List, ...]) -> dict[str, str]:
+        """Return variable → type."""
         found: dict[str, str] = {}
-        waiting: list[str] = []
+        for variable, kind in self._of_known_types(parts):
+            if not variable.text.startswith("?"):
+                self._fail(variable, f"a variable starts with '?', as ?{variable.text}")
+            if variable.text in found:
+                self._fail(variable, f"{variable.text} is declared twice")
+            found[variable.text] = kind
+        return found
+
+    def _of_known_types(self, parts: tuple[_Word | _List, ...]) -> Iterator[tuple[_Word, str]]:
+        """Yield each name with its type."""
+        known = {ROOT, *self._declared.types}
+        for name, kind in self._typed(parts):
+            if kind.text not in known and not self._any_names:
+                self._fail(kind, f"unknown type {kind.text!r}; {suggestion(kind.text, [*known])}")
+            yield name, kind.text
+
+    def _typed(self, parts: tuple[_Word | _List, ...]) -> Iterator[tuple[_Word, _Word]]:
+        """Parse ``a b - t c``: yield a and t, b and t, c and object."""
+        waiting: list[_Word] = []
         words = iter(parts)
         for part in words:
             word = self._as_word(part)
             if word.text != "-":
-                waiting.append(word.text)
+                waiting.append(word)
                 continue
             kind = next(words, None)
             if kind is None:
                 self._fail(word, "a type is expected after '-'")
-            elif isinstance(kind, _List):
+            if isinstance(kind, _List):
                 self._fail(kind, f"{kind.head or 'this'} is not supported; one type is, such as one that both are of")
-            else:
-                found |= dict.fromkeys(waiting, self._as_word(kind).text)
-                waiting = []
-        return found | dict.fromkeys(waiting, ROOT)
+            yield from ((one, kind) for one in waiting)
+            waiting = []
+        yield from ((one, _Word(ROOT, one.line)) for one in waiting)
 
     def _sections(self, kind: str) -> Iterator[_List]:
         parts = self._root.parts
         named = parts[1] if len(parts) > 1 else None
         if self._root.head != "define" or not isinstance(named, _List) or named.head != kind:
             self._fail(self._root, f"(define ({kind} NAME) …) is expected")
-        return map(self._as_list, parts[2:])
+        sections = map(self._as_list, parts[2:])
+        return iter(sorted(sections, key=lambda one: _SECTIONS.index(one.head) if one.head in _SECTIONS else -1))
 
     def _only(self, part: _List, what: str) -> _List:
         if len(part.parts) != 2:

@@ -111,8 +111,10 @@ def test_goals_in_pddl_are_understood_beside_facts(goal: str, facts: str) -> Non
         ("on cup counter", r"column 4 .* a goal is written as on\(mug, table\)"),
         (
             "(or (on cup table) (on cup counter))",
-            "or is not supported in a goal for abilities; 'and', 'not' and facts are",
+            "or is not supported in a goal for abilities; facts, 'not' before one, and 'and' are",
         ),
+        ("(not (and (on cup table)(hand_empty)))", r"not \(and …\) is not supported in a goal for abilities"),
+        ("(and (hand_empty) (not (= cup table)))", r"not \(= …\) is not supported in a goal for abilities"),
         ("(on cup (counter))", "a name is expected"),
         ("none.pddl", "none.pddl:1: it cannot be read"),
     ],

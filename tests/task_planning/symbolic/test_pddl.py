@@ -120,7 +120,7 @@ def test_what_is_written_is_read_as_the_same_problem(tmp_path):
             8,
             "preference is not supported here; 'and', 'or'",
         ),
-        ("(on ?x ?y) (not", "(on ?x ?z) (not", 9, "?z is not a parameter"),
+        ("(on ?x ?y) (not", "(on ?x ?z) (not", 9, "unknown variable '?z'; known: ?x, ?y"),
         ("(increase (total-cost) 2)", "(increase (total-cost) (size ?x))", 9, "NUMBER"),
         (":types", ":durative-action", 3, ":durative-action is not supported"),
         ("(domain blocks)", "(problem blocks)", 1, "(define (domain NAME) …) is expected"),
@@ -129,6 +129,15 @@ def test_what_is_written_is_read_as_the_same_problem(tmp_path):
         ("(:types block - object)", "(:types block -)", 3, "a type is expected after '-'"),
         (":typing", ":fluents", 2, ":fluents is not supported"),
         ("(clear ?x) (clear ?y)", "(claer ?x)", 8, "unknown predicate 'claer'; did you mean 'clear'?"),
+        ("(clear ?x) (clear ?y)", "(forall (?z - blok) (clear ?z))", 8, "unknown type 'blok'; did you mean 'block'?"),
+        ("?x ?y - block)\n", "?x ?y - blok)\n", 7, "unknown type 'blok'"),
+        ("(clear ?x) (clear ?y)", "(clear x)", 8, "unknown object 'x'; known: none"),
+        ("(clear ?x) (clear ?y)", "(exists (z - block) (clear ?z))", 8, "a variable starts with '?', as ?z"),
+        ("?x ?y - block)\n", "?x ?x - block)\n", 7, "?x is declared twice"),
+        ("(= ?x ?y)", "(= ?x)", 8, "= takes 2 things, not 1"),
+        ("(= ?x ?y)", "(= ?x ?y ?y)", 8, "= takes 2 things, not 3"),
+        ("2)))\n", "2))\n:effect (clear ?x))\n", 10, "stack has two :effect"),
+        ("2)))\n", "2)))\n(:action stack)\n", 10, "there are two actions stack"),
     ],
 )
 def test_a_malformed_domain_is_reported_with_file_and_line(files, old, new, line, words):
@@ -145,6 +154,10 @@ def test_a_malformed_domain_is_reported_with_file_and_line(files, old, new, line
     [
         ("(clear b)", "(claer b)", 4, "unknown predicate 'claer'; did you mean 'clear'?"),
         ("(clear b)", "(clear a b)", 4, "clear takes 1 things, not 2"),
+        ("(and (on a b))", "(not (on a bb))", 5, "unknown object 'bb'; did you mean 'b'?"),
+        ("(and (on a b))", "(on ?x b)", 5, "unknown variable '?x'; known: none"),
+        ("A b - block", "a b - blok", 3, "unknown type 'blok'; did you mean 'block'?"),
+        ("A b - block", "a b - block b - object", 3, "b is declared as block and as object"),
         ("(and (on a b))", "(onn a b)", 5, "unknown predicate 'onn'; did you mean 'on'?"),
         ("(clear b)", "(not (clear a))", 4, "clear(a) and not clear(a) cannot hold together"),
         ("(and (on a b))", "(imply (on a b))", 5, "imply takes two conditions"),
@@ -213,7 +226,7 @@ def test_the_validator_needs_no_engine_and_finds_the_missing_step():
         ("(on ?x ?y) (not (clear ?y))", "(imply (clear ?x) (table ?x))", "imply is not supported here"),
         ("(not (= ?x ?y))", "(when (clear ?x) (clear ?y))", "when is not supported here; 'and', 'or', 'not', 'imply'"),
         ("(not (= ?x ?y))", "(exists () (clear ?x))", "exists takes at least one variable"),
-        ("(not (= ?x ?y))", "(exists (?z - block) (clear ?w))", "?w is not a parameter"),
+        ("(not (= ?x ?y))", "(exists (?z - block) (clear ?w))", "unknown variable '?w'; known: ?x, ?y, ?z"),
         ("(not (= ?x ?y))", "(not (clear ?x) (clear ?y))", "takes one condition"),
         ("(not (= ?x ?y))", "clear", "'(' is expected, not 'clear'"),
         ("(not (= ?x ?y))", "(clear (on ?x))", "a name is expected, not '('"),
@@ -289,6 +302,17 @@ def test_a_variable_does_not_get_the_name_of_one_that_is_hidden(files, effect, m
     stated = read_pddl(*files(NESTED.format(effect=effect), problem))
     after = state_after(stated, stated.operators[0], ["a"], stated.state) - stated.state
     assert after == {Fact("marked", (name,)) for name in marked}
+
+
+def test_a_predicate_takes_as_many_things_as_variables_stand_in_its_declaration(files):
+    domain = DOMAIN.replace("(on ?x ?y - block)", "(on ?x ?x - block)")
+    assert read_pddl(*files(domain)).predicates["on"] == ("block", "block")
+
+
+def test_types_and_constants_may_be_declared_after_what_uses_them(files):
+    types = "(:types block - object)"
+    domain = DOMAIN.replace(types, "").replace("2)))\n", f"2)))\n(:constants floor - block) {types}\n")
+    assert read_pddl(*files(domain)).objects == {"a": "block", "b": "block", "floor": "block"}
 
 
 def test_a_type_that_is_named_after_a_dash_alone_is_an_object(files):
