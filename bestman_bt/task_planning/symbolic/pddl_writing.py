@@ -40,7 +40,7 @@ class PddlText:
         self._name = _word(name)
         self._signatures = signatures(problem)
         types = {kind for operator in problem.operators for kind in operator.parameters.values()}
-        types.update(*self._signatures.values())
+        types.update(*self._signatures.values(), *(around.values() for _, around in _stated_facts(problem)))
         self._is_tree = all(len(above) == 1 for above in problem.supertypes.values())
         if self._is_tree:
             types.update(problem.objects.values(), problem.supertypes, *problem.supertypes.values())
@@ -51,16 +51,20 @@ class PddlText:
         words = _apart({name: _word(name) for name in problem.objects})
         named = {(kind, name): words[name] for kind in self._types for name in problem.of_type(kind)}
         self._objects = named if self._is_tree else _apart({key: self._object(*key) for key in named})
+        used = {name for fact, _ in _operator_facts(problem) for name in fact.arguments if not name.startswith("{")}
+        self._constants = {key for key in named if key[1] in used}
         self._predicates = _apart({name: _word(name) for name in sorted(self._signatures)})
         self._names = _apart({operator.name: _word(operator.name) for operator in problem.operators})
         self._operators = {self._names[operator.name]: operator for operator in problem.operators}
 
     def domain(self) -> str:
         """Return the domain file."""
+        constants = self._declared_objects(constant=True)
         lines = [
             f"(define (domain {self._name})",
             "  (:requirements :adl :action-costs)",
             f"  (:types {' '.join(self._declared_types())})",
+            *(("  (:constants", *constants, "  )") if constants else ()),
             "  (:predicates",
             *(
                 f"    ({self._predicates[name]}{self._typed(types)})"
@@ -75,18 +79,12 @@ class PddlText:
 
     def problem(self) -> str:
         """Return the problem file."""
-        own = self._problem.objects
-        objects = [
-            f"    {word} - {self._kinds[kind]}"
-            for (kind, name), word in self._objects.items()
-            if not self._is_tree or own[name] == kind
-        ]
         state = [f"    {self._fact(fact)}" for fact in sorted(self._problem.state)]
         goal = " ".join(map(self._formula, self._problem.goal))
         return "\n".join([
             f"(define (problem {self._name}_problem)",
             f"  (:domain {self._name})",
-            *("  (:objects", *objects, "  )"),
+            *("  (:objects", *self._declared_objects(constant=False), "  )"),
             *("  (:init", *state, "    (= (total-cost) 0)", "  )"),
             f"  (:goal (and {goal}))",
             "  (:metric minimize (total-cost))",
@@ -111,6 +109,15 @@ class PddlText:
         below = [f"{self._kinds[kind]} - {self._kinds[above[kind][0]]}" for kind in self._types if kind in above]
         return [*below, *(self._kinds[kind] for kind in self._types if kind not in above and self._kinds[kind] != ROOT)]
 
+    def _declared_objects(self, constant: bool) -> list[str]:
+        """Return the lines of the objects that operators name, or of the others."""
+        own = self._problem.objects
+        return [
+            f"    {word} - {self._kinds[kind]}"
+            for (kind, name), word in self._objects.items()
+            if ((kind, name) in self._constants) == constant and (not self._is_tree or own[name] == kind)
+        ]
+
     def _object(self, kind: str, name: str) -> str:
         other = [one for one in self._types if one != kind and self._problem.is_a(name, one)]
         return f"{_word(name)}__{_type(kind)}" if other else _word(name)
@@ -134,16 +141,14 @@ class PddlText:
         inner = self._formula(condition.then)
         if condition.given is not None:
             inner = f"({given} {self._fact(condition.given)} {inner})"
-        return self._quantified("forall", condition.variable, condition.type, inner)
+        return self._quantified("forall", {condition.variable: condition.type}, inner)
 
     def _effect(self, effect: Condition) -> str:
         return self._condition(effect, given="when")
 
     def _when(self, one: When) -> str:
         text = f"(when {self._formula(one.given)} {self._formula(one.effect)})"
-        for variable, kind in reversed([*one.variables.items()]):
-            text = self._quantified("forall", variable, kind, text)
-        return text
+        return self._quantified("forall", one.variables, text) if one.variables else text
 
     def _formula(self, formula: Formula) -> str:
         if isinstance(formula, Literal):
@@ -152,10 +157,11 @@ class PddlText:
         if isinstance(formula, Joined):
             return f"({' '.join(['and' if formula.every else 'or', *map(self._formula, formula.parts)])})"
         word = "forall" if formula.every else "exists"
-        return self._quantified(word, formula.variable, formula.type, self._formula(formula.body))
+        return self._quantified(word, {formula.variable: formula.type}, self._formula(formula.body))
 
-    def _quantified(self, word: str, variable: str, kind: str, inner: str) -> str:
-        return f"({word} ({_variable(variable)} - {self._kinds.get(kind, _type(kind))}) {inner})"
+    def _quantified(self, word: str, variables: Mapping[str, str], inner: str) -> str:
+        typed = (f"{_variable(name)} - {self._kinds.get(kind, _type(kind))}" for name, kind in variables.items())
+        return f"({word} ({' '.join(typed)}) {inner})"
 
     def _typed(self, types: Iterable[str]) -> str:
         return "".join(f" ?x{number} - {self._kinds[kind]}" for number, kind in enumerate(types))
@@ -171,21 +177,28 @@ class PddlText:
 
 def signatures(problem: PlanningProblem) -> dict[str, tuple[str, ...]]:
     """Return predicate → types of its arguments: as declared, or as used by operators, state and goal."""
-    found = list[tuple[Fact, Mapping[str, str]]]()
-    for operator in problem.operators:
-        kinds = {f"{{{name}}}": kind for name, kind in operator.parameters.items()}
-        for condition in (*operator.pre, *operator.hold, *operator.effects, *operator.formulas):
-            found += _typed_facts(condition, kinds)
-        for one in operator.when:
-            found += _typed_facts(Joined(True, (one.given, one.effect)), {**kinds, **one.variables})
-    for formula in problem.goal:
-        found += _typed_facts(formula, {})
-    found += [(fact, {}) for fact in sorted(problem.state)]
     known = dict(problem.predicates)
-    for fact, around in found:
+    for fact, around in (*_stated_facts(problem), *((fact, {}) for fact in sorted(problem.state))):
         known.setdefault(fact.predicate, tuple(around.get(name) or problem.objects[name] for name in fact.arguments))
     known.pop(EQUAL, None)
     return known
+
+
+def _stated_facts(problem: PlanningProblem) -> Iterator[tuple[Fact, Mapping[str, str]]]:
+    """Yield the facts of operators and goal with the types of the variables around them."""
+    yield from _operator_facts(problem)
+    for formula in problem.goal:
+        yield from _typed_facts(formula, {})
+
+
+def _operator_facts(problem: PlanningProblem) -> Iterator[tuple[Fact, Mapping[str, str]]]:
+    """Yield the facts of all operators with the types of the variables around them."""
+    for operator in problem.operators:
+        kinds = {f"{{{name}}}": kind for name, kind in operator.parameters.items()}
+        for condition in (*operator.pre, *operator.hold, *operator.effects, *operator.formulas):
+            yield from _typed_facts(condition, kinds)
+        for one in operator.when:
+            yield from _typed_facts(Joined(True, (one.given, one.effect)), {**kinds, **one.variables})
 
 
 def _typed_facts(condition: Condition | Formula, kinds: Mapping[str, str]) -> Iterator[tuple[Fact, Mapping[str, str]]]:

@@ -17,6 +17,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     Literal,
     Operator,
     PlanningProblem,
+    Quantified,
     Unsolvable,
     When,
 )
@@ -109,6 +110,28 @@ def test_what_is_written_is_read_as_the_same_problem(tmp_path):
         ("PutAt", ("cup", "Table/Top")),
         ("Close", ("chest/drawer",)),
     ]
+
+
+def test_things_that_operators_name_are_written_as_constants_and_types_of_quantifiers_are_declared(files):
+    red = Literal(Fact("red", ("{box}",)))
+    paint = Operator("Paint", {}, (Literal(Fact("wet", ("brush",))),), when=(When(~red, red, {"{box}": "box"}),))
+    goal = Quantified(True, "{box}", "box", red)
+    objects = {"brush": "tool", "one": "box", "two": "box"}
+    problem = PlanningProblem(objects, frozenset({Fact("wet", ("brush",))}), (goal,), (paint,))
+    text = PddlText(problem)
+    again = read_pddl(*files(text.domain(), text.problem()))
+    assert "(:constants\n    brush - tool\n  )" in text.domain()
+    assert "brush" not in text.problem().partition("(:init")[0]
+    assert len(SymbolicPlanner().plan(again)) == 1
+
+
+def test_variables_that_are_quantified_together_are_written_together():
+    """The reader of unified-planning does not take one ``forall`` in another."""
+    near = When(Literal(Fact("calm")), Literal(Fact("near", ("{a}", "{b}"))), {"{a}": "cat", "{b}": "cat"})
+    objects = {"tom": "cat", "kim": "cat"}
+    goal = (Literal(Fact("near", ("tom", "kim"))),)
+    problem = PlanningProblem(objects, frozenset({Fact("calm")}), goal, (Operator("Call", {}, when=(near,)),))
+    assert "(forall (?a - cat ?b - cat) (when (calm) (near ?a ?b)))" in PddlText(problem).domain()
 
 
 @pytest.mark.parametrize(
