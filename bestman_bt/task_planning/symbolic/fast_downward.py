@@ -6,6 +6,7 @@ import importlib
 from dataclasses import dataclass
 from typing import Any
 
+from bestman_bt.engine.own_files import describe_error
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.task_planning.base import TaskPlanner
@@ -36,9 +37,15 @@ class FastDownwardPlanner(TaskPlanner):
             return TaskPlan(())
         planning = unified_planning(engine="up_fast_downward")
         text = PddlText(problem)
-        stated = planning.io.PDDLReader().parse_problem_string(text.domain(), text.problem())
-        with planning.shortcuts.OneshotPlanner(name=self.engine) as engine:
-            result = engine.solve(stated, timeout=self.timeout)
+        try:
+            stated = planning.io.PDDLReader().parse_problem_string(text.domain(), text.problem())
+            with planning.shortcuts.OneshotPlanner(name=self.engine) as engine:
+                result = engine.solve(stated, timeout=self.timeout)
+        except Exception as error:  # of unified-planning or of the engine, which may raise anything
+            raise PlanningError(
+                f"{self.engine} of unified-planning raised {describe_error(error)}; "
+                f"SymbolicPlanner(hand_over=0) plans without it"
+            ) from error
         if result.plan is None:
             if "UNSOLVABLE" in result.status.name:
                 unmet = problem.unmet_in(problem.state)

@@ -148,7 +148,8 @@ class Joined:
     parts: tuple[Formula, ...]
 
     def __str__(self) -> str:
-        return f"({' and '.join(map(str, self.parts))})" if self.every else f"({' or '.join(map(str, self.parts))})"
+        joined = " and " if self.every else " or "
+        return f"({joined.join(map(str, self.parts)) or str(self.every).lower()})"
 
     def __invert__(self) -> Joined:
         return Joined(not self.every, tuple(~part for part in self.parts))

@@ -33,7 +33,7 @@ def as_strips(problem: PlanningProblem, plan: TaskPlan) -> tuple[TaskPlan, tuple
         state = action.applied_to(state)
     if unmet := problem.unmet_in(state):
         raise PlanningError(f"after the plan {' and '.join(map(str, unmet))} does not hold")
-    literals = [one for one in problem.goal if isinstance(one, Literal)]
+    literals = [one for one in problem.goal if isinstance(one, Literal) and one.fact.predicate in problem.changing]
     others = Joined(True, tuple(one for one in problem.goal if not isinstance(one, Literal)))
     due_to = _reasons(ground_formula(problem, others) or Ground(), state)
     return TaskPlan(tuple(actions)), tuple(dict.fromkeys([*literals, *sorted(due_to)]))

@@ -16,6 +16,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     Joined,
     Literal,
     Operator,
+    PlanningError,
     PlanningProblem,
     Quantified,
     Unsolvable,
@@ -220,6 +221,12 @@ def test_fast_downward_solves_it_and_the_validator_agrees_with_both_planners():
 def test_fast_downward_reports_that_there_is_no_plan():
     with pytest.raises(Unsolvable):
         FastDownwardPlanner().plan(drawer_problem("on(cup, Table/Top)", "open(chest/drawer); hand_empty"))
+
+
+@needs_fast_downward
+def test_an_error_of_unified_planning_says_which_planner_does_without_it():
+    with pytest.raises(PlanningError, match=r"warp of unified-planning raised .*; SymbolicPlanner\(hand_over=0\)"):
+        FastDownwardPlanner(engine="warp").plan(drawer_problem("on(cup, Table/Top)"))
 
 
 def test_a_goal_that_holds_needs_no_engine():

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from bestman_bt.engine import SUCCESS, NodeRegistry
@@ -8,6 +10,7 @@ from bestman_bt.task_planning.builders.reactive import ReactiveBuilder
 from bestman_bt.task_planning.builders.sequence import SequenceBuilder
 from bestman_bt.task_planning.simulation import SymbolicWorld, dry_run
 from bestman_bt.task_planning.symbolic.problem import (
+    EQUAL,
     Fact,
     Joined,
     Literal,
@@ -56,6 +59,15 @@ def test_the_tree_of_plain_actions_reaches_the_goal(builder):
 
 
 @pytest.mark.parametrize("builder", [SequenceBuilder(), ReactiveBuilder(), BackchainBuilder()])
+def test_a_tree_does_not_ask_for_equality_that_the_goal_states(builder):
+    differ = Literal(Fact(EQUAL, ("desk", "floor")), negated=True)
+    problem = replace(PROBLEM, goal=(READ, differ))
+    made = builder.build(*as_strips(problem, SymbolicPlanner().plan(problem)))
+    run = dry_run(made.document().to_xml(), SymbolicWorld(problem), NodeRegistry())
+    assert (run.status, run.reached) == (SUCCESS, True)
+
+
+@pytest.mark.parametrize("builder", [SequenceBuilder(), ReactiveBuilder(), BackchainBuilder()])
 def test_a_tree_of_conditional_effects_or_of_formulas_is_refused(builder):
     plan = SymbolicPlanner().plan(PROBLEM)
     with pytest.raises(PlanningError, match=r"Press\((desk|floor)\) has formulas or conditional effects; .* as_strips"):
@@ -77,6 +89,13 @@ def test_an_action_whose_condition_never_holds_is_not_part_of_a_plan():
     problem = PlanningProblem({"book": "book"}, frozenset(), (READ,), (never,))
     with pytest.raises(PlanningError, match="no action achieves that read"):
         SymbolicPlanner().plan(problem)
+
+
+def test_a_formula_that_nothing_makes_true_is_shown_as_false():
+    nothing = PlanningProblem({"desk": "lamp"}, frozenset(), (Joined(False, ()),), OPERATORS)
+    with pytest.raises(PlanningError, match=r"no action achieves that \(false\)"):
+        SymbolicPlanner().plan(nothing)
+    assert str(Joined(True, ())) == "(true)"
 
 
 def test_a_plain_action_asks_for_what_keeps_a_conditional_effect_from_occurring():
