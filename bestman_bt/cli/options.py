@@ -7,6 +7,7 @@ import dataclasses
 import functools
 import inspect
 import json
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -247,11 +248,14 @@ def pose(option: str, text: str) -> Pose:
     from bestman_bt.messages import Pose
 
     try:
-        x, y, z, roll, pitch, yaw = (float(word) for word in text.replace(",", " ").split())
-    except ValueError as error:
-        message = f"should be six numbers, x y z in metres, roll pitch yaw in radians: {error}"
-        raise wrong_input(f"{option} {text}", message) from error
-    return Pose.from_xyz_rpy((x, y, z), (roll, pitch, yaw))
+        values = [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        values = []
+    if len(values) != 6 or not all(map(math.isfinite, values)):
+        raise wrong_input(
+            option, f"should be six finite numbers, x y z in metres, roll pitch yaw in radians, got {text!r}"
+        )
+    return Pose.from_xyz_rpy(values[:3], values[3:])
 
 
 def confirmed(question: str) -> bool:

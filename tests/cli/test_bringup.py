@@ -28,7 +28,9 @@ connections:
         (("cell.yaml",), "connections.arm_controller.address: is missing"),
         (("cell.yaml", "--step", "jump"), "--step jump: no such step; there are identity, limits, tool,"),
         (("cell.yaml", "--set", "scene.seed=1"), "should begin with robot."),
-        (("cell.yaml", "--board", "1 2 3"), "should be six numbers, x y z in metres"),
+        (("cell.yaml", "--board", "1 2 3"), "--board: should be six finite numbers, x y z in metres"),
+        (("cell.yaml", "--board", "1 2 3"), "roll pitch yaw in radians, got '1 2 3'"),
+        (("cell.yaml", "--board", "nan 0 0 0 0 0"), "should be six finite numbers"),
         pytest.param(
             ("cell.yaml", "--set", "robot.connections.arm_controller.address=127.0.0.250"),
             "no xArm controller answers",
