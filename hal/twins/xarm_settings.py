@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -11,7 +12,8 @@ import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.finger_linkage import link_poses
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.payload import flange_of, payload
 
 FIRMWARE = "v2.5.0"
@@ -41,18 +43,21 @@ class XArmSettings:
 
     @classmethod
     def of(cls, model: RobotModel, arm: str, serial_number: str) -> XArmSettings:
-        """Return settings with the load of the hand in the robot's file."""
-        hand = payload(model, flange_of(model, arm))
-        return cls(serial_number, (hand.mass, *(1e3 * hand.centre).tolist()))
+        """Return settings with the load of the hand and the mounting in the robot's file."""
+        hand, base = payload(model, flange_of(model, arm)), model.of(ArmModel)[arm].base_frame
+        poses = link_poses(list(ET.fromstring(model.urdf)), {}, (base, model.base_frame))
+        gravity = (poses[base].inverse() @ poses[model.base_frame]).rotation @ np.array([0.0, 0.0, -1.0])
+        return cls(serial_number, (hand.mass, *(1e3 * hand.centre).tolist()), gravity=tuple(gravity.tolist()))
 
     def faults(self) -> dict[str, Callable[[], None]]:
         """Return the faults of the settings, by name; ``as_built`` reverts all of them."""
+        turned = tuple(-value for value in self.gravity)
         return {
             "other_serial": lambda: setattr(self, "serial_number", self.serial_number[:-8] + OTHER_BATCH),
             "other_tool": lambda: setattr(self, "tool_offset", (0.0, 0.0, OTHER_OFFSET, 0.0, 0.0, 0.0)),
             "kept_load": lambda: setattr(self, "keeps_load", True),
             "other_load": lambda: setattr(self, "load", (self.load[0] + OTHER_LOAD, *self.load[1:])),
-            "other_mounting": lambda: setattr(self, "gravity", (0.0, 0.0, 1.0)),
+            "other_mounting": lambda: setattr(self, "gravity", turned),
             "other_length": lambda: setattr(self, "length_error", OTHER_LENGTH),
             "as_built": self._restore,
         }
