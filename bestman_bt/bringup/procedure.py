@@ -80,9 +80,9 @@ def bring_up(
         before(step)
         result = run_step(subject, step)
         if step.name == "identity" and result.outcome != "failed":
-            told = subject.identities()
-            serials = {name: one.serial_number for name, one in told.items() if one.serial_number}
-            firmware = {name: one.firmware for name, one in told.items() if one.firmware}
+            reported = subject.identities()
+            serials = {name: one.serial_number for name, one in reported.items() if one.serial_number}
+            firmware = {name: one.firmware for name, one in reported.items() if one.firmware}
             file = replace(file, serial_numbers=serials, firmware=firmware)
         done = SignedStep(result.outcome, now(), user(), result.text, result.measured)
         file = signed_if_complete(replace(file, steps={**file.steps, step.name: done}))

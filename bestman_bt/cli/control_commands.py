@@ -255,7 +255,7 @@ def breakpoint_text(status: dict[str, Any]) -> str:
 
 
 def _is_named(run: str, path: Path, status: dict[str, Any]) -> bool:
-    """Return whether ``run`` names an execution; its folder may be told from the working directory."""
+    """Return whether ``run`` names an execution; its folder may be given relative to the working directory."""
     names = {path.name, path.stem, str(path), str(status["pid"]), status["task"]}
     if status.get("folder"):
         folder = Path(status["folder"])

@@ -208,10 +208,10 @@ class RobotiqTwin(TcpTwin):
         return bytes([function]) + data[:4]
 
 
-def _status_registers(told: dict[str, int]) -> bytes:
+def _status_registers(variables: dict[str, int]) -> bytes:
     """Return the three registers of the state: activation and object in bits, fault, target, position."""
-    bits = told["ACT"] | told["GTO"] << 3 | told["STA"] << 4 | told["OBJ"] << 6
-    return bytes([bits, 0, told["FLT"], told["PRE"], told["POS"], 0])
+    bits = variables["ACT"] | variables["GTO"] << 3 | variables["STA"] << 4 | variables["OBJ"] << 6
+    return bytes([bits, 0, variables["FLT"], variables["PRE"], variables["POS"], 0])
 
 
 def _commanded_variables(registers: bytes) -> dict[str, int]:
