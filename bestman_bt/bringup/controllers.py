@@ -42,7 +42,7 @@ def identity(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
 def _of_each_arm(
     look: Callable[[BroughtUpRobot, str, ArmFacts], CheckFinding],
 ) -> Callable[[BroughtUpRobot], Iterator[CheckFinding]]:
-    """Return the step that looks at each arm whose controller tells something of it."""
+    """Return the step that looks at each arm whose controller reports its state."""
 
     def look_at(subject: BroughtUpRobot, name: str, arm: Arm) -> CheckFinding:
         facts = subject.robot.arm_facts(name)
@@ -77,15 +77,19 @@ def _limits(subject: BroughtUpRobot, name: str, group: JointGroup) -> CheckFindi
 
 
 def _agreed(
-    compare: Callable[[RobotModel, str, ArmFacts], ModelComparison | None], untold: str
+    compare: Callable[[RobotModel, str, ArmFacts], ModelComparison | None], unreported: str, hidden: str = ""
 ) -> Callable[[BroughtUpRobot], Iterator[CheckFinding]]:
-    """Return the step that compares one thing that a controller may tell; ``untold``: what it does not tell."""
+    """Return the step that compares one value with the file. ``unreported``: its name, for controllers that do not
+    report it; ``hidden``: the reason if joint torques, which stand in for it, do not show it.
+    """
 
     def look_at(subject: BroughtUpRobot, arm: str, facts: ArmFacts) -> CheckFinding:
         found = compare(subject.model, arm, facts)
-        if found is None:
-            return not_applicable(arm, f"its controller does not report {untold}")
-        return judged(arm, found.agrees, found.text, **found.measured)
+        if found is not None:
+            return judged(arm, found.agrees, found.text, **found.measured)
+        if hidden and facts.holding_torques is not None:
+            return not_applicable(arm, hidden)
+        return not_applicable(arm, f"its controller does not report {unreported}")
 
     return _of_each_arm(look_at)
 
@@ -120,5 +124,10 @@ def turn_between(one: Pose, other: Pose) -> float:
 limits = for_each_part(JointGroup, "no joints are", _limits)
 tool = _agreed(compare_tool, "the offset of its tool")
 payload_mass = _agreed(compare_payload, "what it carries")
-mounting = _agreed(compare_mounting, "how it is mounted, or not in this posture")
+mounting = _agreed(
+    compare_mounting,
+    "how it is mounted",
+    "gravity hardly loads its joints in this posture, so its mounting does not show: move it until its upper arm is "
+    "upright and its forearm level (elbow bent by 90°), and run this step again (--step mounting)",
+)
 tool_pose = _of_each_arm(_tool_pose)

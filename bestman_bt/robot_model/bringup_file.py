@@ -109,7 +109,8 @@ def with_bringup_limits(model: RobotModel) -> tuple[RobotModel, str]:
     model = replace(model, serial_numbers=file.serial_numbers)
     if file.signed is None:
         return _slow(model, f"its bring-up is not signed yet, {len(file.steps)} steps are done ({path})")
-    return model, ""
+    measured = {name: frozenset(step.measured) for name, step in file.steps.items()}
+    return replace(model, measured=measured), ""
 
 
 def _faults(file: BringUpFile, model: RobotModel) -> list[str]:

@@ -227,7 +227,8 @@ class RobotModel:
     name → joint name → position. ``hand_of``: name of a gripper or other hand → its arm. ``default_arm``: the arm of
     skills that do not name one of several. ``allowed_self_pairs``: pairs of links left out of self-collision checks.
     ``connections``, ``safety``: of the real robot; the simulation ignores the former. ``bringup``: path of the bring-up
-    file; ``content``: digest of its files; ``serial_numbers``: connection → expected controller.
+    file; ``content``: digest of its files; ``serial_numbers``: connection → expected controller; ``measured``: step of
+    the signed bring-up → parts and connections that it has measured.
     """
 
     name: str
@@ -243,6 +244,7 @@ class RobotModel:
     bringup: Path | None = None
     content: str = ""
     serial_numbers: Mapping[str, str] = field(default_factory=dict)
+    measured: Mapping[str, frozenset[str]] = field(default_factory=dict)
 
     def of(self, kind: type[Kind]) -> dict[str, Kind]:
         """Return the parts of one kind by name: ``robot.of(LidarPart)``."""

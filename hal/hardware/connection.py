@@ -309,20 +309,20 @@ class Connection(ABC):
             )
 
     def _compare_arm(self) -> None:
-        """Compare tool, payload and mounting with those at the bring-up: a difference is refused; before a bring-up,
-        and during it, only reported.
+        """Compare tool, payload and mounting with the robot's file: a difference is refused if the signed bring-up has
+        measured this value, else only reported.
 
         At the first connection only: later the hand may hold an object.
         """
         actual = self.arm_facts() if self._unlike is None else None
         if actual is not None:
             arm = next(name for name in self.parts if name in self.model.of(ArmModel))
-            found = [comparison for compare in COMPARISONS if (comparison := compare(self.model, arm, actual))]
-            unlike = tuple(f"{arm}: {comparison.text}" for comparison in found if not comparison.agrees)
-            if unlike and self.model.serial_numbers.get(self.name):
+            found = {step: compare(self.model, arm, actual) for step, compare in COMPARISONS.items()}
+            unlike = {step: f"{arm}: {one.text}" for step, one in found.items() if one is not None and not one.agrees}
+            if changed := [text for step, text in unlike.items() if arm in self.model.measured.get(step, ())]:
                 why = "this differs from the robot's bring-up"
-                raise ConnectionFailedError(f"{self.name}: {'; '.join(unlike)} ({why}: {self.model.bringup})")
-            self._unlike = unlike
+                raise ConnectionFailedError(f"{self.name}: {'; '.join(changed)} ({why}: {self.model.bringup})")
+            self._unlike = tuple(unlike.values())
         self.remarks += self._unlike or ()
 
     def _crashed(self, error: Exception) -> None:

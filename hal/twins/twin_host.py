@@ -15,9 +15,9 @@ from typing import Any, Protocol, cast
 from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.messages import Pose
 from bestman_bt.registry import Registry
-from bestman_bt.robot_model.bringup_file import TWIN_SUFFIX, BringUpFile, Signature
+from bestman_bt.robot_model.bringup_file import TWIN_SUFFIX, BringUpFile, Signature, SignedStep
 from bestman_bt.robot_model.connection_config import ConnectionConfig
-from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.sensor_parts import CameraPart
 from bestman_bt.scene.scene import World
 from hal.api import Gripper, JointGroup
@@ -200,11 +200,14 @@ class TwinHost:
         self.world.close()
 
     def _sign(self) -> BringUpFile:
-        """Sign the bring-up: twins match the robot's file."""
+        """Sign the bring-up with what is compared on connecting: twins match the robot's file."""
         serial_numbers = {name: getattr(twin, "serial_number", "") for name, twin in self.twins.items()}
         numbers = {name: number for name, number in serial_numbers.items() if number}
-        signature = Signature("bestman-bt twin", time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()))
-        return BringUpFile(self._model.name, self._model.content, numbers, twin=True, signed=signature)
+        who, when = "bestman-bt twin", time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+        arms: dict[str, Any] = {arm: {} for arm in self._model.of(ArmModel)}
+        compared = SignedStep("passed", when, who, "twins match the robot's file", arms)
+        steps = dict.fromkeys(("tool", "payload", "mounting"), compared)
+        return BringUpFile(self._model.name, self._model.content, numbers, {}, True, steps, Signature(who, when))
 
     def _place(self, connection: ConnectionConfig, free: Any) -> tuple[Twin, str]:
         """Return a twin on the first loopback address whose ports are free."""

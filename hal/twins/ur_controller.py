@@ -3,10 +3,10 @@
 The speed slider (``target_speed_fraction``) scales the time of all motion functions, ``servoj`` too, by
 ``getSpeedScaling() * getTargetSpeedFraction()`` (ur-rtde 1.6.5, ``getSpeedScalingCombined``); an arm that is streamed
 set-points faster than that lags behind ("On-Robot speed scaling", ros2_controllers' joint_trajectory_controller).
-``target_moment`` are the torques that the controller's model predicts (RTDE guide: "Target joint moments"), with the
-direction of gravity that its mounting or ``set_gravity`` gives (URScript manual). A program that is paused
-(``runtime_state`` 4) holds the arm, and goes on with the same motion when it is played. Of reduced mode
-(``safety_mode`` 2) the twin only tells.
+``target_moment`` ("Target joint moments (torques)", RTDE guide) are the torques with which the controller's model holds
+the arm: by joint positions, payload and mounting, without contacts and accelerations. A program that is paused
+(``runtime_state`` 4) holds the arm, and goes on with the same motion when it is played. Reduced mode (``safety_mode``
+2) is reported, and limits nothing.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class URController:
         self._tripped = -UNLOCK_DELAY
         self._astray = 0.0
         self._digital_outputs = 0
-        self._payload = payload(model, flange_of(model, arm.name)).mass  # as set at the pendant
+        self._payload = self._hand = payload(model, flange_of(model, arm.name)).mass  # as set at the pendant
         self._slider, self._paused = 1.0, False
         self._wrench_sign = 1.0
         self._gravity_sign = 1.0  # of the controller's model; the arm of the world stays as it is
@@ -261,7 +261,7 @@ class URController:
         self._world.watch.report(f"{self._arm.name}: {mode.name.lower().replace('_', ' ')}: {reason}")
         self.trip(mode)
 
-    def _as_told(self, wrench: Wrench) -> tuple[float, ...]:
+    def _signed(self, wrench: Wrench) -> tuple[float, ...]:
         values = self._wrench_sign * np.concatenate([wrench.force, wrench.torque])
         return tuple(values.tolist())
 
@@ -276,6 +276,7 @@ class URController:
         positions, velocities = arm.positions(), arm.velocities()
         at_rest = (0.0,) * len(positions)
         pose = self._kinematics.pose(positions)
+        torques = self._kinematics.holding_torques(positions, self._payload - self._hand)
         wrench = self._sensor.wrench() if self._sensor is not None else None
         follower = program.follower if program is not None else None
         self._measured = {
@@ -283,9 +284,9 @@ class URController:
             "actual_qd": tuple(velocities.tolist()),
             "target_q": tuple((follower.setpoint if follower is not None else positions).tolist()),
             "target_qd": tuple(velocities.tolist()) if follower is not None else at_rest,
-            "target_moment": tuple((self._gravity_sign * arm.efforts()).tolist()),
+            "target_moment": tuple((self._gravity_sign * torques).tolist()),
             "actual_TCP_pose": pose,
             "target_TCP_pose": pose,
-            **({"ft_raw_wrench": self._as_told(wrench)} if wrench is not None else {}),
+            **({"ft_raw_wrench": self._signed(wrench)} if wrench is not None else {}),
             **(program.outputs if program is not None else {"output_int_register_0": 0}),
         }

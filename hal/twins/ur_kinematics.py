@@ -1,4 +1,4 @@
-"""Forward and differential kinematics of a UR arm in the controller's base frame."""
+"""Kinematics of a UR arm in the controller's base frame, and the torques that hold it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 
+from bestman_bt.messages import GRAVITY
 from bestman_bt.robot_model.model import ArmModel, RobotModel
 from bestman_bt.robot_model.payload import flange_of
 
@@ -45,6 +46,17 @@ class URKinematics:
         wanted = np.concatenate([turn @ twist[:3], turn @ twist[3:]])
         solution: Array = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + DAMPING**2 * np.eye(6), wanted)
         return solution
+
+    def holding_torques(self, positions: Array, added: float = 0.0) -> Array:
+        """Return the torques (6,), N m, that hold the arm and its hand at rest, with ``added`` kg in the flange."""
+        q = self._all(positions)
+        torques = pinocchio.computeGeneralizedGravity(self._model, self._data, q)[self._columns]
+        pinocchio.computeJointJacobians(self._model, self._data, q)
+        pinocchio.updateFramePlacements(self._model, self._data)
+        kind = pinocchio.LOCAL_WORLD_ALIGNED
+        upward = pinocchio.getFrameJacobian(self._model, self._data, self._flange, kind)[2, self._columns]
+        loaded: Array = torques + added * GRAVITY * upward
+        return loaded
 
     def _all(self, positions: Array) -> Array:
         q: Array = pinocchio.neutral(self._model)

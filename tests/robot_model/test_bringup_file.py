@@ -60,6 +60,17 @@ def test_arms_are_slow_until_the_bring_up_is_signed(robot_file: Path) -> None:
     assert signed.serial_numbers == {"arm_controller": "XI130400000001"}
 
 
+def test_only_what_a_signed_bring_up_has_measured_counts_as_measured(robot_file: Path) -> None:
+    model = load_robot_model(robot_file)
+    none = SignedStep("does not apply", SIGNATURE.when, "somebody", "arm: its controller does not report it")
+    file = signed_for(model)
+    file = replace(file, steps={**file.steps, "mounting": none})
+    replace(file, signed=None).write(bringup_path(robot_file))
+    assert with_bringup_limits(model)[0].measured == {}
+    file.write(bringup_path(robot_file))
+    assert with_bringup_limits(model)[0].measured == {"limits": {"arm"}, "mounting": set()}
+
+
 @pytest.mark.parametrize(
     ("old", "new", "same"),
     [

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from tests.hal.bringup.brought_up_twins import Pair, brought_up, fails_alone, passes
+from bestman_bt.bringup.procedure import run_step
+from tests.hal.bringup.brought_up_twins import STEP, Pair, brought_up, fails_alone, passes
 
 pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]
 
@@ -23,6 +25,19 @@ def test_a_ur_with_a_robotiq_is_brought_up(ur: Pair, tmp_path: Path) -> None:
     file = passes(ur[0], tmp_path / "robot.bringup", set())
     assert file.serial_numbers == {"arm_controller": "20215500000"}
     assert {"arm, planner", "arm, robot process", "arm, SDK process"} <= set(file.steps["kill"].measured)
+
+
+def test_where_a_urs_posture_does_not_show_its_mounting_the_step_says_where_to_move_it(ur: Pair) -> None:
+    subject, _ = ur
+    arm = subject.arms["arm"]
+    home = arm.positions()
+    assert subject.finish(arm.move_to([0.0, -np.pi / 2, 0.0, -np.pi / 2, 0.0, 0.0])) == ""
+    try:
+        result = run_step(subject, STEP["mounting"])
+    finally:
+        assert subject.finish(arm.move_to(home)) == ""
+    assert result.outcome == "does not apply"
+    assert "move it until its upper arm is upright and its forearm level" in result.text
 
 
 FAULTS = [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +66,7 @@ def test_nothing_goes_on_after_the_robot_is_disconnected(twin: TwinProcess) -> N
 
 
 @pytest.mark.slow
-def test_another_mounting_at_the_controller_is_reported_and_refused_once_the_robot_was_brought_up(
+def test_another_mounting_at_the_controller_is_reported_and_refused_once_the_bring_up_has_measured_it(
     twin: TwinProcess,
 ) -> None:
     model = load_robot_model(ROBOT, twin_settings(twin))
@@ -78,5 +79,8 @@ def test_another_mounting_at_the_controller_is_reported_and_refused_once_the_rob
             assert "mounted as in the file, it needs" in robot.diagnostics()["arm_controller remarks"]
         with pytest.raises(ConnectionFailedError, match="mounted as in the file, it needs"):
             HardwareRobot(brought_up).connect()
+        not_measured = replace(brought_up, measured={**brought_up.measured, "mounting": frozenset()})
+        with HardwareRobot(not_measured) as robot:
+            assert "mounted as in the file, it needs" in robot.diagnostics()["arm_controller remarks"]
     finally:
         twin.fault("arm_controller", "as_built")

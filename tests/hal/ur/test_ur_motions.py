@@ -12,6 +12,7 @@ from hal.hardware.robot import HardwareRobot
 from hal.parts.gate import ToolLimits
 from hal.parts.part_connection import ConnectionFailedError
 from hal.twins.process import TwinProcess
+from hal.twins.ur_kinematics import URKinematics
 from hal.ur.arm import URArm
 from hal.ur.connection import URConnection
 from tests.hal.twinned import arrived, ended, stopped_within, strike, wait_for, wait_in_twin, works_again
@@ -171,6 +172,8 @@ def test_the_controller_counts_on_what_the_hand_holds_also_after_its_program_was
     hand = counted()
     arm.carry(1.5, (0.0, 0.0, 0.02))
     wait_for(lambda: abs(counted() - hand - 1.5) < 1e-3, "the controller counts on it")
+    loaded = URKinematics(robot.model, "arm").holding_torques(arm.positions(), 1.5)
+    wait_for(lambda: bool(np.allclose(arm.efforts(), loaded, atol=0.2)), "the controller holds it")
     twin.fault(ARM, "program_stop")
     wait_for(lambda: robot.stopped, "the robot stops")
     robot.clear_stop()
