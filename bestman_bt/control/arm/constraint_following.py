@@ -46,11 +46,17 @@ class FollowGuide:
 
     def turn(self, way: float) -> float:
         """Return the hand's rotation after ``way`` metres, radians."""
-        return float(np.interp(way, self.ways, self.turns))
+        return self._after(way, self.turns)
 
     def posture(self, way: float) -> Array:
         """Return the arm's posture (n,) after ``way`` metres."""
-        return np.array([np.interp(way, self.ways, column) for column in self.postures.T])
+        return np.array([self._after(way, column) for column in self.postures.T])
+
+    def _after(self, way: float, values: Array) -> float:
+        """Interpolate; beyond the end the guide goes on as before, since the true way may be longer than planned."""
+        beyond = max(0.0, way - self.ways[-1])
+        slope = (values[-1] - values[-2]) / (self.ways[-1] - self.ways[-2])
+        return float(np.interp(way, self.ways, values) + beyond * slope)
 
 
 class FollowEnd(Enum):
