@@ -26,6 +26,9 @@ class BackchainBuilder(TreeBuilder):
     A precondition that was true when planning has no fallback: if it is violated, the tree fails. As in ``reactive``, a
     running action is completed while its hold-conditions are believed.
 
+    Limit: an action is left out where the effect that it is for holds already. If something needs another effect of it
+    later, the tree can fail, even in the state that was planned for. ``reactive`` does not have this limit.
+
     ``attempts``: number of restarts of the tree after a failure.
     """
 
