@@ -18,7 +18,7 @@ from bestman_bt.records.reader import has_record, read, read_result
 from bestman_bt.records.writer import EVENTS_FILE, RESULT_FILE
 
 MOST = 20
-"""Failures that are told."""
+"""Most failures that are printed."""
 LEFT_OUT = ("blackboard", "map", "path", "robot", "scan", "states")
 """Events that say nothing about failures."""
 SCENE = "scene"

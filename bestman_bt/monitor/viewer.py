@@ -336,10 +336,10 @@ def _finite(value: Any) -> Any:
 
 STATISTICS_PERIOD = 0.5
 EXTENT_PERIOD = 1.0
-"""Seconds between two tellings of the counts, and of how far a run has come while its past is looked at."""
+"""Seconds between two messages with the counts, and with the progress of a run while its past is shown."""
 FIRST_LINES = 500
 MOST_LINES = 2_000
-"""Log lines in one message; of more that come at once, only the newest are told."""
+"""Most log lines in one message: the newest of those that come at once."""
 Message = dict[str, Any]
 
 

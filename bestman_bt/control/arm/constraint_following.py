@@ -53,7 +53,7 @@ class FollowGuide:
         return np.array([self._after(way, column) for column in self.postures.T])
 
     def _after(self, way: float, values: Array) -> float:
-        """Interpolate; beyond the end the guide goes on as before, since the true way may be longer than planned."""
+        """Interpolate; beyond the end, extrapolate, because the true way may be longer than planned."""
         beyond = max(0.0, way - self.ways[-1])
         slope = (values[-1] - values[-2]) / (self.ways[-1] - self.ways[-2])
         return float(np.interp(way, self.ways, values) + beyond * slope)

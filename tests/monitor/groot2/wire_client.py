@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 import socket
 import struct
 from collections.abc import Iterator
@@ -71,12 +72,15 @@ def groot2_client(port: int) -> Iterator[Groot2Client]:
 
 
 def free_ports() -> int:
-    """The first of two ports, one after the other, that nobody has."""
+    """The first of two free ports, one after the other, below those that the system gives to outgoing connections.
+
+    One of those may be taken before the port is used.
+    """
     while True:
+        port = random.SystemRandom().randrange(20_000, 32_000)
         with socket.socket() as first, socket.socket() as second:
-            first.bind(("127.0.0.1", 0))
-            port: int = first.getsockname()[1]
             try:
+                first.bind(("127.0.0.1", port))
                 second.bind(("127.0.0.1", port + 1))
             except OSError:
                 continue
