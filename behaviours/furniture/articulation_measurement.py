@@ -209,7 +209,7 @@ def opening_seen(leaf: FurnitureArticulation, handle: Handle) -> float | None:
     if not isinstance(front.shape, Box):
         return None
     thickness, width, height = front.shape.size
-    slack = ACROSS + 1.5 * piece.position_error
+    slack = ACROSS + _place_error(piece)
     on_front = handle.pose.position - handle.standoff * handle.outward
     position = _position(leaf, on_front, handle.outward)
     if position is None:
@@ -232,9 +232,9 @@ def opening_by_board(leaf: FurnitureArticulation, plane: SupportPlane) -> float 
     if not isinstance(front.shape, Box):
         return None
     size, piece = np.array(front.shape.size), leaf.furniture
-    beside = ACROSS + 1.5 * piece.position_error
+    beside = ACROSS + _place_error(piece)
     # Little deeper lies the frame that a shut door covers.
-    deep = SLACK + 1.5 * piece.position_error + piece.heading_error * size[1]
+    deep = SLACK + _place_error(piece) + piece.heading_error * size[1]
     for side in (-1.0, 1.0):  # the front faces -x
         outward = -side * plane.normal
         on_front = plane.frame_from_plane.position + (side + 1.0) / 2 * size[0] * outward
@@ -251,10 +251,15 @@ def opening_by_board(leaf: FurnitureArticulation, plane: SupportPlane) -> float 
     return None
 
 
+def _place_error(piece: MapFurniture) -> float:
+    """Return the largest distance of a piece from its place on the map, metres: both axes may be off."""
+    return 1.5 * piece.position_error
+
+
 def _error(leaf: FurnitureArticulation) -> float:
     """Return the largest error of the map about the articulation's opening, radians or metres."""
     piece = leaf.furniture
-    return piece.heading_error if leaf.leaf.kind == "revolute" else 1.5 * piece.position_error
+    return piece.heading_error if leaf.leaf.kind == "revolute" else _place_error(piece)
 
 
 def _position(leaf: FurnitureArticulation, on_front: NDArray[np.float64], outward: NDArray[np.float64]) -> float | None:
@@ -300,8 +305,6 @@ def opening_since(leaf: FurnitureArticulation, believed: float, known: Handle, s
     apart = seen.pose.position - moved.apply(known.pose.position[None])[0]
     along = float(apart @ seen.axis)
     beside = float(np.linalg.norm(apart - along * seen.axis))
-    if beside > ACROSS + 1.5 * leaf.furniture.position_error or abs(along) > max(
-        ACROSS, (known.length + seen.length) / 2
-    ):
+    if beside > ACROSS + _place_error(leaf.furniture) or abs(along) > max(ACROSS, (known.length + seen.length) / 2):
         return None
     return 0.0 if position < SHUT[leaf.leaf.kind] else min(position, leaf.leaf.upper)
