@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from itertools import count
 from pathlib import Path
 
@@ -16,10 +17,11 @@ from bestman_bt.engine import FAILURE, SUCCESS, Node, StateChanges, Tree
 from bestman_bt.evaluation.audit import CHEATS, counter_words
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.records.described_tree import describe_changes, describe_tree
-from bestman_bt.records.events import MAIN_TREE
+from bestman_bt.records.events import MAIN_TREE, LogEvent
 from bestman_bt.records.palette import HALTED, LOOKS, Look
 from bestman_bt.runtime.resolved_config import ResolvedConfig
 from bestman_bt.runtime.robot_session import RobotSession
+from bestman_bt.runtime.telemetry import PackageLog
 from bestman_bt.visualization.terminal import LiveTree, style_of
 from hal.parts.simulated_clock import SimulatedClock
 
@@ -38,29 +40,30 @@ _UNITS = {"mm": " mm", "deg": "°"}
 
 
 class RunView:
-    """Shows a running tree: redrawn in place on a terminal, one line per event elsewhere."""
+    """Shows a running tree: redrawn in place on a terminal, one line per event elsewhere; with warnings and errors."""
 
     def __init__(self, title: str) -> None:
         self._title = title
         self._live: Live | None = None
+        self._stack = ExitStack()
         self._simulated = True
 
     def __enter__(self) -> RunView:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._live is not None:
-            self._live.stop()
+        self._stack.close()
 
     def watch(self, session: RobotSession, tree: Tree) -> Callable[[], None]:
         """Attach to a tree; returns a callable for the end of each tick."""
         clock, start, wall_start = session.robot.clock, session.robot.clock.now(), time.perf_counter()
         self._simulated = isinstance(clock, SimulatedClock)
+        self._stack.enter_context(PackageLog(_print_problem, lambda: clock.now() - start))
         shown = LiveTree(describe_tree(tree), self._title, simulated=self._simulated)
         on_terminal = CONSOLE.is_terminal
         if on_terminal:
             self._live = Live(shown, console=CONSOLE, auto_refresh=False, vertical_overflow="crop")
-            self._live.start()
+            self._stack.enter_context(self._live)
 
         numbers = count(MAIN_TREE + 1)
 
@@ -146,6 +149,13 @@ def _metric_words(metrics: Mapping[str, float]) -> str:
             else:
                 texts.append(f"{name.replace('_', ' ')} {value:.3g}")
     return ", ".join(texts)
+
+
+def _print_problem(event: LogEvent) -> None:
+    """Print a warning or an error of the log, without its traceback, which is in the run folder."""
+    if event.level in ("warning", "error"):
+        first, *_ = event.message.split("\n")
+        CONSOLE.print(f"[{event.time:7.2f} s] {event.level}: {first}", highlight=False, markup=False, soft_wrap=True)
 
 
 def _print_messages(tree: Tree, shown: LiveTree) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import stat
 import threading
 from collections.abc import Callable
@@ -343,8 +344,28 @@ def test_the_terminal_reports_what_a_tree_within_a_leaf_does_in_seconds_of_the_r
         tree.tick_once()
         clock.sleep(0.25)
         tree.tick_once()
-    told = capsys.readouterr().err.splitlines()
-    assert told == ["[   0.00 s] ▶ plans running", "[   0.25 s] ✓ open success", "[   0.25 s] ✓ plans success"]
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == ["[   0.00 s] ▶ plans running", "[   0.25 s] ✓ open success", "[   0.25 s] ✓ plans success"]
+
+
+def test_warnings_and_errors_of_a_run_are_on_the_terminal_while_it_runs_and_tracebacks_are_not(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    clock, logger = ManualClock(), logging.getLogger("bestman_bt.engine.reloading")
+    clock.sleep(7.5)
+    session: Any = SimpleNamespace(robot=SimpleNamespace(clock=clock))
+    tree = load_tree('<root BTCPP_format="4"><BehaviorTree ID="M"><AlwaysSuccess/></BehaviorTree></root>', clock=clock)
+    with RunView("a run") as view:
+        view.watch(session, tree)
+        clock.sleep(5.4)
+        logger.info("a line of the log alone")
+        logger.warning("the changed tree waits: %s", "walk [bold] is running")
+        logger.error("the execution ended in an error", exc_info=ValueError("no such cup"))
+    logger.info("after the run")
+    assert capsys.readouterr().err.splitlines() == [
+        "[   5.40 s] warning: the changed tree waits: walk [bold] is running",
+        "[   5.40 s] error: the execution ended in an error: ValueError('no such cup')",
+    ]
 
 
 def test_the_summary_reports_what_was_measured_every_cheat_and_whose_success_it_is(
