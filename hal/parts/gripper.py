@@ -144,6 +144,8 @@ class CommandedGripper(StoppablePart, Gripper):
             row[:] = self._target, reading.width, self._blocked
         with self._connection.lock:
             self._reading = reading
+            if self._order is not None:
+                return  # commanded during this cycle: the reading is of the time before, the next cycle sends it
             if halting:
                 self._target = reading.width
             self._watch(reading, elapsed * share, silent)

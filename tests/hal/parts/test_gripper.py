@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
 from bestman_bt.robot_model.model import GripperModel, RobotModel
-from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
+from hal.api import CommandRefusedError, Failure, Motion, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
 from hal.parts.channels import GripperChannel, GripperReading
 from hal.parts.gripper import CommandedGripper
 from hal.parts.stop_latch import StopLatch
@@ -23,8 +25,12 @@ class Fingers(GripperChannel):
         self.orders: list[tuple[float, float, float]] = []
         self.halts = 0
         self.silent = False
+        self.during: Callable[[], object] | None = None
 
     def refresh(self) -> bool:
+        during, self.during = self.during, None
+        if during is not None:
+            during()
         return not self.silent
 
     def read(self) -> GripperReading:
@@ -156,6 +162,28 @@ def test_what_the_gripper_itself_feels_ends_the_motion_at_once(gripper: Commande
     run(gripper, fingers, 0.04)
     assert motion.status is MotionStatus.SUCCEEDED
     assert gripper.state().object_held
+
+
+@pytest.mark.parametrize("halted", [False, True])
+def test_a_command_during_a_cycle_is_not_judged_by_the_reading_from_before_it(
+    gripper: CommandedGripper, fingers: Fingers, halted: bool
+) -> None:
+    fingers.low = 0.03
+    gripper.move(0.0, speed=0.05)
+    if halted:
+        run(gripper, fingers, 0.3)
+        gripper.brake()
+    else:
+        run(gripper, fingers, 2.0)
+        fingers.felt = True  # until it is sent elsewhere
+    opened: list[Motion[None]] = []
+    fingers.during = lambda: opened.append(gripper.open())
+    run(gripper, fingers, PERIOD)
+    assert opened[0].status is MotionStatus.RUNNING, opened[0].failure
+    fingers.felt, fingers.low = None, 0.0
+    run(gripper, fingers, 2.0)
+    assert opened[0].status is MotionStatus.SUCCEEDED
+    assert gripper.width() == pytest.approx(gripper.model.max_width)
 
 
 def test_fingers_get_time_to_begin_and_are_not_taken_for_blocked(gripper: CommandedGripper, fingers: Fingers) -> None:

@@ -179,11 +179,12 @@ def test_it_goes_to_the_width_asked_and_holds_nothing_there(bench: Bench) -> Non
 def test_it_feels_what_it_holds_and_that_it_is_gone(bench: Bench) -> None:
     bench.fingers.obstacle = 0.03
     motion = bench.end(bench.gripper.close(force=30.0))
-    assert motion.status is MotionStatus.SUCCEEDED
+    assert motion.status is MotionStatus.SUCCEEDED, motion.failure
     assert bench.gripper.state().object_held
     assert bench.gripper.width() == pytest.approx(0.03, abs=0.001)
     bench.fingers.obstacle = 0.0
-    assert bench.end(bench.gripper.open()).status is MotionStatus.SUCCEEDED
+    opened = bench.end(bench.gripper.open())
+    assert opened.status is MotionStatus.SUCCEEDED, opened.failure
     assert not bench.gripper.state().object_held
     bench.end(bench.gripper.close())
     assert bench.gripper.state().empty
@@ -249,7 +250,8 @@ def test_a_silent_gripper_is_lost_until_it_is_back(bench: Bench) -> None:
     assert ADDRESS not in str(refusal.value)
     bench.twin.faults.trigger("restore")
     bench.robot.clear_stop()
-    assert bench.end(bench.gripper.open()).status is MotionStatus.SUCCEEDED
+    opened = bench.end(bench.gripper.open())
+    assert opened.status is MotionStatus.SUCCEEDED, opened.failure
 
 
 def test_an_address_at_which_nobody_answers_is_in_no_log_of_modbus(caplog: pytest.LogCaptureFixture) -> None:
