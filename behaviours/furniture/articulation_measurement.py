@@ -1,4 +1,4 @@
-"""The opening of a door or drawer, measured by a handle detected on it or by its board."""
+"""The opening of a door or drawer, measured by a handle detected on it, by its board, or by what hides what."""
 
 from __future__ import annotations
 
@@ -13,12 +13,15 @@ from numpy.typing import NDArray
 from behaviours.furniture.articulation import FurnitureArticulation
 from behaviours.furniture.opening import Opening
 from bestman_bt.messages import Box, Handle, PlacedShape, Pose, Pose2D, Shape, wrap_angle
+from bestman_bt.messages.shapes import bounding_corners
+from bestman_bt.navigation.global_planning.layers import squared_distance_to_segment
 from bestman_bt.world_model.openness import handle_shape
 from bestman_bt.world_model.semantic_map import MapArticulation, MapFurniture
 from bestman_bt.world_model.world_model import Obstacle, WorldModel
 
 if TYPE_CHECKING:
     from bestman_bt.perception.segmentation.base import SupportPlane
+    from bestman_bt.perception.view import View
 
 
 # Where a piece of furniture really stands: measured by the front panel of a closed door or drawer.
@@ -198,6 +201,14 @@ BOARD_SEEN = 0.25
 """Shares of a board's width and height that have to be seen."""
 FILLED = 0.1
 """Share of the points of a board that are in the middle quarter of what is seen of it; of a frame, none are."""
+SEEN_THROUGH = 0.15
+"""Share of the rays to a board's place that pass through it, from which on the board is elsewhere."""
+OPENINGS, RAYS = 61, 8000
+"""Numbers of openings, and of rays of a view, that are compared."""
+SUPPORT = 0.01
+"""Share of the rays that have to end on a board; on its edge far away few do."""
+EXPLAINED = 0.6
+"""Share of what is seen before the shut front, where the leaf moves, that has to lie on its board."""
 
 
 def opening_seen(leaf: FurnitureArticulation, handle: Handle) -> float | None:
@@ -249,6 +260,65 @@ def opening_by_board(leaf: FurnitureArticulation, plane: SupportPlane) -> float 
         if seen and inside.all(axis=1).mean() > ON_BOARD:
             return _rounded(leaf, position)
     return None
+
+
+def opening_by_rays(
+    leaf: FurnitureArticulation, believed: float, view: View, known: NDArray[np.float64]
+) -> float | None:
+    """Return the opening of ``leaf``, radians or metres, that explains a view (map frame) best, if its believed opening
+    cannot be; else None.
+
+    Points on the board of an opening support it, rays that pass through that board contradict it. So a door is also
+    found by its edge, from far away or at a flat angle. It is off by up to the map's error: enough to look at the front
+    from before it. ``known``: (N, 4) segments x1, y1, x2, y2, metres, of other pieces and walls, which support nothing.
+    """
+    front, piece = leaf.leaf.shapes[0], leaf.furniture
+    if not isinstance(front.shape, Box):
+        return None
+    thickness, *size = front.shape.size
+    beside = _place_error(piece)
+    deep = thickness / 2 + SLACK + beside
+    openings = np.array([believed, *np.linspace(0.0, leaf.leaf.upper, OPENINGS)])
+    boards = [leaf.front(opening) for opening in openings]
+    corners = np.concatenate([board.apply(bounding_corners(front.shape)) for board in boards])
+    points = view.cloud(corners).points
+    points = points[:: 1 + len(points) // RAYS]
+    unknown = np.ones(len(points), dtype=bool)
+    for segment in known:
+        unknown &= squared_distance_to_segment(points[:, :2].T, segment[:2], segment[2:]) > deep**2
+    on = np.zeros((len(openings), len(points)), dtype=bool)
+    through, score = np.zeros(len(openings)), np.zeros(len(openings))
+    for index, board in enumerate(boards):
+        local, eye = board.inverse().apply(points), board.inverse().apply(view.viewpoint[None])[0]
+        on[index] = unknown & (np.abs(local) < (deep, *(np.array(size) / 2 + beside))).all(axis=1)
+        through[index] = _passing(local, eye, deep, np.array(size) / 2 - deep).sum()
+        score[index] = (1.0 - (local[on[index], 0] / deep) ** 2).sum() - through[index]
+    best = 1 + int(np.argmax(score[1:]))
+    if through[0] < SEEN_THROUGH * (through[0] + on[0].sum()) or score[best] <= SUPPORT * len(points):
+        return None
+    before = leaf.front(0.0).inverse().apply(points)[:, 0] < -deep
+    moving = on.any(axis=0) & before
+    if (on[best] & moving).sum() < EXPLAINED * moving.sum():
+        return None
+    return _rounded(leaf, float(openings[best]))
+
+
+def _passing(
+    points: NDArray[np.float64], eye: NDArray[np.float64], deep: float, half: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Return which rays from ``eye`` (3,) to ``points`` (N, 3), in the frame of a board, pass through it.
+
+    ``deep``, ``half``: half the sizes, along x and (2,) along y and z, metres, of a box that a ray enters and leaves
+    through its sides in x.
+    """
+    side = np.sign(eye[0])
+    passing: NDArray[np.bool_] = (side * eye[0] > deep) & (side * points[:, 0] < -deep)
+    way = points[passing] - eye
+    for depth in (deep, -deep):
+        crossing = eye[1:] + ((depth - eye[0]) / way[:, 0])[:, None] * way[:, 1:]
+        inside = (np.abs(crossing) < half).all(axis=1)
+        passing[passing], way = inside, way[inside]
+    return passing
 
 
 def _place_error(piece: MapFurniture) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
@@ -12,6 +13,7 @@ from behaviours.furniture.articulation_measurement import (
     believe_place,
     believe_shut_fronts,
     opening_by_board,
+    opening_by_rays,
     opening_seen,
     opening_since,
 )
@@ -25,6 +27,7 @@ from bestman_bt.world_model.world_model import HandleBelief
 if TYPE_CHECKING:
     from bestman_bt.perception.affordance.front_handles import HandleScene
     from bestman_bt.perception.segmentation.base import SupportPlane
+    from bestman_bt.perception.view import View
 
 
 MAP_MARGIN = 0.10
@@ -38,8 +41,8 @@ class DetectHandle(Skill):
     """Detect handles with the head camera, on one piece of furniture or anywhere; fail if there are none.
 
     All detected handles enter the belief; the output is the one nearest to ``near``, else the most certain. With
-    ``articulation``, its opening is also measured and believed: by its board if no handle on it is seen, before the
-    skill fails.
+    ``articulation``, its opening is also measured and believed: by its board if no handle on it is seen, or roughly by
+    its edge if rays pass through where it is believed to be, before the skill fails.
     """
 
     REQUIRES = ("camera",)
@@ -74,7 +77,7 @@ class DetectHandle(Skill):
             leaf = find_articulation(skills, articulation)
             seen = self._on_leaf(leaf, seen)
             if not seen:
-                self._believe_board(leaf, [front.seen_from(view.map_from_base) for front in scene.fronts])
+                self._believe_board(leaf, [front.seen_from(view.map_from_base) for front in scene.fronts], view.in_map)
         names = [self._believe(handle, view.stamp) for handle in seen]
         chosen = [name for name in dict.fromkeys(names) if self._wanted(skills.world.handles[name], furniture)]
         for name in chosen:
@@ -107,13 +110,21 @@ class DetectHandle(Skill):
             self.opening = opening
         return [handle for handle, _ in found]
 
-    def _believe_board(self, leaf: FurnitureArticulation, fronts: list[SupportPlane]) -> None:
+    def _believe_board(self, leaf: FurnitureArticulation, fronts: list[SupportPlane], view: View) -> None:
         """Believe that an articulation is open if its front is farther from closed than the map's error explains."""
+        world = self.skills.world
+        believed = world.articulations.get(leaf.articulation, 0.0)
         openings = [opening for front in fronts if (opening := opening_by_board(leaf, front)) is not None]
-        if not openings:
-            return
-        opening, world = openings[0], self.skills.world  # the largest plane goes first
-        if abs(opening - world.articulations.get(leaf.articulation, 0.0)) > SHUT[leaf.leaf.kind]:
+        if openings:
+            opening = openings[0]  # the largest plane goes first
+        else:
+            others = {name: piece for name, piece in world.map.furniture.items() if name != leaf.furniture.name}
+            known = replace(world.map, furniture=others).lidar_segments()
+            explaining = opening_by_rays(leaf, believed, view, known)
+            if explaining is None:
+                return
+            opening = explaining
+        if abs(opening - believed) > SHUT[leaf.leaf.kind]:
             world.believe_articulation(leaf.articulation, opening)
         self.opening = opening
 

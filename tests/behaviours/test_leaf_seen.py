@@ -13,15 +13,18 @@ from behaviours.furniture.articulation_measurement import (
     HEADING_ERROR,
     POSITION_ERROR,
     opening_by_board,
+    opening_by_rays,
     opening_seen,
     opening_since,
 )
 from behaviours.furniture.opening import Opening, stations
-from bestman_bt.messages import Box, Handle, Pose, Pose2D
+from bestman_bt.messages import Box, Handle, PlacedShape, Pose, Pose2D
 from bestman_bt.perception.segmentation.base import SupportPlane
+from bestman_bt.perception.view import View
 from bestman_bt.scene.furniture_file import read_furniture
 from bestman_bt.scene.map_of_world import semantic_map
 from bestman_bt.scene.scene import PlacedFurniture, Wall, World
+from tests.perception.seen_boxes import looking_at, view_of
 
 AT = Pose2D(1.2, -0.4, 0.7)
 OFF = Pose2D(1.22, -0.38, 0.72)  # where it really stands, within the map's error
@@ -167,6 +170,78 @@ def test_other_boards_the_edge_of_a_door_and_a_small_part_of_it_tell_nothing() -
     assert opening_by_board(*board_seen("fridge", "upper_door", 0.8, share=0.2)) is None
     away = Pose(0.4 * plane.normal)
     assert opening_by_board(upper, plane.seen_from(away)) is None
+
+
+def seen_from(
+    place: tuple[float, float, float], opening: float, *beside: PlacedShape, part: str = "upper_door"
+) -> tuple[FurnitureArticulation, View]:
+    """The door as the map has it, and what a camera at ``place`` in the fridge's frame sees of the true one.
+
+    ``beside``: what else there is, in the fridge's frame. The wall behind is 1.5 m away.
+    """
+    model, frame = read_furniture("fridge"), OFF.to_pose()
+    wall = PlacedShape(Box((0.1, 8.0, 4.0)), Pose(np.array([1.5, 0.0, 1.0])))
+    boxes = [*model.parts, wall, *beside]
+    for articulation in model.articulations:
+        moved = articulation.moved(opening if articulation.name == part else 0.0)
+        boxes += [PlacedShape(placed.shape, moved @ placed.pose) for placed in articulation.parts]
+    boxes = [PlacedShape(placed.shape, frame @ placed.pose) for placed in boxes if isinstance(placed.shape, Box)]
+    target = frame.apply(np.array([[-0.4, -0.1, 1.2]]))[0]
+    leaf, _ = leaf_and_handle("fridge", part, 0.0)
+    return leaf, view_of(boxes, looking_at(frame.apply(np.array([place]))[0], target), rng=np.random.default_rng(0))
+
+
+AHEAD, FAR_AWAY, AT_THE_EDGE = (-1.2, 0.0, 1.3), (-3.5, 0.3, 1.3), (-2.4, 1.3, 1.3)
+NOTHING_KNOWN = np.zeros((0, 4))
+
+
+@pytest.mark.parametrize(("place", "degrees"), [(AHEAD, 55.0), (AHEAD, 90.0), (FAR_AWAY, 55.0), (FAR_AWAY, 90.0)])
+@pytest.mark.parametrize("part", ["upper_door", "lower_door"])
+def test_a_door_is_found_by_what_it_hides_where_its_shut_place_is_seen_through(
+    place: tuple[float, float, float], degrees: float, part: str
+) -> None:
+    leaf, view = seen_from(place, math.radians(degrees), part=part)
+    found = opening_by_rays(leaf, 0.0, view, NOTHING_KNOWN)
+    assert found == pytest.approx(math.radians(degrees), abs=math.radians(5.0))
+
+
+def test_a_door_is_found_by_its_edge_alone_and_wherever_else_it_was_believed_to_be() -> None:
+    leaf, view = seen_from(AT_THE_EDGE, math.radians(40.0))
+    for believed in (0.0, 0.35, 1.5):
+        assert opening_by_rays(leaf, believed, view, NOTHING_KNOWN) == pytest.approx(math.radians(40.0), abs=0.06)
+    assert opening_by_rays(leaf, math.radians(37.0), view, NOTHING_KNOWN) is None
+    assert opening_by_rays(leaf, math.radians(43.0), view, NOTHING_KNOWN) is None
+
+
+def test_a_shut_door_is_found_where_it_was_believed_open_and_else_tells_nothing() -> None:
+    leaf, view = seen_from(AT_THE_EDGE, 0.0)
+    assert opening_by_rays(leaf, 1.5, view, NOTHING_KNOWN) == 0.0
+    assert opening_by_rays(leaf, 0.0, view, NOTHING_KNOWN) is None
+
+
+@pytest.mark.parametrize(
+    ("opening", "eye", "place", "size"),
+    [
+        (0.0, (-2.4, -1.5, 1.3), (-0.75, 0.2, 1.0), (0.3, 0.3, 2.0)),  # a person before the shut door
+        (1.9, (-2.4, -1.5, 1.3), (-0.75, 0.0, 1.0), (0.3, 0.4, 2.0)),  # and before a door that is wide open
+        (1.9, (-2.2, -0.97, 1.3), (-0.61, 0.07, 1.0), (0.1, 0.1, 2.0)),  # a post: beside it, rays pass
+    ],
+)
+def test_what_stands_before_a_door_does_not_count_as_the_door(
+    opening: float,
+    eye: tuple[float, float, float],
+    place: tuple[float, float, float],
+    size: tuple[float, float, float],
+) -> None:
+    leaf, view = seen_from(eye, opening, PlacedShape(Box(size), Pose(np.array(place))))
+    assert opening_by_rays(leaf, 0.0, view, NOTHING_KNOWN) is None
+
+
+def test_a_wall_where_the_door_could_be_is_not_taken_for_it() -> None:
+    wall = PlacedShape(Box((2.0, 0.1, 2.2)), Pose(np.array([-0.6, -0.39, 1.1])))
+    leaf, view = seen_from(AT_THE_EDGE, math.radians(40.0), wall)
+    face = OFF.apply(np.array([[-1.6, -0.34], [0.4, -0.34]])).reshape(1, 4)
+    assert opening_by_rays(leaf, 0.0, view, face) == pytest.approx(math.radians(40.0), abs=0.06)
 
 
 def test_a_hand_that_turns_about_a_bar_keeps_holding_it_at_the_same_point() -> None:

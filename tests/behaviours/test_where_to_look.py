@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,10 +12,13 @@ import numpy as np
 import pytest
 
 from bestman_bt.engine import FAILURE, SUCCESS
-from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
+from bestman_bt.perception.affordance.front_handles import HandleScene
 from bestman_bt.perception.occupancy import VoxelRegion
 from bestman_bt.robot_model.model import BaseModel
+from bestman_bt.scene.furniture_file import read_furniture
 from tests.behaviours.scripted import codes, load, run, scripted_skills
+from tests.perception.seen_boxes import looking_at, view_of
 
 TURNED = Pose2D(1.3, 0.4, 2.5)
 DRAWER = "drawer_chest/drawer_3"
@@ -145,3 +149,26 @@ def test_a_door_that_is_seen_to_stand_open_is_looked_at_from_before_its_front_ag
     skills.world.believe_articulation(door, 0.96)
     assert beside_the_front() == pytest.approx(0.0, abs=1e-6)
     assert beside_the_front() == pytest.approx(50.0)
+
+
+def test_a_door_whose_edge_alone_is_seen_is_believed_to_be_open_though_its_handle_is_not_found() -> None:
+    skills, door = scripted_skills("close_fridge"), "fridge/upper_door"
+    piece = skills.world.map.furniture["fridge"]
+    frame, leaf, model = piece.pose.to_pose(), piece.leaf("upper_door"), read_furniture("fridge")
+    moved = {"upper_door": frame @ leaf.moved(math.radians(40.0))}
+    boards = [PlacedShape(part.shape, frame @ part.pose) for part in model.parts]
+    boards += [
+        PlacedShape(part.shape, moved.get(one.name, frame) @ part.pose)
+        for one in model.articulations
+        for part in one.parts
+        if isinstance(part.shape, Box)
+    ]
+    eye, target = frame.apply(np.array([[-2.4, 1.3, 1.3], [-0.4, -0.1, 1.2]]))
+    seen = SimpleNamespace(
+        in_base=None, in_map=view_of(boards, looking_at(eye, target)), map_from_base=Pose(), stamp=1.0
+    )
+    skills.camera = SimpleNamespace(capture=lambda: seen)
+    skills.affordance = SimpleNamespace(detect=lambda *_: HandleScene((), (), "no upright plane in view"))
+    assert run(skills, load(skills, f'<DetectHandle articulation="{door}"/>')) == FAILURE
+    assert codes(skills) == ["handle_not_found"]
+    assert skills.world.articulations[door] == pytest.approx(math.radians(40.0), abs=0.06)
