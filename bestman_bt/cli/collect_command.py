@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -28,6 +29,12 @@ from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.extras import DEFAULT_SIMULATOR
 from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError
+
+
+class Format(StrEnum):
+    """The layout of a dataset."""
+
+    LEROBOT = "lerobot"
 
 
 @dataclass(frozen=True)
@@ -85,6 +92,7 @@ def command(
     wanted: Wanted = Wanted(),
     world: World = World(),
     execution: LauncherOptions = LauncherOptions(),
+    layout: Annotated[Format, typer.Option("--format", help="Layout of the dataset.")] = Format.LEROBOT,
     as_json: Json = False,
 ) -> None:
     """Record judged successes of a task as a dataset of LeRobot."""
@@ -113,6 +121,7 @@ def command(
         print_json(
             {
                 "folder": str(out),
+                "format": layout,
                 "episodes": collection.kept,
                 "asked": wanted.episodes,
                 "instruction": instruction,

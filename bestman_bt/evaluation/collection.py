@@ -18,7 +18,7 @@ from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.launchers.launcher import Launcher
 from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
-from bestman_bt.evaluation.recorded_episode import ACTION, NODE, RUN, STATE, RecordedEpisode, RecordedPart
+from bestman_bt.evaluation.recorded_episode import ACTION, AUDIT, NODE, RUN, STATE, RecordedEpisode, RecordedPart
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.writer_lock import lock_for_writing
 from bestman_bt.extras import require_extra
@@ -134,8 +134,10 @@ class Collection:
         found = DatasetFolder.read(self.folder)
         if differences := empty.differences(found):
             raise DatasetError(f"{self.folder} holds a dataset of another format: {'; '.join(differences)}")
-        if found.episodes and (missing := {"seed", RUN} - set(found.episodes[-1])):
-            raise DatasetError(f"{self.folder} was not written by collect: its episodes lack {', '.join(missing)}")
+        if found.episodes and (missing := {"seed", RUN, AUDIT} - set(found.episodes[-1])):
+            raise DatasetError(
+                f"{self.folder} was not written by collect: its episodes lack {', '.join(sorted(missing))}"
+            )
         return found
 
     @contextmanager
@@ -160,12 +162,12 @@ class Collection:
                 yield
             finally:
                 shutil.rmtree(staged, ignore_errors=True)
-                if path.stat().st_size == 0:
-                    path.unlink()
                 if lock_file is not None:
                     lock_file.unlink()
-                if new and not any(self.folder.iterdir()):
-                    self.folder.rmdir()
+                if path.stat().st_size == 0 and list(self.folder.iterdir()) == [path]:
+                    path.unlink()
+                    if new:
+                        self.folder.rmdir()
         finally:
             with suppress(OSError):  # it writes what could not be written before
                 self._attempts.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import tempfile
@@ -26,8 +27,8 @@ from hal.parts.black_box import Trace
 from hal.parts.channels import ControlledPart
 
 STATE, ACTION, NODE = "observation.state", "action", "node"
-RUN = "run"
-"""The column of an episode's row with its configuration, YAML."""
+RUN, AUDIT = "run", "audit"
+"""The columns of an episode's row with its configuration, YAML, and what the audit has counted, JSON."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +169,11 @@ class RecordedEpisode(EpisodeRequest):
                 result = run_episode(setup, run_folder, watch=recorder.watch)
                 recorder.end()
                 if result.success and not result.unearned:
-                    writer.end_episode(self.words, seed=self.config.seed, run=dump_run(self.config, absolute=True))
+                    about = {
+                        RUN: dump_run(self.config, absolute=True),
+                        AUDIT: json.dumps(result.to_document()["audit"]),
+                    }
+                    writer.end_episode(self.words, seed=self.config.seed, **about)
                     finished = self.staged / str(self.config.seed)
                     try:
                         (folder / "dataset").rename(finished)

@@ -13,6 +13,7 @@ import pyarrow.parquet as parquet
 import pytest
 
 from bestman_bt.configuration.run import load_run
+from bestman_bt.evaluation.audit import CHEATS
 from bestman_bt.evaluation.collection import ATTEMPTS, Collection
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, LaunchOptions
 from bestman_bt.evaluation.launchers.local import LocalProcesses
@@ -60,6 +61,11 @@ def test_a_judged_success_is_kept_with_what_was_measured_commanded_and_ticked(co
     assert ("/Grasp::" in table["node"][began - 1], "/Grasp::" in table["node"][began]) == (False, True)
     assert [span["timestamp"] for span in spans] == sorted({span["timestamp"] for span in spans})
     assert [(one["outcome"], one["episode"]) for one in attempts(collected)][-1] == ("success", 0)
+    (row,) = parquet.read_table(collected / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    assert (row["seed"], row["tasks"]) == (SEED, [load_run("pick_bench").task.description])
+    audit = json.loads(row["audit"])
+    assert not any(audit[cheat] for cheat in CHEATS)
+    assert audit["disturbances"] == []
 
 
 @pytest.mark.slow
@@ -67,7 +73,7 @@ def test_a_second_call_runs_nothing_that_has_ended_and_a_failure_is_listed_but_n
     collected: Path, bestman_bt: Command
 ) -> None:
     before = attempts(collected)
-    again = ("collect", "pick_bench", "-o", collected, "--seed", SEED, "--subtasks")
+    again = ("collect", "pick_bench", "-o", collected, "--seed", SEED, "--subtasks", "--format", "lerobot")
     assert bestman_bt(*again, "--episodes", "1").code == 0
     assert attempts(collected) == before
     short = bestman_bt(*again, "--episodes", "2", "--most", "2", "--set", "time_limit=2 s")

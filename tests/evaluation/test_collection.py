@@ -56,7 +56,7 @@ def staged(request: RecordedEpisode, failed: RunResult) -> RunResult:
     writer = DatasetWriter(request.staged / str(request.config.seed), request.frames)
     zeros = [0.0] * len(request.frames.numbers[STATE])
     writer.add_frame({STATE: zeros, ACTION: zeros, NODE: ""}, {})
-    writer.end_episode(request.words, seed=request.config.seed, run="")
+    writer.end_episode(request.words, seed=request.config.seed, run="", audit="{}")
     return replace(failed, success=True, outcome=Outcome.SUCCESS, failure=None)
 
 
@@ -93,6 +93,18 @@ def test_a_collect_that_was_killed_before_its_first_success_goes_on(config: RunC
     assert (tmp_path / "set" / STAGED).exists()
     assert collect(config, tmp_path / "set", MadeUp()).kept == 2
     assert not (tmp_path / "set" / STAGED).exists()
+
+
+def test_what_a_launcher_leaves_does_not_keep_the_next_collect_out(config: RunConfig, tmp_path: Path) -> None:
+    class Slurm(MadeUp):
+        def result(self, request: RecordedEpisode) -> RunResult:
+            (tmp_path / "set" / "slurm").mkdir()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        collect(config, tmp_path / "set", Slurm())
+    assert (tmp_path / "set" / "slurm").is_dir()
+    assert collect(config, tmp_path / "set", MadeUp()).kept == 2
 
 
 def test_seeds_that_ended_in_an_error_are_run_again_but_other_failures_are_not(
@@ -197,8 +209,9 @@ def test_a_dataset_of_the_same_features_that_collect_has_not_written_is_refused_
     collect(config, tmp_path, MadeUp(), episodes=1)
     rows = tmp_path / "meta/episodes/chunk-000/file-000.parquet"
     others = [
-        {key: value for key, value in row.items() if key != "run"} for row in parquet.read_table(rows).to_pylist()
+        {key: value for key, value in row.items() if key not in ("run", "audit")}
+        for row in parquet.read_table(rows).to_pylist()
     ]
     parquet.write_table(pyarrow.Table.from_pylist(others), rows)
-    with pytest.raises(DatasetError, match="its episodes lack run"):
+    with pytest.raises(DatasetError, match="its episodes lack audit, run"):
         Collection(config, tmp_path, "pick", ())

@@ -1,13 +1,11 @@
-"""Episodes as an array job: on a real Slurm where one answers, else by submitit's executor of this machine."""
+"""Episodes as an array job: by submitit's executor of this machine, and on a real Slurm where there can be one."""
 
 from __future__ import annotations
 
 import base64
 import os
 import pickle
-import shutil
 import signal
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +22,6 @@ from bestman_bt.evaluation.suite import Suite, make_suite
 from bestman_bt.extras import is_installed
 from tests.evaluation.launchers.journal_lines import without_times
 
-SLURM = (
-    shutil.which("sinfo") is not None and subprocess.run(["sinfo"], capture_output=True, check=False).returncode == 0
-)
-EXECUTORS = [
-    "local",
-    pytest.param("slurm", marks=pytest.mark.skipif(not SLURM, reason="no Slurm answers on this machine")),
-]
 SEEDS = 6
 
 pytestmark = [
@@ -56,10 +47,12 @@ def run(suite: Suite, folder: Path, executor: str, on_result: Any = None) -> dic
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("executor", EXECUTORS)
+@pytest.mark.parametrize("executor", ["local", "slurm"])
 def test_a_task_that_is_killed_loses_and_doubles_nothing(
-    suite: Suite, tmp_path: Path, executor: str, monkeypatch: pytest.MonkeyPatch
+    suite: Suite, tmp_path: Path, executor: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
+    if executor == "slurm":
+        request.getfixturevalue("slurm")
     monkeypatch.setattr(slurm_array, "POLL", 0.2)
     with Evaluation(suite, tmp_path / "here") as evaluation:
         evaluation.run()

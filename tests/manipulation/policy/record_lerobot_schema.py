@@ -1,7 +1,6 @@
 """Write a dataset with LeRobot itself and record its layout; `make test-lerobot` runs it in environments with LeRobot.
 
-python record_lerobot_schema.py FILE.json: info.json, and the columns with types of each kind of parquet file (without
-quantiles, which we do not write).
+python record_lerobot_schema.py FILE.json: info.json, and the columns with types of each kind of parquet file.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ with tempfile.TemporaryDirectory() as folder:
     dataset.save_episode()
     dataset.finalize()
     schema = {
-        kind: {field.name: str(field.type) for field in parquet.read_schema(root / path) if "/q" not in field.name}
+        kind: {field.name: str(field.type) for field in parquet.read_schema(root / path)}
         for kind, path in (
             ("data", "data/chunk-000/file-000.parquet"),
             ("episodes", "meta/episodes/chunk-000/file-000.parquet"),

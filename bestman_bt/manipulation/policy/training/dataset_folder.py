@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.manipulation.policy.errors import PolicyError
-from bestman_bt.manipulation.policy.training.dataset_statistics import FeatureStatistics, combined
+from bestman_bt.manipulation.policy.training.dataset_statistics import combined, number_statistics
 
 FILES_PER_FOLDER = 1000
 ROWS_PER_FILE = 100
@@ -204,8 +204,8 @@ class DatasetFolder:
             of_episode = columns["episode_index"] == episode
             entries = found[episode] = {}
             for name, values in columns.items():
-                (one := FeatureStatistics(1)).add(values[of_episode])
-                entries |= {f"stats/{name}/{key}": value for key, value in one.to_dict().items()}
+                one = number_statistics(values[of_episode])
+                entries |= {f"stats/{name}/{key}": value for key, value in one.items()}
         return found
 
     def _read_data(self, chunk: int, file: int) -> Any:

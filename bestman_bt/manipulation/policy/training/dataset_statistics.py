@@ -6,56 +6,73 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 THINNED = 4
 """Every so many pixels of a picture count in its statistics."""
+QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
+"""Those that LeRobot writes since 0.4; policies that normalise by quantiles need them."""
 
 
-class FeatureStatistics:
-    """Statistics of one feature of ``size`` numbers; for images of the channels over all pixels, 0 to 1."""
+def number_statistics(values: NDArray[Any]) -> dict[str, Any]:
+    """Return the entry of LeRobot's ``stats.json`` for a feature with (N,) or (N, size) values in N frames."""
+    array = np.asarray(values, dtype=float).reshape(len(values), -1)
+    found = {"min": array.min(axis=0), "max": array.max(axis=0), "mean": array.mean(axis=0), "std": array.std(axis=0)}
+    found |= dict(zip(QUANTILES, np.quantile(array, list(QUANTILES.values()), axis=0), strict=True))
+    return {name: value.tolist() for name, value in found.items()} | {"count": [len(array)]}
 
-    def __init__(self, size: int) -> None:
-        self.low, self.high = np.full(size, np.inf), np.full(size, -np.inf)
-        self._sum, self._squares = np.zeros(size), np.zeros(size)
-        self._samples = 0
-        self.count = 0
 
-    def add(self, values: ArrayLike) -> None:
-        """Add (N, size) numbers of N frames."""
-        array = np.asarray(values, dtype=float).reshape(-1, len(self.low))
-        self._include(array, len(array))
+class PictureStatistics:
+    """Statistics of the channels of pictures, 0 to 1, over the pixels of all of them."""
 
-    def add_picture(self, picture: NDArray[np.uint8]) -> None:
-        """Add one (H, W, 3) image, sampled at each ``THINNED``th pixel in both directions."""
-        self._include(picture[::THINNED, ::THINNED].reshape(-1, 3) / 255.0, 1)
+    def __init__(self) -> None:
+        self._pixels = np.zeros((3, 256), dtype=np.int64)
+        """Of each channel and value, the number of pixels."""
+        self._count = 0
 
-    def to_dict(self, picture: bool = False) -> dict[str, Any]:
-        """Return the entry of LeRobot's ``stats.json``; for images each value is (3, 1, 1)."""
-        mean = self._sum / self._samples
-        std = np.sqrt(np.maximum(self._squares / self._samples - mean**2, 0.0))
-        found = {"min": self.low, "max": self.high, "mean": mean, "std": std}
-        shape = (3, 1, 1) if picture else (-1,)
-        return {name: value.reshape(shape).tolist() for name, value in found.items()} | {"count": [self.count]}
+    def add(self, picture: NDArray[np.uint8]) -> None:
+        """Add one (H, W, 3) picture, sampled at each ``THINNED``th pixel in both directions."""
+        for channel, values in enumerate(picture[::THINNED, ::THINNED].reshape(-1, 3).T):
+            self._pixels[channel] += np.bincount(values, minlength=256)
+        self._count += 1
 
-    def _include(self, samples: NDArray[np.float64], frames: int) -> None:
-        self.low, self.high = np.minimum(self.low, samples.min(axis=0)), np.maximum(self.high, samples.max(axis=0))
-        self._sum += samples.sum(axis=0)
-        self._squares += (samples**2).sum(axis=0)
-        self._samples += len(samples)
-        self.count += frames
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry of LeRobot's ``stats.json``; each value is (3, 1, 1)."""
+        levels, up_to = np.arange(256) / 255.0, self._pixels.cumsum(axis=1)
+        total = up_to[:, -1]
+        mean = self._pixels @ levels / total
+        spread = (levels - mean[:, None]) ** 2
+        found = {
+            "min": levels[(up_to > 0).argmax(axis=1)],
+            "max": levels[(up_to == total[:, None]).argmax(axis=1)],
+            "mean": mean,
+            "std": np.sqrt((self._pixels * spread).sum(axis=1) / total),
+        }
+        for name, share in QUANTILES.items():
+            found[name] = levels[(up_to >= share * total[:, None]).argmax(axis=1)]
+        return {name: value.reshape(3, 1, 1).tolist() for name, value in found.items()} | {"count": [self._count]}
 
 
 def combined(total: Mapping[str, Any] | None, episode: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the statistics of all frames, from those of the frames so far and of a further episode."""
-    names = ("min", "max", "mean", "std")
+    """Return the statistics of all frames, from those of the frames so far and of a further episode.
+
+    Quantiles do not follow from those of episodes: the median and lower ones become the least of all episodes, higher
+    ones the greatest. They are left out if an episode has none.
+    """
     if total is None:
-        return {name: episode[name] for name in (*names, "count")}
+        return {name: episode[name] for name in ("min", "max", "mean", "std", *QUANTILES, "count") if name in episode}
     (old, new) = (int(one["count"][0]) for one in (total, episode))
     share = new / (old + new)
-    low, high, mean, std = (np.array(total[name], dtype=float) for name in names)
-    low_here, high_here, mean_here, std_here = (np.array(episode[name], dtype=float) for name in names)
-    together = mean + share * (mean_here - mean)
-    variance = (1 - share) * (std**2 + (mean - together) ** 2) + share * (std_here**2 + (mean_here - together) ** 2)
-    values = (np.minimum(low, low_here), np.maximum(high, high_here), together, np.sqrt(variance))
-    return {name: value.tolist() for name, value in zip(names, values, strict=True)} | {"count": [old + new]}
+    there, here = ({name: np.array(value, dtype=float) for name, value in one.items()} for one in (total, episode))
+    mean = there["mean"] + share * (here["mean"] - there["mean"])
+    variances = [one["std"] ** 2 + (one["mean"] - mean) ** 2 for one in (there, here)]
+    values = {
+        "min": np.minimum(there["min"], here["min"]),
+        "max": np.maximum(there["max"], here["max"]),
+        "mean": mean,
+        "std": np.sqrt((1 - share) * variances[0] + share * variances[1]),
+    }
+    for name, quantile in QUANTILES.items():
+        if name in there and name in here:
+            values[name] = (np.minimum if quantile <= 0.5 else np.maximum)(there[name], here[name])
+    return {name: value.tolist() for name, value in values.items()} | {"count": [old + new]}

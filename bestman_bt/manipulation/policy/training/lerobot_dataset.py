@@ -23,7 +23,7 @@ from bestman_bt.manipulation.policy.training.dataset_folder import (
     DatasetFolder,
     import_pyarrow,
 )
-from bestman_bt.manipulation.policy.training.dataset_statistics import FeatureStatistics
+from bestman_bt.manipulation.policy.training.dataset_statistics import PictureStatistics, number_statistics
 from bestman_bt.manipulation.policy.training.dataset_video import CODEC, VideoFile
 
 IMAGES = "observation.images."
@@ -116,7 +116,7 @@ class DatasetWriter:
         self._dataset = DatasetFolder(self.folder, frames.fps, frames.robot, frames.features())
         self._rows: list[dict[str, Any]] = []
         self._videos: dict[str, VideoFile] = {}
-        self._pictures: dict[str, FeatureStatistics] = {}
+        self._pictures: dict[str, PictureStatistics] = {}
 
     def add_frame(self, values: Mapping[str, Any], pictures: Mapping[str, NDArray[np.uint8]]) -> None:
         """Add a frame: feature → numbers, float32, or text, and camera → (H, W, 3) RGB.
@@ -136,10 +136,10 @@ class DatasetWriter:
         for name, size in self.frames.videos().items():
             if name not in self._videos:
                 self._videos[name] = VideoFile(self._video_path(name), self.frames.fps, size)
-                self._pictures[name] = FeatureStatistics(3)
+                self._pictures[name] = PictureStatistics()
             picture = pictures[name.removeprefix(IMAGES)]
             self._videos[name].add(picture)
-            self._pictures[name].add_picture(picture)
+            self._pictures[name].add(picture)
         texts = (*self.frames.texts, SUBTASK) if self.frames.subtasks else self.frames.texts
         self._rows.append(row | {name: str(values[name]) for name in texts})
 
@@ -198,11 +198,8 @@ class DatasetWriter:
             spans = _spans([row[SUBTASK] for row in self._rows], columns["timestamp"])
             table[LANGUAGE] = arrow.array([spans] * length, _language_type(arrow))
         parquet.write_table(arrow.table(table), path)
-        statistics = {}
-        for name, values in columns.items():
-            (one := FeatureStatistics(values.shape[1] if values.ndim == 2 else 1)).add(values)
-            statistics[name] = one.to_dict()
-        statistics |= {name: one.to_dict(picture=True) for name, one in self._pictures.items()}
+        statistics = {name: number_statistics(values) for name, values in columns.items()}
+        statistics |= {name: one.to_dict() for name, one in self._pictures.items()}
         for name, found in statistics.items():
             episode |= {f"stats/{name}/{key}": value for key, value in found.items()}
         self._rows, self._videos, self._pictures = [], {}, {}  # if its row gets written, its files have to stay
