@@ -32,11 +32,11 @@ class KilledError(BaseException):
 
 
 class MadeUp(LocalProcesses):
-    """Stages episodes of one frame; those of ``broken`` seeds end in an error."""
+    """Stages episodes of one frame; those of ``broken`` seeds end in an error, of ``failing`` ones in a failure."""
 
-    def __init__(self, broken: Several[int] = ()) -> None:
+    def __init__(self, broken: Several[int] = (), failing: Several[int] = ()) -> None:
         super().__init__()
-        self.broken = broken
+        self.broken, self.failing = broken, failing
         self.ran: list[int] = []
 
     def results(self) -> Iterator[tuple[int, RunResult]]:
@@ -48,8 +48,10 @@ class MadeUp(LocalProcesses):
             yield place, self.result(request)
 
     def result(self, request: RecordedEpisode) -> RunResult:
-        failed = request.failed_result("a plug-in has a fault")
-        return failed if request.config.seed in self.broken else staged(request, failed)
+        failed, seed = request.failed_result("a plug-in has a fault"), request.config.seed
+        if seed in self.failing:
+            return replace(failed, outcome=Outcome.FAILURE)
+        return failed if seed in self.broken else staged(request, failed)
 
 
 def staged(request: RecordedEpisode, failed: RunResult) -> RunResult:
@@ -65,8 +67,10 @@ def config() -> RunConfig:
     return load_run("pick_bench", seed=SEED)
 
 
-def collect(config: RunConfig, folder: Path, launcher: LocalProcesses, episodes: int = 2) -> Collection:
-    collection = Collection(config, folder, "pick", ())
+def collect(
+    config: RunConfig, folder: Path, launcher: LocalProcesses, episodes: int = 2, words: str = "pick"
+) -> Collection:
+    collection = Collection(config, folder, words, ())
     collection.collect(episodes, 4, lambda result: None, launcher)
     return collection
 
@@ -112,10 +116,53 @@ def test_seeds_that_ended_in_an_error_are_run_again_but_other_failures_are_not(
 ) -> None:
     everything = range(SEED, SEED + 4)
     assert collect(config, tmp_path, MadeUp(broken=everything)).kept == 0
-    mended = MadeUp()
-    assert collect(config, tmp_path, mended).kept == 2
+    mended = MadeUp(failing=[SEED])
+    assert collect(config, tmp_path, mended, episodes=1).kept == 1
     assert mended.ran == [SEED, SEED + 1]
-    assert [one["outcome"] for one in attempts(tmp_path)] == ["error"] * 4 + ["success"] * 2
+    again = MadeUp()
+    assert collect(config, tmp_path, again).kept == 2
+    assert again.ran == [SEED + 2]
+    outcomes = ["error"] * 4 + ["failure", "success", "success"]
+    assert [one["outcome"] for one in attempts(tmp_path)] == outcomes
+
+
+def test_episodes_are_kept_in_the_order_of_their_seeds_and_not_of_their_ends(config: RunConfig, tmp_path: Path) -> None:
+    class Backwards(MadeUp):
+        def results(self) -> Iterator[tuple[int, RunResult]]:
+            self._waiting.reverse()
+            return super().results()
+
+    shown: list[int] = []
+    launcher = Backwards(failing=[SEED + 1])
+    Collection(config, tmp_path, "pick", ()).collect(3, 9, lambda result: shown.append(result.seed), launcher)
+    assert launcher.ran == [SEED + 2, SEED + 1, SEED, SEED + 3]
+    assert shown == [SEED, SEED + 1, SEED + 2, SEED + 3]
+    assert [row["seed"] for row in DatasetFolder.read(tmp_path).episodes] == [SEED, SEED + 2, SEED + 3]
+    assert [(one["seed"], one["episode"]) for one in attempts(tmp_path)] == list(
+        zip(shown, [0, None, 1, 2], strict=True)
+    )
+
+
+def test_a_success_that_is_not_the_robots_is_listed_with_its_reason_and_not_kept(
+    config: RunConfig, tmp_path: Path
+) -> None:
+    class HeldBefore(MadeUp):
+        def result(self, request: RecordedEpisode) -> RunResult:
+            result = super().result(request)
+            return replace(result, held_at_start=True) if request.config.seed == SEED else result
+
+    assert collect(config, tmp_path, HeldBefore()).kept == 2
+    assert [row["seed"] for row in DatasetFolder.read(tmp_path).episodes] == [SEED + 1, SEED + 2]
+    assert attempts(tmp_path)[0]["why"] == "the goal held before the run began"
+    assert attempts(tmp_path)[0]["episode"] is None
+
+
+def test_another_task_in_the_folder_counts_for_itself(config: RunConfig, tmp_path: Path) -> None:
+    assert collect(config, tmp_path, MadeUp()).kept == 2
+    other = MadeUp()
+    assert collect(config, tmp_path, other, words="place").kept == 2
+    assert other.ran == [SEED, SEED + 1]
+    assert [row["tasks"] for row in DatasetFolder.read(tmp_path).episodes] == [["pick"]] * 2 + [["place"]] * 2
 
 
 def test_a_dataset_that_is_being_written_is_refused_and_left_alone(config: RunConfig, tmp_path: Path) -> None:

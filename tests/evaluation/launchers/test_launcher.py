@@ -6,6 +6,7 @@ import errno
 import inspect
 import os
 import pickle
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,11 +16,13 @@ import pytest
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.code_version import code_fingerprint
+from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.launchers import launcher as launcher_module
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LaunchOptions
 from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, LauncherLostError
-from bestman_bt.evaluation.result import Outcome
+from bestman_bt.evaluation.result import Outcome, RunResult
+from bestman_bt.evaluation.suite import Suite, SuiteEntry
 from bestman_bt.registry import LAUNCHERS
 from tests.evaluation.test_summary import result
 
@@ -72,6 +75,21 @@ def test_what_an_answer_stands_for(request_of_one: EpisodeRequest) -> None:
     assert given_up is not None
     assert given_up.failure is not None
     assert (given_up.outcome, given_up.failure.why) == (Outcome.ERROR, "node lost, 3 times in a row")
+
+
+def test_a_result_that_a_launcher_yields_twice_counts_once(tmp_path: Path) -> None:
+    class Twice(LocalProcesses):
+        def results(self) -> Iterator[tuple[int, RunResult]]:
+            while self._waiting:
+                place = self._waiting.popleft()
+                for sim_time in (40.0, 99.0):
+                    yield place, replace(result(self.requests[place].config.seed), sim_time_s=sim_time)
+
+    suite = Suite("mine", (SuiteEntry("one", load_run("fetch_cup", seed=4), 2),))
+    with Evaluation(suite, tmp_path) as evaluation:
+        document = evaluation.run(Twice())
+    assert (document["episodes"], document["entries"][0]["sim_time_s"]) == (2, 80.0)
+    assert len((tmp_path / "episodes.jsonl").read_text().splitlines()) == 2
 
 
 @pytest.mark.slow

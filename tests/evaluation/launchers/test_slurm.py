@@ -7,20 +7,22 @@ import os
 import pickle
 import signal
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from bestman_bt.configuration.errors import ConfigurationError
-from bestman_bt.configuration.run import RunRequest
+from bestman_bt.configuration.run import RunRequest, load_run
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.launchers import slurm_array
-from bestman_bt.evaluation.launchers.launcher import LaunchOptions
+from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, LaunchOptions
 from bestman_bt.evaluation.launchers.slurm_array import SlurmArray
 from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer
 from bestman_bt.evaluation.suite import Suite, make_suite
 from bestman_bt.extras import is_installed
 from tests.evaluation.launchers.journal_lines import without_times
+from tests.evaluation.test_summary import result
 
 SEEDS = 6
 
@@ -71,6 +73,43 @@ def test_a_task_that_is_killed_loses_and_doubles_nothing(
     assert killed
     assert document["met"]
     assert without_times(tmp_path / executor, SEEDS) == without_times(tmp_path / "here", SEEDS)
+
+
+class ShortExecutor:
+    """Runs the episodes of each task at once; that of seed 2 ends its task."""
+
+    def __init__(self, folder: Path, cluster: str) -> None:
+        self.folder = folder
+
+    def update_parameters(self, **_: object) -> None: ...
+
+    def map_array(self, _: object, shares: list[Any], files: list[str], folders: list[str]) -> list[Any]:
+        for share, file in zip(shares, files, strict=True):
+            with Path(file).open("ab") as answers:
+                for place, (request, _limit) in share:
+                    seed = pickle.loads(request).config.seed
+                    if seed == 2:
+                        break
+                    answer = EpisodeAnswer(result=pickle.dumps(result(seed)))
+                    answers.write(f"{place} ".encode() + base64.b64encode(pickle.dumps(answer)) + b"\n")
+        return [SimpleNamespace(job_id=f"7_{number}", done=lambda: True) for number in range(len(shares))]
+
+
+def test_an_episode_that_ends_its_task_each_time_is_an_error_and_those_behind_it_are_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(slurm_array, "POLL", 0.0)
+    monkeypatch.setattr(slurm_array, "import_module", lambda _: SimpleNamespace(AutoExecutor=ShortExecutor))
+    launcher = SlurmArray(LaunchOptions(1, folder=tmp_path), "local")
+    launcher.submit([EpisodeRequest(load_run("fetch_cup", seed=seed)) for seed in range(5)])
+    found = list(launcher.results())
+    assert sorted((place, one.seed, one.success) for place, one in found) == [
+        (seed, seed, seed != 2) for seed in range(5)
+    ]
+    (failed,) = (one.failure for _, one in found if not one.success)
+    assert failed is not None
+    assert failed.why == "task 7_0 of Slurm was lost, 3 times in a row"
+    assert launcher.notes == ["3 times an episode was run again because its worker was lost"]
 
 
 def test_a_task_that_slurm_starts_again_goes_on_behind_its_last_whole_answer(tmp_path: Path) -> None:

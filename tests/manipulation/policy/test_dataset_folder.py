@@ -13,7 +13,7 @@ import pyarrow.parquet as parquet
 import pytest
 
 from bestman_bt.manipulation.policy.training.dataset_folder import ROWS_PER_FILE, DatasetError, DatasetFolder
-from bestman_bt.manipulation.policy.training.dataset_video import pictures
+from bestman_bt.manipulation.policy.training.dataset_video import VideoFile, pictures
 from bestman_bt.manipulation.policy.training.lerobot_dataset import DatasetFormat, DatasetWriter
 
 FORMAT = DatasetFormat(
@@ -75,6 +75,18 @@ def test_a_foreign_dataset_with_several_episodes_in_a_file_is_appended(tmp_path:
     assert [found.data(episode)["action"][0][0] for episode in range(3)] == [4.0, 2.0, 3.0]
     assert [found.data(episode)["index"][0] for episode in range(3)] == [0, 4, 6]
     assert [found.data(episode)["task_index"][0] for episode in range(3)] == [0, 1, 0]
+
+
+def test_pictures_of_an_episode_that_begins_within_a_video_are_its_own(tmp_path: Path) -> None:
+    dataset = written(tmp_path / "set", [(7, "a")])
+    path, start, end = dataset.video(0, "observation.images.head")
+    whole = VideoFile(tmp_path / "whole.mp4", FORMAT.fps, FORMAT.cameras["head"])
+    for brightness in (0, 40, 80, 120, 160, 200):
+        whole.add(np.full((32, 48, 3), brightness, dtype=np.uint8))
+    whole.close()
+    assert len(list(pictures(path, start, end))) == 7
+    shown = [picture.mean() for picture in pictures(tmp_path / "whole.mp4", 0.3, 0.5)]
+    assert shown == pytest.approx([120, 160], abs=4)
 
 
 def test_all_differences_are_named(tmp_path: Path) -> None:

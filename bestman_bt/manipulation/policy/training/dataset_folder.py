@@ -10,7 +10,7 @@ import json
 import re
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -134,7 +134,7 @@ class DatasetFolder:
         """Return the path of a numbered file of ``data`` or of a ``videos/FEATURE``."""
         return self.path / kind / (NUMBERED.format(**place) + (".parquet" if kind == DATA else ".mp4"))
 
-    def add(self, rows: Sequence[dict[str, Any]], tasks: Iterable[str]) -> None:
+    def add(self, rows: Iterable[dict[str, Any]], tasks: Iterable[str]) -> None:
         """Add episodes, whose files are in place, by their rows; ``tasks``: those that they name by index."""
         arrow, parquet = import_pyarrow()
         meta = self.path / "meta"
@@ -143,13 +143,19 @@ class DatasetFolder:
         _write(meta / "tasks.parquet", lambda path: parquet.write_table(_tasks_table(arrow, self.tasks), path))
         if not self.episodes:  # so that a process killed before the first row leaves an empty dataset
             _write(meta / "info.json", partial(_write_json, self._info()))
+        place: dict[str, int] = {}
+
+        def write_last_rows() -> None:
+            table = arrow.Table.from_pylist(self._last_rows)
+            _write(meta / "episodes" / f"{NUMBERED.format(**place)}.parquet", partial(parquet.write_table, table))
+
         for row in rows:
+            if place and place != self._next_place():
+                write_last_rows()
             place = self._next_place()
             self._take({**row, **{f"meta/episodes/{key}": value for key, value in place.items()}})
-            if row is rows[-1] or self._next_place() != place:
-                table = arrow.Table.from_pylist(self._last_rows)
-                file = meta / "episodes" / f"{NUMBERED.format(**place)}.parquet"
-                _write(file, partial(parquet.write_table, table))
+        if place:
+            write_last_rows()
         for name, document in (("stats", self._totals), ("info", self._info())):
             _write(meta / f"{name}.json", partial(_write_json, document))
 
@@ -160,11 +166,14 @@ class DatasetFolder:
         """
         if problems := self.differences(other):
             raise DatasetError(f"{other.path} does not match {self.path}: {'; '.join(problems)}")
-        first, frames, rows = len(self.episodes), self.frames, []
+        tasks = dict.fromkeys([*self.tasks, *other.tasks])
+        self.add(self._copies(other, np.array([list(tasks).index(task) for task in other.tasks])), tasks)
+
+    def _copies(self, other: DatasetFolder, task_index: NDArray[np.int64]) -> Iterator[dict[str, Any]]:
+        """Copy the files of another dataset and yield the rows that its episodes have here."""
+        first, frames = len(self.episodes), self.frames
         copied: dict[tuple[str, int, int], dict[str, int]] = {}
         statistics: dict[int, dict[str, Any]] = {}
-        tasks = dict.fromkeys([*self.tasks, *other.tasks])
-        task_index = np.array([list(tasks).index(task) for task in other.tasks])
         for row in other.rows():
             moved = dict(row)
             for kind in (DATA, *(f"{VIDEOS}/{name}" for name in self.videos)):
@@ -182,9 +191,8 @@ class DatasetFolder:
             moved["episode_index"] += first
             for key in ("dataset_from_index", "dataset_to_index"):
                 moved[key] += frames
-            known = {key: value for key, value in statistics[moved["episode_index"]].items() if key in row}
-            rows.append(moved | known)
-        self.add(rows, tasks)
+            recomputed = statistics.pop(moved["episode_index"])
+            yield moved | {key: value for key, value in recomputed.items() if key in row}
 
     def _copy_data(
         self, other: DatasetFolder, place: tuple[int, int], target: Path, offsets: tuple[int, int, NDArray[np.int64]]
