@@ -34,7 +34,7 @@ from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunRequest
-from bestman_bt.evaluation.comparison import ComparedEntries, within
+from bestman_bt.evaluation.comparison import ComparedEntries, differences_table, within
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.interval import Precision
 from bestman_bt.evaluation.journal import JournalError
@@ -309,7 +309,10 @@ def _write_summary(
     folder: Path, document: dict[str, Any], evaluation: Evaluation, compared: Sequence[ComparedEntries]
 ) -> None:
     (folder / "summary.json").write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    lines = ["", "## Comparisons", "", *(line for one in compared for line in (*one.lines(), ""))]
+    lines = ["", "## Comparisons", ""]
+    if len(compared) > 1:
+        lines += [*differences_table(compared), ""]
+    lines += [line for one in compared for line in (*one.lines(), "")]
     (folder / "summary.md").write_text(markdown(document) + ("\n".join(lines) if compared else ""), encoding="utf-8")
     for one in compared:
         one.draw(folder / re.sub(r"[^\w.=-]+", "_", f"{one.names[1]}_against_{one.names[0]}.svg"))

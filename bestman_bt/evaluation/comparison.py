@@ -178,6 +178,31 @@ def _told_apart(first: str, second: str, given: tuple[str, str]) -> tuple[str, s
     return (names[0], names[1]) if names[0] != names[1] else (str(folders[0]), str(folders[1]))
 
 
+def differences_table(compared: Sequence[ComparedEntries]) -> Iterator[str]:
+    """Yield a table of Markdown: of each comparison a line with the paired differences, second minus first, and their
+    95 % intervals; significant ones are bold.
+    """
+    names = list(dict.fromkeys(metric.name for one in compared for metric in one.comparison.metrics))
+    yield "| " + " | ".join(["", "success", *names]) + " |"
+    yield "| --- |" + " --- |" * (1 + len(names))
+    for one in compared:
+        success, metrics = one.comparison.success, {metric.name: metric for metric in one.comparison.metrics}
+        low, high = success.interval
+        told = f"{100 * success.difference:+.0f} % ({100 * low:+.0f} to {100 * high:+.0f})"
+        cells = [_bold(told, success.p_value)]
+        for metric in map(metrics.get, names):
+            if metric is None:
+                cells.append("–")
+            else:
+                shift, interval = difference_words(metric)
+                cells.append(_bold(f"{shift} ({interval})" if interval else shift, metric.adjusted_p))
+        yield "| " + " | ".join([f"{one.names[1]} against {one.names[0]}", *cells]) + " |"
+
+
+def _bold(text: str, p_value: float) -> str:
+    return f"**{text}**" if p_value < SIGNIFICANCE else text
+
+
 MOST_PAIRS = 1000
 """Larger numbers of pairs are not reported: no one runs so many."""
 
@@ -212,21 +237,28 @@ def metric_sentence(metric: MetricComparison, first: str, second: str) -> str:
     """Return which of the two has the larger values, or that this is not shown."""
     if metric.first == metric.second:
         return f"{metric.name}: the same in {'each of the ' if metric.pairs > 1 else ''}{_pairs(metric.pairs)}."
-    width = None if metric.interval is None else metric.interval[1] - metric.interval[0]
-    decimals = decimals_of(metric.shift, width)
-    if metric.interval is None:
-        interval = f"no interval from fewer than {FEWEST_PAIRS} pairs"
-    else:
-        low, high = (f"{bound:+.{decimals}f}" for bound in metric.interval)
-        interval = f"95 % interval {low} to {high}"
+    shift, interval = difference_words(metric)
+    interval = f"95 % interval {interval}" if interval else f"no interval from fewer than {FEWEST_PAIRS} pairs"
     p_value = p_words(metric.adjusted_p)
     if p_value != p_words(metric.p_value):
         p_value += f" ({p_words(metric.p_value)} without the correction for several metrics)"
-    figures = f"{second} − {first} = {metric.shift:+.{decimals}f} ({interval}), {p_value}"
+    figures = f"{second} − {first} = {shift} ({interval}), {p_value}"
     if metric.adjusted_p < SIGNIFICANCE:
         larger, smaller = (second, first) if metric.shift > 0 else (first, second)
         return f"{metric.name}: larger with {larger} than with {smaller}: {figures}, {_pairs(metric.pairs)}."
     return f"{metric.name}: no difference shown: {figures}{_needed(metric.pairs, metric.pairs_needed)}."
+
+
+def difference_words(metric: MetricComparison) -> tuple[str, str]:
+    """Return a metric's difference and its interval, empty without one, with as many decimals as the interval allows.
+
+    ``("+1.2", "+0.3 to +2.1")``.
+    """
+    if metric.interval is None:
+        return f"{metric.shift:+.{decimals_of(metric.shift, None)}f}", ""
+    low, high = metric.interval
+    decimals = decimals_of(metric.shift, high - low)
+    return f"{metric.shift:+.{decimals}f}", f"{low:+.{decimals}f} to {high:+.{decimals}f}"
 
 
 def p_words(p_value: float) -> str:
