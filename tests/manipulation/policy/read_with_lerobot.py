@@ -11,6 +11,7 @@ import sys
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
 dataset = LeRobotDataset("local/set", root=sys.argv[1], video_backend="pyav")
+quantiles = {name: dataset.meta.stats["action"][name].tolist() for name in ("q01", "q99")}
 for frame in dataset:
     read = {
         "action": frame["action"].tolist(),
@@ -20,5 +21,6 @@ for frame in dataset:
         "index": int(frame["index"]),
         "brightness": float(frame["observation.images.head"].mean()),
         "subtasks": [row["content"] for row in frame.get("language_persistent", ())],
+        "quantiles": quantiles,
     }
     sys.stdout.write(json.dumps(read) + "\n")

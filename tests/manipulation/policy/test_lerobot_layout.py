@@ -99,6 +99,8 @@ def test_the_loader_of_lerobot_reads_what_was_written_and_merged(version: str, s
     assert [(one["episode"], *one["action"]) for one in read] == expected
     assert [one["index"] for one in read] == list(range(15))
     assert {(one["node"], one["task"]) for one in read} == {("x", "pick")}
+    bounds = {"q01": [4.0, pytest.approx(0.03)], "q99": [6.0, pytest.approx(4.95)]}
     for one in read:
+        assert one["quantiles"] == bounds
         assert one["brightness"] == pytest.approx(20 * one["action"][1] / 255, abs=0.02)
         assert one["subtasks"] == (["grasp (object cup)", "place on (object cup)"] if subtasks else [])
