@@ -8,9 +8,14 @@ import math
 import re
 
 import pytest
-from hypothesis import example, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
+from bestman_bt.engine import SUCCESS, NodeRegistry
+from bestman_bt.task_planning.builders.backchain import BackchainBuilder
+from bestman_bt.task_planning.builders.reactive import ReactiveBuilder
+from bestman_bt.task_planning.builders.sequence import SequenceBuilder
+from bestman_bt.task_planning.simulation import SymbolicWorld, dry_run
 from bestman_bt.task_planning.symbolic.grounding import ground, instantiate
 from bestman_bt.task_planning.symbolic.pddl_reading import read_pddl
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
@@ -208,3 +213,16 @@ def test_what_is_written_in_pddl_and_read_again_has_a_plan_where_the_problem_has
     (folder / "problem.pddl").write_text(text.problem())
     again = read_pddl(folder / "domain.pddl", folder / "problem.pddl")
     assert cheapest(again) == cheapest(problem)
+
+
+@pytest.mark.slow
+@examples(20)
+@given(problems())
+def test_the_tree_of_each_builder_reaches_the_goal(problem):
+    try:
+        plan = SymbolicPlanner().plan(problem)
+    except Unsolvable:
+        assume(False)
+    for builder in (SequenceBuilder(), ReactiveBuilder(), BackchainBuilder()):
+        run = dry_run(builder.build(plan, problem.goal).document().to_xml(), SymbolicWorld(problem), NodeRegistry())
+        assert (run.status, run.reached) == (SUCCESS, True)

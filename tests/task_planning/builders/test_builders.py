@@ -395,6 +395,72 @@ def test_a_back_chained_tree_reads_as_the_plan_that_it_was_made_from(monkeypatch
         BackchainBuilder().build(plan, problem.goal)
 
 
+def strips(state: str, goal: str, **actions: tuple[str, str]) -> tuple[PlanningProblem, TaskPlan]:
+    """A problem, and the plan of its actions in their order, each given as conditions and effects."""
+    made = tuple(operator(name, {}, *texts) for name, texts in actions.items())
+    problem = PlanningProblem({}, facts(*state.split()), parse_literals(goal), made)
+    return problem, plan_of(problem, *(f"{name}()" for name in actions))
+
+
+def test_back_chaining_executes_an_action_whose_effect_holds_for_another_one_that_is_needed_later() -> None:
+    problem, plan = strips("p", "p and r", Both=("not q", "p and q"), Use=("q", "r"))
+    world = SymbolicWorld(problem)
+    assert (
+        dry_run(BackchainBuilder().build(plan, problem.goal).document().to_xml(), world, NodeRegistry()).status
+        == SUCCESS
+    )
+    assert done(world) == ("Both()", "Use()")
+
+
+def test_back_chaining_moves_an_action_that_would_undo_a_goal_before_the_one_that_restores_it() -> None:
+    """``Use`` takes away what ``Restore`` needs, so ``Restore`` cannot be executed afterwards."""
+    problem, plan = strips(
+        "p q",
+        "p and r",
+        Prepare=("", "x and not p"),
+        Restore=("q", "p"),
+        Use=("x", "r and not q"),
+    )
+    tree = BackchainBuilder().build(plan, problem.goal)
+    world = SymbolicWorld(problem)
+    assert dry_run(tree.document().to_xml(), world, NodeRegistry()).status == SUCCESS
+    assert done(world) == ("Prepare()", "Restore()", "Use()")
+    world = SymbolicWorld(problem)
+    world.state |= facts("x")
+    assert dry_run(tree.document().to_xml(), world, NodeRegistry()).status == SUCCESS
+    assert done(world) == ("Use()",)
+
+
+@st.composite
+def executed_plans(draw: st.DrawFn) -> tuple[TaskPlan, tuple[Literal, ...]]:
+    """A plan that is executable from some state, and facts that hold at its end."""
+    state, actions = draw(st.sampled_from(STATES)), []
+    some = st.sets(st.sampled_from(FACTS), max_size=2)
+    for number in range(draw(st.integers(2, 7))):
+        needed = {fact: fact in state for fact in draw(some)}
+        actions.append(action_of(f"Act{number}", needed, draw(SETTINGS.filter(bool))))
+        state = actions[-1].applied_to(state)
+    goal = draw(st.sets(st.sampled_from(FACTS), min_size=1))
+    return TaskPlan(tuple(actions)), tuple(Literal(fact, fact not in state) for fact in goal)
+
+
+@pytest.mark.slow
+@settings(max_examples=200, deadline=None)
+@given(executed_plans())
+def test_back_chaining_reaches_the_goal_from_each_state_from_which_the_plan_does(
+    planned: tuple[TaskPlan, tuple[Literal, ...]],
+) -> None:
+    plan, goal = planned
+    initial = kernels(sequential_steps(plan), goal)[0]
+    xml = BackchainBuilder().build(plan, goal).document().to_xml()
+    problem = PlanningProblem({}, frozenset(), goal, tuple(action.operator for action in plan.actions))
+    for state in STATES:
+        if all(literal.holds_in(state) for literal in initial):
+            world = SymbolicWorld(replace(problem, state=state))
+            assert dry_run(xml, world, NodeRegistry()).status == SUCCESS
+            assert world.reached
+
+
 def test_a_tree_that_plans_anew_keeps_to_the_limits_and_counts_that_it_was_given() -> None:
     goal = parse_literals("tucked")
     problem = kitchen("tucked")
