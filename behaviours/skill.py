@@ -165,7 +165,7 @@ class ErrorReporting(RobotNode):
             raise TypeError(f"{cls.__name__}.FAILS should map codes to advice for the tree, got {cls.FAILS!r}")
 
     error_code = Out(str, "why it failed, for programs; empty if not")
-    error_message = Out(str, "why it failed, in words")
+    error_message = Out(str, "why it failed")
 
     def get_input(self, port: str) -> Any:
         """Return the value of a port. Raises SkillFailure (``bad_input``) for NaN, or a pose too far away."""

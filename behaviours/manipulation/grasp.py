@@ -319,7 +319,7 @@ class Holding(SkillCondition):
     }
 
     def check(self) -> tuple[str, str] | None:
-        """Compare the width with that of the grasp."""
+        """Check that the gripper's width is still that of the grasp."""
         name: str = self.object
         arm = self.arm or self.skills.world.arm_with(name)
         skills = self.skills if arm is None else self.skills_of(arm)

@@ -93,7 +93,7 @@ class _Docking(Skill):
         return edge.corrected(piece, goal)
 
     def _improve(self, goal: Pose2D) -> SkillCoroutine[str]:
-        """Correct the remaining error; return the remaining deviation in words, empty if within tolerance."""
+        """Correct the remaining error; return a text with the remaining deviation, empty if within tolerance."""
         base, tolerance, turning = self.skills.base, self.tolerance, self.heading_tolerance
         for last in (False, True):
             off = goal.inverse() @ self.skills.world.base.pose

@@ -1,8 +1,8 @@
 """Bring-up steps with small motions of each part, compared with the robot file: joints by a degree, the empty hand, the
 base.
 
-Joints go by that and the way that they are told, and no other joint does. The hand without anything in it opens,
-closes, stands half open, and takes a force; it is open afterwards. The base drives 0.2 m and turns by 30°, and back, by
+A joint must move by that distance in the commanded direction, and no other joint may move. The empty hand opens,
+closes, opens by half, and changes its force; it is open afterwards. The base drives 0.2 m, turns by 30° and returns, by
 its own odometry.
 """
 

@@ -35,7 +35,9 @@ def bringup(
         ),
     ] = None,
     twin: Annotated[bool, typer.Option("--twin", help="Bring up twins that are started for it, unattended.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the robot moves: a person watches it.")] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Do not ask for confirmation before motions. Requires a person at the robot.")
+    ] = False,
     settings: Settings = None,
     as_json: Json = False,
 ) -> None:

@@ -115,7 +115,7 @@ def command(
         try:
             collection.collect(wanted.episodes, wanted.most or 2 * wanted.episodes, show, launcher)
         except KeyboardInterrupt:
-            interrupted = "interrupted: repeat the command to go on"
+            interrupted = "interrupted: repeat the command to continue"
         except (LauncherLostError, DatasetError, OSError) as error:
             interrupted = str(error)
         print_json(

@@ -179,7 +179,7 @@ def _entries(feature: dict[str, Any]) -> str:
 
 
 def _ranges(numbers: list[int]) -> str:
-    """Return sorted numbers in words, such as 1000 to 1007, 1009."""
+    """Return sorted numbers as text, such as 1000 to 1007, 1009."""
     ranges: list[list[int]] = []
     for number in numbers:
         if ranges and number == ranges[-1][-1] + 1:

@@ -19,7 +19,7 @@ from bestman_bt.errors import InputError
 VERBS = {
     "demo": "fetch a cup in simulation and show what happened",
     "run": "run a tree or a task once and judge it",
-    "plan": "plan for a goal in words or facts, make a tree of the plan and check it",
+    "plan": "plan for a goal given as text or facts, make a tree of the plan and check it",
     "eval": "run a task over many seeds and summarise",
     "sweep": "run the same seeds with several settings and compare",
     "collect": "record judged successes of a task as a dataset for learning",

@@ -127,7 +127,7 @@ def _recorded(given: Iterable[Path]) -> list[Path]:
 
 
 def _is_any(host: str) -> bool:
-    """Return whether it means all addresses of this machine, and is none that a browser can open."""
+    """Return whether it means all addresses of this machine, so that a browser cannot open it."""
     try:
         return ipaddress.ip_address(host).is_unspecified
     except ValueError:

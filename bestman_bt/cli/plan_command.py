@@ -1,6 +1,6 @@
 """Examples: bestman-bt plan --goal "on(mug, table) and closed(drawer)" --builder reactive -o tree.xml; bestman-bt plan
 "bring the mug from the drawer to the table" --planner language --run. Exit codes: 0 there is a plan (with --run: it
-succeeded), 1 there is none or the run failed, 2 the input was invalid, 130 the user declined to run it.
+succeeded), 1 no plan was found or the run failed, 2 the input was invalid, 130 the user declined to run it.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class GoalOptions:
     def check(self) -> None:
         """Check the options. Raises ConfigurationError if they contradict each other."""
         if self.text is not None and self.goal is not None:
-            raise wrong_input("bestman-bt plan", "give a text or --goal, one of them")
+            raise wrong_input("bestman-bt plan", "give either a text or --goal")
         if self.text is not None and not self.text.strip():
             raise wrong_input("bestman-bt plan", "the text is empty; describe the goal")
         if ":" in self.planner:

@@ -29,7 +29,7 @@ from bestman_bt.runtime.executor import Executor, TerminationReason
 from bestman_bt.runtime.telemetry import Telemetry
 
 PAGE_LOOKS = 1.5
-"""Seconds before and after a run in which the page finds it, and is told how it has ended."""
+"""Seconds before and after a run in which the page finds it and receives its result."""
 MOST_NAMES = 12
 """Paths that one line of the summary names."""
 
@@ -42,7 +42,7 @@ def command(  # noqa: PLR0913 - its options, each by its name
         typer.Option(metavar="FILE.yaml", help="Results of leaves, by path, name or type; default: random."),
     ] = None,
     seed: Seed = 0,
-    runs: Annotated[int, typer.Option(min=1, help="Runs, with the seeds that follow.")] = 1,
+    runs: Annotated[int, typer.Option(min=1, help="Number of runs; their seeds are --seed and those after it.")] = 1,
     limit: Annotated[float, typer.Option(min=0.001, help="Simulated seconds after which a run ends.")] = LIMIT,
     period: Annotated[float, typer.Option(min=0.001, help="Simulated seconds between two ticks.")] = 0.05,
     enums: Annotated[

@@ -48,7 +48,7 @@ class ConfigurationError(InputError, ValueError):
 
 
 class UnreadError(ConfigurationError):
-    """Raised on access to a field that could not be read. Has no problems of its own: the fault is already reported."""
+    """Raised on access to a field that could not be read. It lists no problems: the fault is already reported."""
 
     def __init__(self, field: str) -> None:
         super().__init__(())

@@ -88,7 +88,7 @@ def _flat(bounds: Iterable[Any]) -> Iterator[Any]:
 
 
 def _condition(bound: Any) -> tuple[Callable[[Any], bool], str]:
-    """Return a check of one bound, and the bound in words."""
+    """Return a check of one bound, and the text of the bound."""
     match bound:
         case Gt(gt=limit):
             return lambda value: bool(value > limit), f"above {limit:.6g}"

@@ -37,7 +37,7 @@ class Collection:
     """A dataset in ``folder`` that grows by judged successes of a simulated task; what it holds already counts.
 
     ``words``: the language instruction of its episodes. ``cameras``: names of the robot's cameras. ``subtasks``: also
-    keep what the running leaves do, in words. Raises ConfigurationError, DatasetError, MissingExtraError.
+    keep descriptions of what the running leaves do. Raises ConfigurationError, DatasetError, MissingExtraError.
     """
 
     def __init__(

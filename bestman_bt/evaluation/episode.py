@@ -53,7 +53,7 @@ Watcher = Callable[[RobotSession, Tree], Callable[[], None]]
 
 
 RECORDING_OVER = "recording_over"
-"""Failure code of a replay that goes on after its recording."""
+"""Failure code of a replay that continues after the end of its recording."""
 
 AFTER_RECORDING = 1.0
 """Seconds after the end of a recording in which what replays it may end by itself."""
@@ -135,7 +135,7 @@ class _FailedLeaf:
 
 
 class _EndsWithRecording(ExecutionWatcher):
-    """Cancels an execution where the one that it replays was cancelled, or when it goes on after the recording.
+    """Cancels an execution where the one that it replays was cancelled, or when it continues after the recording.
 
     ``last_tick``: seconds until where it was cancelled, None if it was not: nothing is recorded of how it went on.
     ``why``: when, and at which node, it went on after the recording; empty where it did not.

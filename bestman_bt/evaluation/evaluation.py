@@ -45,7 +45,7 @@ class Evaluation:
         self.summaries = {entry.name: Summary() for entry in suite.entries}
         """Entry → summary of its finished episodes."""
         self.notes: list[str] = []
-        """What a reader of the figures has to know, in words."""
+        """Remarks that a reader of the figures has to know."""
         self.contradictions: list[ConflictingResults] = []
         self._folder, self._keep_old, self._shard = folder, keep_old, shard
         self._code, self._commit = code_fingerprint(), commit()

@@ -91,7 +91,7 @@ class Precision:
         return most
 
     def enough(self, successes: int, trials: int) -> int:
-        """Return the number of trials after which the interval is narrow enough, at the same share of successes."""
+        """Return the number of trials after which the interval is narrow enough, at the same success rate."""
         rate = successes / trials if trials else 1.0
         enough = max(trials, 1)
         while _half_width(rate, enough) > self.half_width:

@@ -82,9 +82,7 @@ def measured(part: Part) -> Iterable[float]:
 
 
 def leaf_words(leaf: Node) -> str:
-    """Return what a running leaf does, in words: its kind and the things of the world that it names, such as ``grasp
-    (object cup)``.
-    """
+    """Return what a running leaf does, as its kind and the things that it names, such as ``grasp (object cup)``."""
     kind = re.sub(r"(?<!^)(?=[A-Z][a-z])", " ", leaf.type_id).lower()
     ports = [name for name, port in leaf.INPUT_PORTS.items() if any(map(_is_name, getattr(port, "bounds", ())))]
     named = ", ".join(f"{port} {value}" for port in ports if (value := leaf.get_input(port)))
@@ -143,7 +141,7 @@ def _pictures(parts: Mapping[str, Part], cameras: Mapping[str, Any]) -> dict[str
 
 @dataclass(frozen=True)
 class RecordedEpisode(EpisodeRequest):
-    """An episode that leaves a dataset of its own, of one episode, if it is a judged success.
+    """An episode that writes a dataset with this one episode, if it is a judged success.
 
     ``staged``: folder that gets the dataset, named by the seed; every machine sees it under this path. ``frames``,
     ``parts``: the content of each frame. ``words``: the language instruction.

@@ -175,7 +175,7 @@ class Recording:
         self._keeping.write(RECORDING_NAME, self._recorder.close)
 
     def after_tick(self) -> None:
-        """Called by the executor."""
+        """Count a tick and record a snapshot at the configured interval; called by the executor."""
         self._ticks += 1
         if self._ticks % self._every == 0:
             self._snapshot()

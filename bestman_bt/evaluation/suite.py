@@ -336,7 +336,7 @@ def _contradictions(document: Document, asked: SuiteConfig) -> Iterable[Problem]
         for key, entry in _read_entries(asked, kind).items():
             yield from _successes_faults(document, kind, key, entry)
             if entry.causes and kind == "tasks":
-                yield document.problem((kind, key, "causes"), "is for controls: a task shall not fail")
+                yield document.problem((kind, key, "causes"), "is for controls only: a task should not fail")
             for code in set(entry.causes) & set(RENAMED_CODES):
                 message = f"no node fails with {code!r}; it is called {RENAMED_CODES[code]!r} now"
                 yield document.problem((kind, key, "causes"), message)
@@ -358,7 +358,7 @@ def _successes_faults(document: Document, kind: str, key: str, entry: EntryConfi
 
 
 ALWAYS_ASKED = ("errors", "false successes", "audit")
-"""Targets that every entry of a suite has; one with no others asks nothing of its own."""
+"""Targets that every entry of a suite has; they do not count as targets of the entry."""
 
 
 @dataclass(frozen=True)

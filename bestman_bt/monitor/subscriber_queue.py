@@ -10,7 +10,7 @@ from collections import deque
 MAX_BACKLOG = 4 << 20
 """Bytes that wait for a reader; what comes beyond them is dropped."""
 LAST_WORDS = 0.2
-"""Seconds that a connection gets at its end to take what is still to be told."""
+"""Seconds that a closing connection gets to receive the remaining events."""
 
 
 class SubscriberQueue:

@@ -288,7 +288,7 @@ class Viewer:
 
 
 def _parsed(text: str) -> Message:
-    """Return the request; an empty one for what is none."""
+    """Return the request, or an empty one if the message is not a request."""
     try:
         asked = json.loads(text)
     except (ValueError, RecursionError):
@@ -297,7 +297,7 @@ def _parsed(text: str) -> Message:
 
 
 def _unexpected(error: Exception) -> str:
-    _LOG.error("a page could not be answered", exc_info=error)
+    _LOG.error("a request of a page failed", exc_info=error)
     return f"the monitor met what it did not expect: {error!r}"[:500]
 
 

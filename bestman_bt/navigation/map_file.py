@@ -46,7 +46,7 @@ def _unturned(origin: tuple[float, ...]) -> tuple[float, ...]:
     if len(origin) not in (2, 3):
         raise ValueError("should be [x, y, yaw] in metres and radians")
     if len(origin) == 3 and abs(origin[2]) > 1e-9:
-        raise ValueError("should have a yaw of 0: maps that are turned are not read; turn the image instead")
+        raise ValueError("should have a yaw of 0: rotated maps are not supported; rotate the image instead")
     return origin
 
 

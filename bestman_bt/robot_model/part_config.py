@@ -133,7 +133,7 @@ class LeggedBasePart(MobilePart):
 
 @dataclass(frozen=True, kw_only=True)
 class StructurePart(PartConfig):
-    """Links without joints of their own: a column, a mast, a shelf. ``top``: the link that carries other parts."""
+    """Links without joints: a column, a mast, a shelf. ``top``: the link that carries other parts."""
 
     kind: Literal["structure"]
     top: str | None = None

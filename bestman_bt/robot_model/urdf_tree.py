@@ -55,7 +55,7 @@ class UrdfTree:
             hint = "; xacro files have to be expanded first" if path.suffix == ".xacro" else ""
             raise UrdfError(f"{path} is not a URDF: its root element is <{robot.tag}>, it should be <robot>{hint}")
         if any("xacro" in element.tag for element in robot.iter()):
-            raise UrdfError(f"{path} has xacro macros in it: expand them first (xacro FILE > FILE.urdf)")
+            raise UrdfError(f"{path} contains xacro macros: expand them first (xacro FILE > FILE.urdf)")
         distinguish_joints(robot)
         self.links = {link.get("name", ""): link for link in robot.findall("link")}
         self.joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}

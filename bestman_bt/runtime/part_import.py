@@ -161,7 +161,7 @@ def _left_out(tree: UrdfTree, fields: Mapping[str, Any]) -> list[str]:
 
 
 def _alone(urdf: Path, name: str, data: Mapping[str, Any]) -> RobotModel:
-    """Return the part as a robot of its own: whatever is wrong with it shows now, as a fault of the user's file."""
+    """Return the part as a separate robot, so that its errors are reported now, as errors in the user's file."""
     with TemporaryDirectory() as folder:
         file = Path(folder) / f"{name}.yaml"
         file.write_text(_text(data, ()), encoding="utf-8")

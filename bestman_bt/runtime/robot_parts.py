@@ -33,7 +33,7 @@ from hal.api import Arm, Bumper, Camera, ForceTorque, Gripper, Imu, JointGroup, 
 PartType = TypeVar("PartType", bound=Part)
 
 OF_AN_ARM = frozenset(("arm", "gripper", "wrist_camera", "tactile", "wrist_wrench"))
-"""Attributes of a ``SkillContext`` that each arm has of its own."""
+"""Attributes of a ``SkillContext`` that each arm has separately."""
 
 
 class RobotParts:

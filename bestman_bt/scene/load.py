@@ -60,7 +60,7 @@ def _generator_faults(scene: SceneConfig, document: Document) -> Iterator[Proble
 
 
 def _name_faults(file: SceneFile, document: Document) -> Iterator[Problem]:
-    """Yield faults of names: each body needs one of its own, by which contacts are reported."""
+    """Yield faults of names: each body needs a unique name, by which contacts are reported."""
     for kind, names in (("furniture", file.furniture), ("unmapped", file.unmapped), ("objects", file.objects)):
         for name in names:
             if name in _RESERVED or _NUMBERED.fullmatch(name):
@@ -397,7 +397,7 @@ def _object_overlaps(scene: SceneConfig, document: Document) -> Iterator[Problem
         radii = sum(float(scene.models[name].size[:2].min()) / 2 for name in (earlier, later))
         depth = radii - math.dist(here[:2], there[:2])
         if surface == other and depth > 0.0:
-            message = f"stands {100.0 * depth:.1f} cm deep in {earlier!r}; each object needs a place of its own"
+            message = f"stands {100.0 * depth:.1f} cm deep in {earlier!r}; each object needs its own place"
             yield document.problem(("objects", later, "at"), message)
 
 

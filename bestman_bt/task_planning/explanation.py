@@ -58,7 +58,7 @@ class _Frontier:
     def _roots(
         self, literal: Literal, above: frozenset[Literal], way: _Way, asked: set[Literal]
     ) -> Iterator[tuple[str, _Way]]:
-        """Yield the first missing facts, in words, with the chain to each.
+        """Yield the first missing facts as text, with the chain to each.
 
         ``above``: from the goal down to ``literal``; ``asked``: facts that are explained already.
         """

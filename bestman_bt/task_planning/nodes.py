@@ -138,7 +138,7 @@ def _broken(way: Kernel, state: Collection[Fact]) -> tuple[Literal, ...]:
 
 
 ANSWERS = frozenset({"not_believed", "other_code"})
-"""What ``Holds`` and ``AreErrorCodesPresent`` tell where the answer is no: they ask, and are no reason of a failure."""
+"""Codes of ``Holds`` and ``AreErrorCodesPresent`` for a negative answer, which is not the cause of a failure."""
 
 
 class _Planning(RobotNode):

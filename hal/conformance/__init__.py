@@ -1,8 +1,8 @@
 """Conformance checks for implementations of the Robotics API.
 
 ``CHECKS`` get a connected robot that stands still with free space of 1 m around it, and ``settle`` is called after
-each. ``LIFE_CHECKS`` get a robot of their own that is not connected. A broken promise raises ConformanceError.
-What does not apply to a robot, ``Check.why_not`` tells, by what the robot declares.
+each. ``LIFE_CHECKS`` each get a new robot that is not connected. A broken promise raises ConformanceError.
+``Check.why_not`` returns why a check does not apply to a robot, based on the features that it declares.
 
 Run them with pytest, on any driver: ``pytest --pyargs hal.conformance --driver my_package:MyRobot``.
 """

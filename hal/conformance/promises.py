@@ -49,7 +49,7 @@ class PromisesOfAConnectedRobot:
 
 
 class PromisesAboutConnecting:
-    """Checks of connecting; each has a robot of its own, and no other client is connected meanwhile."""
+    """Checks of connecting; each gets a new robot, and no other client is connected meanwhile."""
 
     @pytest.mark.parametrize("check", LIFE_CHECKS, ids=lambda check: check.name)
     def test_a_robot_keeps_its_promise_about_connections(

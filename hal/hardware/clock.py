@@ -132,7 +132,7 @@ AT_ONCE = 0.005
 
 
 class _OfThread(threading.local):
-    """What each thread has of its own."""
+    """State of one thread."""
 
     def __init__(self) -> None:
         self.timers: list[Timer] = []

@@ -49,7 +49,7 @@ class ControllerLock:
             descriptor = os.open(runtime_folder() / self._file, os.O_RDWR | os.O_CREAT, 0o600)
         except OSError as error:
             raise ConnectionFailedError(
-                f"{self._name}: no lock can be had against a second client: {error.strerror or error}"
+                f"{self._name}: the lock against a second client cannot be acquired: {error.strerror or error}"
             ) from error
         deadline = time.monotonic() + PATIENCE
         while not _locked(descriptor):

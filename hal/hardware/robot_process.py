@@ -88,7 +88,7 @@ class RobotServer:
         self._lock = threading.Lock()
 
     def serve(self, wire: Connection) -> None:
-        """Answer calls until the wire ends."""
+        """Answer calls until the connection closes."""
         while True:
             try:
                 call = wire.recv()

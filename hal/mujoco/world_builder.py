@@ -542,7 +542,7 @@ def _wxyz(pose: Pose) -> list[float]:
 
 
 def _file(visual: ET.Element) -> str:
-    """Return the file of a mesh; Collada needs a package of its own, without which the collision shapes are drawn."""
+    """Return the file of a mesh; Collada needs an additional package, without which the collision shapes are drawn."""
     return str(_child(visual, "geometry")[0].get("filename", "")).lower()
 
 

@@ -30,7 +30,7 @@ class TimeScale:
         self._acceleration: Array = np.zeros_like(self._limit)
 
     def took(self, velocity: Array, dt: float) -> None:
-        """Record that the set-points advanced by ``dt`` seconds of their own time, to ``velocity`` (n,)."""
+        """Record that the set-points advanced by ``dt`` seconds of their time, to ``velocity`` (n,)."""
         self._velocity, self._acceleration = velocity, (velocity - self._velocity) / dt
 
     def approach(self, wanted: float, dt: float) -> float:

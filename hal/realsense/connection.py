@@ -168,7 +168,7 @@ class RealSenseConnection(Connection):
             self._arrived.notify_all()
 
     def _here(self, color: Any, now: float) -> float:
-        """Convert a time stamp to this clock; each domain is a clock of its own."""
+        """Convert a time stamp to this clock; each domain is a separate clock."""
         reported, domain = 1e-3 * color.get_timestamp(), color.get_frame_timestamp_domain()
         remote, order = self._camera_times.setdefault(domain, (RemoteTime(), StampOrder()))
         if order.set_back(reported):

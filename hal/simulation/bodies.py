@@ -79,7 +79,7 @@ def check_names(world: World) -> None:
     names = ["floor", "robot", *(f.name for f in world.furniture), *(o.name for o in world.objects)]
     names += [walker.name for walker in world.walkers]
     if len(set(names)) < len(names):
-        raise SimulationError(f"bodies of a world need names of their own, but got {', '.join(sorted(names))}")
+        raise SimulationError(f"bodies of a world need unique names, but got {', '.join(sorted(names))}")
 
 
 def among(bodies: Mapping[str, Found], name: str, kind: str) -> Found:

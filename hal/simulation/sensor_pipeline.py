@@ -119,7 +119,7 @@ class EncoderReading:
 
 
 class Encoders(SensorPipeline[EncoderReading]):
-    """The encoders of one part. ``fault`` makes them fail; drives have encoders of their own and continue."""
+    """The encoders of one part. ``fault`` makes them fail; drives have separate encoders and continue."""
 
     def __init__(self, name: str, model: EncodersConfig, step_rate: float, rng: np.random.Generator) -> None:
         super().__init__(f"{name} (encoders)", model.rate or step_rate, model.latency, on_demand=model.rate is None)

@@ -5,7 +5,7 @@ The speed slider (``target_speed_fraction``) scales the time of all motion funct
 set-points faster than that lags behind ("On-Robot speed scaling", ros2_controllers' joint_trajectory_controller).
 ``target_moment`` ("Target joint moments (torques)", RTDE guide) are the torques with which the controller's model holds
 the arm: by joint positions, payload and mounting, without contacts and accelerations. A program that is paused
-(``runtime_state`` 4) holds the arm, and goes on with the same motion when it is played. Reduced mode (``safety_mode``
+(``runtime_state`` 4) holds the arm, and continues the same motion when it is played. Reduced mode (``safety_mode``
 2) is reported, and limits nothing.
 """
 

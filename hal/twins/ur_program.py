@@ -4,7 +4,7 @@ What a command does and how it is acknowledged is that of ``scripts/rtde_control
 tells 1 when ready and 2 when a command is done, which the client answers by clearing it; real-time commands need no
 answer. From there, too:
 
-- ``thread speed_thread(): while (True): … speedj(target, a=acceleration, t=time)``: a speed goes on until command 15,
+- ``thread speed_thread(): while (True): … speedj(target, a=acceleration, t=time)``: a speed lasts until command 15,
   and a new one is looked at when the ``speedj`` under way has lasted its ``time``.
 - ``thread servo_thread(): while (True): … servoj(…)``: likewise, until command 16.
 - ``stopj(deceleration_rate)``, ``stopl(…)``: the command is done when the arm rests.

@@ -100,7 +100,7 @@ class TwinWorld:
         Callable from any thread except the world's. Physics continues meanwhile: it takes about 0.2 s.
         """
         if self._state_reader is None or self._renderer is None:
-            raise TwinError("this world was made without cameras, or does not run yet")
+            raise TwinError("this world has no cameras, or it is not running yet")
         state = self.call(self._state_reader.read)
         packed = self._renderer.render(camera, state, pack)
         lens = self._drawing[1].of(CameraPart)[camera].intrinsics

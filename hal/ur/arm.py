@@ -23,7 +23,7 @@ from hal.ur.sdk_process import PROGRAM_TIME, Report
 
 Array = NDArray[np.float64]
 START_TIME, STOP_TIME = 1.0, 2.0
-"""Seconds within which the controller has to begin and to end a motion of its own."""
+"""Seconds within which the controller has to begin and to end a motion that it interpolates."""
 UPLOAD_TIME = 2.0 * PROGRAM_TIME + 1.0
 """Seconds within which a program with a path has to start; nothing moves meanwhile."""
 RENEWAL = 0.05

@@ -28,7 +28,7 @@ from hal.xarm.options import ArmKind, XArmOptions
 LITE6 = 9
 """The Lite 6's type in the controller's version."""
 NARROWER_SINCE, UNTIL = 1305, 8500
-"""Serial numbers of xArms whose limits the SDK lists under a type of their own."""
+"""Serial numbers of xArms whose limits the SDK lists under a separate type."""
 ROUNDING = 0.01
 
 

@@ -169,7 +169,7 @@ def test_unknown_planners_builders_and_missing_goals_are_refused(bestman_bt: Com
         (("--goal", GOAL, "--planner", "mine.py:Mine"), "one of your own is brought by --plugin FILE.py"),
         (("--goal", GOAL, "--builder", "reactiv"), "unknown tree builder 'reactiv'; did you mean 'reactive'?"),
         ((), "give a text, --goal, or a --task with the goal facts"),
-        (("words", "--goal", GOAL), "give a text or --goal, one of them"),
+        (("words", "--goal", GOAL), "give either a text or --goal"),
         (("--goal", GOAL, "--run", "--world", "x.yaml"), "--run has its own beliefs"),
         (("words", "--run"), "after your confirmation, which is impossible here; give --yes"),
     ):

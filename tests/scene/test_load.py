@@ -197,7 +197,7 @@ colour: red
     assert "furniture.rack.at: should have 3 entries, got [1, 0]" in found[1]
     assert "furniture.rack.model: unknown furniture 'tabel'; did you mean 'table'?" in found[2]
     assert "furniture.rack.on: unknown surface 'dseks/top'; did you mean 'desk/top'?" in found[3]
-    assert "objects.can.at: stands 4.9 cm deep in 'cup'; each object needs a place of its own" in found[5]
+    assert "objects.can.at: stands 4.9 cm deep in 'cup'; each object needs its own place" in found[5]
     assert "objects.box.model: unknown object 'bx'; did you mean 'box'?" in found[6]
     assert "objects.box.surface: unknown surface 'tabel/top'; did you mean 'table/top'?" in found[7]
     assert "objects.mug.at: lies beside 'table/top', which reaches from -40 to 40 cm along its x" in found[8]

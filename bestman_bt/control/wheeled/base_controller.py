@@ -412,7 +412,7 @@ class BaseController:
             self.localisation.look_again()
 
     def _settle(self, action: _Action) -> None:
-        """Wait until the base rests and the scans taken there have told where, then judge."""
+        """Wait until the base rests and the scans taken there give its pose, then judge."""
         p, goal = self._driving, action.goal
         if not self.localisation.settled:
             return

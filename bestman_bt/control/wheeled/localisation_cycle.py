@@ -187,7 +187,7 @@ class LocalisationCycle:
     def _due(self, every: int) -> OdometryScan | None:
         """Return the scan that is due this tick, if one is.
 
-        Where nothing tells where the lidar was when it took it, as after its clock was set, it is left out; NoDataError
+        If the lidar's pose at that time is unknown, as after its clock was set, the scan is left out; NoDataError
         after so many in a row.
         """
         if self._ticks < every:

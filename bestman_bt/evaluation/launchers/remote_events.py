@@ -124,7 +124,7 @@ def _publish(connection: Connection) -> None:
 
 
 def _forward(address: EventAddress, ended: threading.Event) -> None:
-    """Send until the executor has ended; the episode goes on where the driver does not listen."""
+    """Send until the executor has ended; if the driver does not listen, the episode continues."""
     while not (sockets := list(socket_folder().glob(f"{os.getpid()}-*.sock"))):
         if ended.wait(LOOK):
             return

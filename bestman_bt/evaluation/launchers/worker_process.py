@@ -37,7 +37,7 @@ _ENDED = {
     -signal.SIGTERM: "its worker was ended by signal 15",
     _ALONE: "its worker was left alone",
 }
-"""Exit codes that tell nothing of the episode: a person, the kernel's memory killer or a scheduler ended the worker."""
+"""Exit codes not caused by the episode: a person, the kernel's memory killer or a scheduler ended the worker."""
 
 
 class LauncherLostError(Error):

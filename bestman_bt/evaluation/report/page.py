@@ -28,7 +28,7 @@ from bestman_bt.records.timeline import Activities, WorkOfNode, work_of_nodes
 
 MAX_SLOW_NODES = 20
 MAX_DIFFERENCES = 6
-"""Settings that a group's name tells."""
+"""Settings that are part of a group's name."""
 
 
 @dataclass(frozen=True)
@@ -257,7 +257,7 @@ def _ticks(duration: float) -> Iterator[tuple[float, str]]:
 
 TEMPLATES = Path(__file__).parent / "templates"
 MAX_DETAILED = 25
-"""Runs of many that are told one by one."""
+"""Most runs that a report describes one by one."""
 MAX_NODES = 400
 FAULTS = (*CHEATS, "collisions", "joint_limit_violations", "velocity_limit_violations")
 """Counters of the audit that are shown as faults where they are not 0."""

@@ -30,7 +30,7 @@ DEPTH = 4
 PARTS = (RESULT_FILE, CONFIG_FILE, STATES_FILE, EVENTS_FILE, LOG_FILE)
 MAX_BYTES = {RESULT_FILE: LARGEST_RESULT, CONFIG_FILE: 256_000}
 LEFT_OUT = ("blackboard", "map", "path", "robot", "scan")
-"""Events that a report does not tell."""
+"""Events that a report leaves out."""
 LONGEST_TEXT = 200
 MAX_FAILURES = 200
 MAX_PICTURES = 50

@@ -103,8 +103,8 @@ class Goal(ABC, Generic[Asked]):
         if model != name:
             yield self.config.problem(
                 path,
-                f"the scene has several things of the model {model!r}, which the robot cannot tell from each other: "
-                f"write {model!r}, not {name!r}, or give the thing a model of its own",
+                f"the scene has several things of the model {model!r}, which the robot cannot distinguish: "
+                f"write {model!r}, not {name!r}, or give the thing its own model",
             )
 
     @up_to_unread_field

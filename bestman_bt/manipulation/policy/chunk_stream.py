@@ -66,7 +66,7 @@ MAX_SLOWDOWN = 20.0
 """A chunk that would have to be slower than this has no sense as a motion: a jump, not a step."""
 _INSIDE = 1.0 - 1e-6
 _JERK_SHARE = 0.95
-"""Share of the jerk limits that is planned with: samples of a motion tell its jerk to some per cent only."""
+"""Fraction of the jerk limits used in planning, because samples of a motion give its jerk to a few percent only."""
 _TARGET_SHARE = 0.9
 """Share of the limits that a waypoint may ask for: ruckig needs some room to arrive in time."""
 _MARGIN = 0.03
@@ -103,7 +103,7 @@ class StreamedMotion:
 
     @property
     def end(self) -> float:
-        """When it is at rest, by the clock."""
+        """The time of the clock at which the motion ends at rest."""
         return self.start + self.trajectory.duration
 
     def state(self, time: float) -> StreamState:

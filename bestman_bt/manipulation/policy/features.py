@@ -14,7 +14,7 @@ from bestman_bt.messages import Pose
 
 Feature = Callable[[Observation], NDArray[np.float64]]
 NEAR = 0.03
-"""Metres within which ``goal_offset_near`` tells distances apart."""
+"""Metres within which ``goal_offset_near`` distinguishes distances."""
 
 
 def pose_vector(pose: Pose) -> NDArray[np.float64]:

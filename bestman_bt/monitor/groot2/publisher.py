@@ -236,7 +236,7 @@ def check_servable(port: int = DEFAULT_PORT, host: str = LOOPBACK) -> None:
 def _bound(
     port: int, host: str, most_bytes: int = MOST_BYTES
 ) -> tuple[zmq.Context[Any], zmq.Socket[Any], zmq.Socket[Any]]:
-    """Return a context, the socket that answers and the one that tells of breakpoints."""
+    """Return a context, the socket that answers and the one that announces breakpoints."""
     zmq = import_zmq()
     context = zmq.Context()
     sockets = []

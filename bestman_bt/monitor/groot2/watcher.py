@@ -48,7 +48,7 @@ WAS_FINE = 5.0
 MOST_REACHED = 1000
 """Breakpoints that are read at one look."""
 ONE_MOMENT = 1e-3
-"""Seconds: transitions that are nearer are told as one moment."""
+"""Seconds: transitions that are closer together are reported with one time."""
 ROOT = 1
 _WHEN: dict[Position, Literal["before", "after"]] = {Position.BEFORE: "before", Position.AFTER: "after"}
 _POSITIONS = {when: position for position, when in _WHEN.items()}
@@ -264,7 +264,7 @@ def _position(when: Any) -> Position:
 class _Breakpoints:
     """Those that were set from here, kept in ``file`` by path, and where the tree waits. May be used from any thread.
 
-    A pause is a breakpoint before the root, and a step lets one tick go on.
+    A pause is a breakpoint before the root, and a step executes one tick.
     """
 
     def __init__(self, client: Groot2Client, nodes: dict[int, DescribedNode], file: Path | None) -> None:
@@ -302,7 +302,7 @@ class _Breakpoints:
             self._changed()
 
     def clear(self, uid: int | None, position: Position | None) -> None:
-        """Clear those of a node, or all; what waits there goes on."""
+        """Clear the breakpoints of a node, or all; a tick that waits at one continues."""
         with self._lock:
             for place in [(u, p) for u, p in self._set if uid in (None, u) and position in (None, p)]:
                 self._client.remove_hook(*place)

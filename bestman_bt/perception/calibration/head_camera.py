@@ -1,8 +1,8 @@
 """Extrinsics of a camera on a pan-tilt head: the mount of the head, and the pose of the camera on it.
 
-A board that stands still at an unknown place tells how the camera sits on the head (and so the offset of the tilt
+A board that stands still at an unknown place determines how the camera sits on the head (and so the offset of the tilt
 encoder, which is a turn of the camera about the tilt axis). A board whose place in the base is known, because the arm
-carries it or it was measured, tells in addition where the head stands (and so the offset of the pan encoder, a turn of
+carries it or it was measured, also determines where the head stands (and so the offset of the pan encoder, a turn of
 the head about the pan axis). Pradeep, Konolige & Berger, "Calibrating a multi-arm multi-sensor robot: a bundle
 adjustment approach", ISER 2010.
 """

@@ -82,7 +82,7 @@ class BoardPlacement:
 class Span:
     """Ranges of the board's pose in the camera: distances in metres, angles in radians.
 
-    ``offset``: of its middle from that of the image, as a fraction of half the image size.
+    ``offset``: distance of the board's centre from the image's centre, as a fraction of half the image size.
     """
 
     nearest: float

@@ -1,1 +1,1 @@
-"""Language models as planners: from an instruction in words to a checked plan, or a refusal in words."""
+"""Language models as planners: from an instruction as text to a checked plan, or a refusal with its reason."""

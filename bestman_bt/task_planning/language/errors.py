@@ -1,4 +1,4 @@
-"""Errors between an instruction in words and a checked plan."""
+"""Errors between an instruction as text and a checked plan."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From an instruction in words to a checked plan, with any planner."""
+"""From an instruction as text to a checked plan, with any planner."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from bestman_bt.task_planning.symbolic.problem import (
 from bestman_bt.task_planning.symbolic.search import without_unneeded_actions
 
 PlanCheck = Callable[[PlanningProblem, TaskPlan], Sequence[str]]
-"""What else is wrong with a plan for a problem, in words; nothing where it may be carried out."""
+"""Returns the reasons why a plan for a problem must not be executed; empty if it may be."""
 
 
 @dataclass(frozen=True)

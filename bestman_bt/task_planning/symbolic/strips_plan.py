@@ -22,7 +22,7 @@ def as_strips(problem: PlanningProblem, plan: TaskPlan) -> tuple[TaskPlan, tuple
     """Return a plan and its goal, of literals alone.
 
     Each action needs the literals due to which its formulas hold, and its conditional effects occur or do not occur, in
-    the plan. A tree of it is correct, but does not go on in states in which these hold for other reasons.
+    the plan. A tree of it is correct, but does not continue in states in which these hold for other reasons.
     Raises PlanningError if an action cannot be done or the goal is not reached.
     """
     state, actions = problem.state, list[Action]()

@@ -1,4 +1,4 @@
-"""Bodies of the scene: solid shapes on frames of their own."""
+"""Bodies of the scene: solid shapes, each with its own frame."""
 
 from __future__ import annotations
 

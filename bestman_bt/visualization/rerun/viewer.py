@@ -30,7 +30,7 @@ from bestman_bt.visualization.errors import RecordingError, ViewerError
 POLL = 0.1
 CHUNK = 1 << 20
 LAST_WORDS = 2.0
-"""Seconds that the viewer gets at the end to take what is still to be told."""
+"""Seconds that the viewer gets at the end to receive the remaining data."""
 
 
 class LiveFeed:
@@ -196,7 +196,7 @@ class RerunViewer:
         return self._process.wait()
 
     def stop(self) -> None:
-        """End the viewer with the launcher that started it: both are in a session of their own."""
+        """End the viewer with the launcher that started it: both are in their own session."""
         if self._process.poll() is None:
             os.killpg(self._process.pid, signal.SIGTERM)
         try:

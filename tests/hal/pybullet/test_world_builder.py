@@ -48,7 +48,7 @@ def test_the_robot_starts_in_its_carry_posture(robot_model, empty_world) -> None
 def test_two_bodies_of_one_name_are_refused(robot_model, table_worlds) -> None:
     world = table_worlds["box"]
     twins = dataclasses.replace(world, objects=world.objects * 2)
-    with pytest.raises(SimulationError, match="names of their own"):
+    with pytest.raises(SimulationError, match="need unique names"):
         PyBulletRobot(robot_model, twins).connect()
 
 

@@ -104,7 +104,7 @@ class DatasetFolder:
         return self.file(key, place), row[f"{key}/from_timestamp"], row[f"{key}/to_timestamp"]
 
     def differences(self, other: DatasetFolder) -> list[str]:
-        """Return what makes the two datasets unfit to be one, in words."""
+        """Return the reasons why the two datasets cannot be merged."""
         found = [
             f"{name} is {theirs!r}, not {mine!r}"
             for name, mine, theirs in (("fps", self.fps, other.fps), ("robot_type", self.robot, other.robot))

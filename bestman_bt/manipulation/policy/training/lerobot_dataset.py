@@ -112,7 +112,7 @@ class DatasetWriter:
         except OSError as error:
             raise DatasetError(f"{self.folder} cannot be a dataset's folder: {error.strerror}") from error
         if used:
-            raise DatasetError(f"{self.folder} is not empty; a dataset needs a folder of its own")
+            raise DatasetError(f"{self.folder} is not empty; a dataset needs an empty folder")
         self._dataset = DatasetFolder(self.folder, frames.fps, frames.robot, frames.features())
         self._rows: list[dict[str, Any]] = []
         self._videos: dict[str, VideoFile] = {}
