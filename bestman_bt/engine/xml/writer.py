@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from bestman_bt.engine.catalogue import EXTENSIONS
 from bestman_bt.engine.conversion import UNTYPED, text_of, type_name
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import EngineError
@@ -158,8 +159,9 @@ def full_tree_xml(tree: Tree, *, builtin_models: bool = True) -> str:
         lines.element(1, "BehaviorTree", [("ID", tree_id), ("_fullpath", path)], closed=False)
         _write_numbered(tree, board_root, lines, 2)
         lines.close(1, "BehaviorTree")
+    infos = [info for info in tree.registry.manifest() if builtin_models or not info.builtin]
     native = {node.type_id: node.KIND for node in tree.nodes if isinstance(node, PyTreesBehaviour)}
-    _write_models(tree.registry, lines, 1, builtin_models, native)
+    _write_models(infos, lines, {name: kind for name, kind in native.items() if name not in tree.registry})
     lines.close(0, "root")
     return lines.text()
 
@@ -193,30 +195,28 @@ def _write_numbered(tree: Tree, node: Node, lines: _Lines, depth: int) -> None:
         lines.close(depth, tag)
 
 
-def palette_xml(registry: NodeRegistry, *, builtin_models: bool = False) -> str:
-    """Return the registered nodes as the TreeNodesModel that Groot2 imports."""
+def palette_xml(registry: NodeRegistry) -> str:
+    """Return the TreeNodesModel that Groot2 imports: the registered nodes that BehaviorTree.CPP itself lacks."""
     lines = _Lines()
     lines.element(0, "root", [("BTCPP_format", "4")], closed=False)
-    _write_models(registry, lines, 1, builtin_models, {})
+    _write_models([info for info in registry.manifest() if not info.builtin or info.name in EXTENSIONS], lines, {})
     lines.close(0, "root")
     return lines.text()
 
 
-def _write_models(registry: NodeRegistry, lines: _Lines, depth: int, builtin: bool, native: Mapping[str, str]) -> None:
+def _write_models(infos: Sequence[NodeInfo], lines: _Lines, native: Mapping[str, str]) -> None:
     """Write the TreeNodesModel. ``native``: class to kind, of native py_trees behaviours."""
-    infos = [info for info in registry.manifest() if builtin or not info.builtin]
-    further = [(name, kind) for name, kind in native.items() if name not in registry]
-    lines.element(depth, "TreeNodesModel", (), closed=not infos and not further)
+    lines.element(1, "TreeNodesModel", (), closed=not infos and not native)
     for info in infos:
-        _write_model(info, lines, depth + 1)
-    for name, kind in further:
-        lines.element(depth + 1, kind, [("ID", name)], closed=True)
-    if infos or further:
-        lines.close(depth, "TreeNodesModel")
+        _write_model(info, lines, 2)
+    for name, kind in native.items():
+        lines.element(2, kind, [("ID", name)], closed=True)
+    if infos or native:
+        lines.close(1, "TreeNodesModel")
 
 
 def _write_model(info: NodeInfo, lines: _Lines, depth: int) -> None:
-    described = bool(info.description) and not info.builtin
+    described = bool(info.description) and (not info.builtin or info.name in EXTENSIONS)
     lines.element(depth, info.kind, [("ID", info.name)], closed=not info.ports and not described)
     for port in info.ports.values():
         attributes = [("name", port.name), ("type", groot_type(port))]
