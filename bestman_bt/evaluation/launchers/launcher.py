@@ -15,7 +15,6 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 from behaviours.failure import NodeFailure
@@ -71,13 +70,15 @@ class EpisodeRequest:
         """Return why this process must not run the episode; empty if it may."""
         if not self.code:
             return ""
-        code, packages = _code_here()
         where = f"{platform.node()} (process {os.getpid()})"
-        if code != self.code:
-            return (
-                f"{where} has other code: {code}, here {self.code}; install the same version of bestman-bt and of the "
-                f"packages that decide a run there ({packages})"
-            )
+        if self.code not in _sound:
+            code, packages = code_here()
+            if code != self.code:
+                return (
+                    f"{where} has other code: {code}, here {self.code}; install the same version of bestman-bt and of "
+                    f"the packages that decide a run there ({packages})"
+                )
+            _sound.add(self.code)
         if self.files and not _has_files(self.files, self.config):
             return (
                 f"{where} lacks files that the run names, or has different ones: keep your trees, plug-ins "
@@ -219,12 +220,8 @@ def _is_disk_full(error: Exception, folder: Path) -> bool:
     return error.errno == errno.EDQUOT or shutil.disk_usage(folder).free < LITTLE_ROOM
 
 
-@cache
-def _code_here() -> tuple[str, str]:
-    return code_here()
-
-
 _sound: set[str] = set()
+"""Fingerprints of code and of configurations that are those of this process."""
 
 
 def _has_files(fingerprint: str, config: RunConfig) -> bool:

@@ -24,6 +24,7 @@ from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LaunchOptions
 from bestman_bt.evaluation.launchers.remote_events import EventReceiver
 from bestman_bt.evaluation.launchers.worker_process import (
+    UNPACKING,
     EpisodeAnswer,
     LauncherLostError,
     code_here,
@@ -143,6 +144,14 @@ class RayTasks(Launcher):
             raise
 
     def _refuse_other_code(self, code: str) -> None:
+        deadline = time.monotonic() + UNPACKING
+        while problems := self._problems_of_nodes(code):
+            if time.monotonic() > deadline:
+                raise ConfigurationError(Problem("--launcher ray", None, "", why) for why in problems)
+            time.sleep(1.0)
+
+    def _problems_of_nodes(self, code: str) -> list[str]:
+        """Return why nodes cannot run episodes of the code, in words."""
         affinity = import_module("ray.util.scheduling_strategies").NodeAffinitySchedulingStrategy
         asks = self._ray.remote(num_cpus=0, max_retries=0)(code_here)
         nodes = {node["NodeID"]: node["NodeManagerAddress"] for node in self._ray.nodes() if node["Alive"]}
@@ -162,8 +171,7 @@ class RayTasks(Launcher):
             if there != code:
                 why = f"node {nodes[node]} has other code ({there}, here {code}; there {versions})"
                 problems.append(f"{why}; install the same version of bestman-bt and of these packages")
-        if problems:
-            raise ConfigurationError(Problem("--launcher ray", None, "", why) for why in problems)
+        return problems
 
     def _give(self, place: int) -> None:
         request = replace(self.requests[place], events=None if self._events is None else self._events.address)
@@ -183,6 +191,11 @@ class RayTasks(Launcher):
             answer: EpisodeAnswer = self._ray.get(reference)
         except losses as error:
             return EpisodeAnswer(lost=f"its Ray worker or node was lost ({type(error).__name__})")
+        except (errors.RayTaskError, errors.RuntimeEnvSetupError) as error:  # it has not begun
+            reason = str(error).strip().splitlines()[-1]
+            return EpisodeAnswer(
+                refused=f"a node cannot run episodes: {reason}; what has finished is kept: repeat the command"
+            )
         return answer
 
 

@@ -40,6 +40,12 @@ _ENDED = {
 """Exit codes not caused by the episode: a person, the kernel's memory killer or a scheduler ended the worker."""
 
 
+UNPACKING = 10.0
+"""Seconds that the code may be missing or incomplete: a raylet that joins unpacks it anew, in the folder of those that
+run on its machine already.
+"""
+
+
 class LauncherLostError(Error):
     """Raised if the workers are lost or refuse the episodes; finished episodes are kept."""
 
@@ -92,6 +98,8 @@ class WorkerProcess:
             if self.connection.poll(timeout):
                 message = self.connection.recv()
                 if isinstance(message, EpisodeAnswer):
+                    if message.lost:
+                        self.kill()  # the next episode gets a new one
                     return message
                 self._ready, self._began = True, time.perf_counter()
                 return None
@@ -135,6 +143,7 @@ def run_in_own_process(request: bytes, wall_limit: float, folder: str) -> Episod
         while (answer := worker.answer(1.0)) is None:
             pass
     except RuntimeError as error:
+        time.sleep(UNPACKING)
         answer = EpisodeAnswer(lost=str(error))
     if not worker.alive:
         _own.clear()
@@ -151,7 +160,7 @@ def code_here() -> tuple[str, str]:
 
 def serve(descriptor: int) -> None:
     """Run the episodes received through the connection until its other end is closed."""
-    connection = Connection(descriptor)
+    connection, unpacked = Connection(descriptor), _unpacked()
     threading.Thread(target=_end_with_the_parent, args=(descriptor,), daemon=True).start()
     import_module("bestman_bt.evaluation.launchers.launcher")  # takes seconds, which are not the first episode's
     connection.send("ready")
@@ -160,19 +169,28 @@ def serve(descriptor: int) -> None:
             request = connection.recv_bytes()
         except EOFError:
             return
-        connection.send(_answer(request))
+        connection.send(_answer(request, unpacked))
 
 
-def _answer(request: bytes) -> EpisodeAnswer:
+def _unpacked() -> tuple[int, int]:
+    """Return what differs once the code was unpacked anew, even if it is the same."""
+    about = Path(__file__).stat()
+    return about.st_ino, about.st_ctime_ns
+
+
+def _answer(request: bytes, unpacked: tuple[int, int]) -> EpisodeAnswer:
     from bestman_bt.evaluation.code_version import code_fingerprint
 
     try:
         asked = pickle.loads(request)  # noqa: S301 - from the process that has started this one
-        if why := asked.refusal_here():
-            return EpisodeAnswer(refused=why)
+        deadline = time.monotonic() + UNPACKING
+        while why := asked.refusal_here():
+            if time.monotonic() > deadline:
+                return EpisodeAnswer(refused=why)
+            time.sleep(0.5)
         result = asked.run()
-        # A node that goes takes the code away, file by file, below an episode that still runs.
-        if result.success or not asked.code or code_fingerprint() == asked.code:
+        # The code may have gone, file by file, below the episode, or have been away for a while.
+        if result.success or not asked.code or (code_fingerprint() == asked.code and _unpacked() == unpacked):
             return EpisodeAnswer(result=pickle.dumps(result))
         return EpisodeAnswer(lost="the code was changed or taken away below its worker")
     except LauncherLostError as error:

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
 import threading
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from bestman_bt.configuration.run import RunConfig, load_run
+from bestman_bt.evaluation.code_version import code_fingerprint
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, LaunchOptions
 from bestman_bt.evaluation.launchers.local import LocalProcesses
-from bestman_bt.evaluation.launchers.worker_process import WorkerProcess
+from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, WorkerProcess
 from bestman_bt.evaluation.result import Outcome
 
 pytestmark = pytest.mark.slow
 
+CHECKOUT = Path(__file__).resolve().parents[3]
 TREE = '<root BTCPP_format="4"><BehaviorTree ID="Main"><{leaf}/></BehaviorTree></root>'
 DEADLY = '''
 import os
@@ -107,6 +111,7 @@ def test_workers_end_with_the_process_that_they_work_for(tmp_path: Path) -> None
     (tmp_path / "hang.xml").write_text(TREE.format(leaf="Hang"))
     program = f"""
 from bestman_bt.configuration.run import load_run
+from bestman_bt.evaluation.code_version import code_fingerprint
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, LaunchOptions
 from bestman_bt.evaluation.launchers.local import LocalProcesses
 if __name__ == "__main__":
@@ -131,6 +136,51 @@ if __name__ == "__main__":
     while any(is_running(pid) for pid in workers):
         assert time.monotonic() < deadline, "workers are still there"
         time.sleep(0.05)
+
+
+UNPACKS = '''
+from pathlib import Path
+
+from bestman_bt.engine import FAILURE, SyncAction
+from bestman_bt.evaluation.launchers import worker_process
+
+
+class UnpackAgain(SyncAction):
+    """Replaces a file of the code by the same one, as where it is unpacked anew."""
+
+    def on_tick(self) -> int:
+        file = Path(worker_process.__file__)
+        content = file.read_bytes()
+        file.unlink()
+        file.write_bytes(content)
+        return FAILURE
+'''
+
+
+def test_a_failure_below_which_the_code_was_unpacked_anew_is_a_lost_worker(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = tmp_path / "code"
+    shutil.copytree(
+        CHECKOUT / "bestman_bt", code / "bestman_bt", ignore=shutil.ignore_patterns("node_modules", "__pycache__")
+    )
+    for name in ("behaviours", "hal", "assets", "configs", "trees", "pyproject.toml"):
+        (code / name).symlink_to(CHECKOUT / name)
+    monkeypatch.syspath_prepend(str(code))
+    (tmp_path / "unpacks.py").write_text(UNPACKS)
+    config, failing = deadly(tmp_path, "UnpackAgain", "AlwaysFailure")
+    plugins = (str(tmp_path / "unpacks.py"),)
+    request = EpisodeRequest(replace(config, task=replace(config.task, plugins=plugins)), code=code_fingerprint())
+    worker = WorkerProcess()
+    answers = []
+    for asked in (replace(request, config=failing), request):
+        worker.give(asked.pickled(), 300.0)
+        while (answer := worker.answer(1.0)) is None:
+            pass
+        answers.append(answer)
+    assert answers[0].result
+    assert answers[1] == EpisodeAnswer(lost="the code was changed or taken away below its worker")
+    assert not worker.alive
 
 
 def is_running(pid: str) -> bool:
@@ -158,11 +208,16 @@ def test_what_a_plug_in_warns_of_is_reported_once_and_not_by_each_episode(tmp_pa
         assert [done.stderr.count(words) for words in ("UserWarning: mind", "mind, too")] == [1, 1]
 
 
+def children() -> set[str]:
+    return set(Path(f"/proc/self/task/{threading.get_native_id()}/children").read_text().split())
+
+
 def test_temporary_files_of_a_worker_go_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    before = children()
     worker = WorkerProcess()
     (folder,) = tmp_path.iterdir()
-    (child,) = Path(f"/proc/self/task/{threading.get_native_id()}/children").read_text().split()
+    (child,) = children() - before
     assert f"TMPDIR={folder}".encode() in Path(f"/proc/{child}/environ").read_bytes().split(b"\0")
     (folder / "mesh.obj").write_text("of an episode")
     worker.kill()

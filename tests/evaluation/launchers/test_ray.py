@@ -18,6 +18,7 @@ from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import RunRequest, load_run
 from bestman_bt.evaluation.code_version import code_fingerprint
 from bestman_bt.evaluation.evaluation import Evaluation
+from bestman_bt.evaluation.launchers import ray_tasks
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, LaunchOptions
 from bestman_bt.evaluation.launchers.ray_tasks import RayTasks
 from bestman_bt.evaluation.suite import Suite, make_suite
@@ -143,6 +144,24 @@ def test_without_a_head_the_driver_tells_so_and_a_new_one_goes_on(suite: Suite, 
     with Evaluation(suite, tmp_path / "out") as evaluation:
         assert evaluation.run()["met"]
     assert len(without_times(tmp_path / "out", SEEDS)) == SEEDS
+
+
+def test_nodes_that_unpack_the_code_just_now_are_waited_for(
+    suite: Suite, cluster: RayCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unpacked = tmp_path / "unpacked"
+
+    def code_there() -> tuple[str, str]:
+        if not unpacked.exists():
+            unpacked.touch()
+            raise ModuleNotFoundError("No module named 'bestman_bt'")
+        return "c0de", ""
+
+    monkeypatch.setattr(ray_tasks, "code_here", code_there)
+    launcher = RayTasks(LaunchOptions(address=cluster.address))
+    launcher.submit([EpisodeRequest(load_run("fetch_cup"), code="c0de")])
+    launcher.cancel()
+    assert unpacked.exists()
 
 
 def test_nodes_with_other_code_and_addresses_without_a_head_are_refused(suite: Suite, cluster: RayCluster) -> None:
