@@ -128,7 +128,9 @@ class RayTasks(Launcher):
         try:
             ray.init(log_to_driver=False, logging_level="error", **asked)
         except (ConnectionError, RuntimeError, ValueError) as error:  # unreachable, another Python or Ray
-            raise _problem(f"{address or 'a Ray of this machine'} cannot be used: {error}") from error
+            why = " ".join(str(error).split())
+            remedy = "; use the same versions on both" if "Version mismatch" in why else ""
+            raise _problem(f"{address or 'a Ray of this machine'} cannot be used: {why}{remedy}") from error
         self._ray = ray
         self._head = str(ray.get_runtime_context().gcs_address)
         if self.options.monitor:

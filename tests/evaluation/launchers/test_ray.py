@@ -34,6 +34,14 @@ pytestmark = [
 ]
 
 SEEDS = 6
+MISMATCH = """Version mismatch: The cluster was started with:
+    Ray: 2.60.0
+    Python: 3.12.1
+This process on node 127.0.0.1 was started with:
+    Ray: 2.60.0
+    Python: 3.11.7
+"""
+"""What Ray 2.60 says of a head in Python 3.12."""
 
 
 @pytest.fixture
@@ -162,6 +170,16 @@ def test_nodes_that_unpack_the_code_just_now_are_waited_for(
     launcher.submit([EpisodeRequest(load_run("fetch_cup"), code="c0de")])
     launcher.cancel()
     assert unpacked.exists()
+
+
+def test_a_cluster_of_another_python_is_refused_with_both_versions(monkeypatch: pytest.MonkeyPatch) -> None:
+    def init(**_: object) -> None:
+        raise RuntimeError(MISMATCH)
+
+    monkeypatch.setattr("ray.init", init)
+    expected = r"cannot be used: Version mismatch: .* Python: 3.12.1 This .* Python: 3.11.7; use the same versions"
+    with pytest.raises(ConfigurationError, match=expected):
+        RayTasks().submit([EpisodeRequest(load_run("fetch_cup"))])
 
 
 def test_nodes_with_other_code_and_addresses_without_a_head_are_refused(suite: Suite, cluster: RayCluster) -> None:
