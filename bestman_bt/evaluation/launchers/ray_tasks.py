@@ -146,11 +146,13 @@ class RayTasks(Launcher):
             raise
 
     def _refuse_other_code(self, code: str) -> None:
+        problems = self._problems_of_nodes(code)
         deadline = time.monotonic() + UNPACKING
-        while problems := self._problems_of_nodes(code):
+        while problems:
             if time.monotonic() > deadline:
                 raise ConfigurationError(Problem("--launcher ray", None, "", why) for why in problems)
             time.sleep(1.0)
+            problems = self._problems_of_nodes(code)
 
     def _problems_of_nodes(self, code: str) -> list[str]:
         """Return why nodes cannot run episodes of the code, in words."""
