@@ -155,7 +155,7 @@ class RayTasks(Launcher):
             problems = self._problems_of_nodes(code)
 
     def _problems_of_nodes(self, code: str) -> list[str]:
-        """Return why nodes cannot run episodes of the code, in words."""
+        """Return for each node that cannot run episodes of the code why not."""
         affinity = import_module("ray.util.scheduling_strategies").NodeAffinitySchedulingStrategy
         asks = self._ray.remote(num_cpus=0, max_retries=0)(code_here)
         nodes = {node["NodeID"]: node["NodeManagerAddress"] for node in self._ray.nodes() if node["Alive"]}

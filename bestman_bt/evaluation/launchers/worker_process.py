@@ -41,7 +41,7 @@ _ENDED = {
 
 
 UNPACKING = 10.0
-"""Seconds that the code may be missing or incomplete: a raylet that joins unpacks it anew, in the folder of those that
+"""Seconds that the code may be missing or incomplete: a raylet that joins unpacks it again, in the folder of those that
 run on its machine already.
 """
 
@@ -173,7 +173,7 @@ def serve(descriptor: int) -> None:
 
 
 def _unpacked() -> tuple[int, int]:
-    """Return what differs once the code was unpacked anew, even if it is the same."""
+    """Return what differs once the code was unpacked again, even if it is the same."""
     about = Path(__file__).stat()
     return about.st_ino, about.st_ctime_ns
 
