@@ -63,14 +63,13 @@ class TreeProblem:
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}" if self.line else self.file
-        parts = [f"{_SEVERITIES[self.severity]}:"] if self.severity != "error" else []
-        if self.node:
-            parts.append(f"<{self.node}>")
+        severity = f"{_SEVERITIES[self.severity]}: " if self.severity != "error" else ""
+        parts = [f"<{self.node}>"] if self.node else []
         if self.field:
             is_port = self.field[0].islower() and self.field not in _NO_PORTS
             parts.append(f"port '{self.field}'" if is_port else f"'{self.field}'")
         hint = f" ({self.suggestion})" if self.suggestion else ""
-        return f"{place}: {' '.join(parts)}{': ' if parts else ''}{self.message}{hint}"
+        return f"{place}: {severity}{' '.join(parts)}{': ' if parts else ''}{self.message}{hint}"
 
 
 _SEVERITIES = {"latent": "error once it is ticked", "warning": "warning"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -19,6 +20,8 @@ from bestman_bt.engine import (
     NodeRegistry,
     StatefulAction,
     SyncAction,
+    TreeLoadError,
+    XmlDocument,
     load_tree,
     status_name,
 )
@@ -238,3 +241,43 @@ def test_random_trees_return_the_same_call_the_same_leaves_and_leave_the_same_bl
     xml: str, logged: bool
 ) -> None:
     assert run_ours(xml, logged=logged) == run_cpp(xml)
+
+
+TAKEN = [
+    """<Script code="a := 1; b := (a > 0 && a < 2) ? 7 : 8"/>""",
+    """<Sequence><Script code="a := 1"/><ScriptCondition code='a == 1 && a < 3 &amp;&amp; a > 0'/></Sequence>""",
+    """<Sequence><Script code="a := 'x&y&foo;&#65;'"/><ScriptCondition code="a == 'x&amp;y&amp;foo;A'"/></Sequence>""",
+    """<!-- a -- b --- && < ---><AlwaysFailure/>""",
+    """<AlwaysSuccess name="x"\n\n_skipIf="1 > 2 && 3 < 4"_failureIf="1 < 2"/>""",
+]
+REFUSED = [
+    """<AlwaysSuccess name="a" name="b"/>""",
+    """<AlwaysSuccess name=x/>""",
+    """<AlwaysSuccess, name="x && y"/>""",
+    """<AlwaysSuccess name="x && y">""",
+]
+
+
+@pytest.mark.parametrize("body", TAKEN)
+def test_text_that_is_no_xml_is_read_as_there(body: str) -> None:
+    xml = f'<root BTCPP_format="4">\n<BehaviorTree ID="M">\n{body}</BehaviorTree></root>'
+    tree = load_tree(xml)
+    assert tree.root.line == 3
+    theirs = cpp.BehaviorTreeFactory().create_tree_from_text(xml).tick_exactly_once()
+    assert tree.tick_exactly_once().name == theirs.name
+    written = XmlDocument.parse(xml).to_xml()
+    ElementTree.fromstring(written)
+    assert load_tree(written).tick_exactly_once() == load_tree(xml).tick_exactly_once()
+
+
+@pytest.mark.parametrize("body", REFUSED)
+def test_text_that_is_refused_there_is_refused_as_it_was_written(body: str) -> None:
+    xml = f'<root BTCPP_format="4"><BehaviorTree ID="M">{body}</BehaviorTree></root>'
+    with pytest.raises(Exception, match="XML_ERROR"):
+        cpp.BehaviorTreeFactory().create_tree_from_text(xml)
+    with pytest.raises(ElementTree.ParseError) as raised:
+        ElementTree.fromstring(xml)
+    with pytest.raises(
+        TreeLoadError, match=rf"<text>:1: not well-formed XML: .* \(column {raised.value.position[1] + 1}\)"
+    ):
+        load_tree(xml)

@@ -97,9 +97,10 @@ def test_a_file_of_version_3_is_reported_in_one_line(tmp_path: Path) -> None:
         with pytest.raises(TreeLoadError, match="is in the format of BehaviorTree.CPP 3") as error:
             load(path)
         assert len(error.value.problems) == 1
-    parallel = '<Parallel failure_threshold="1"><A/><B/></Parallel>'
-    (tmp_path / "p.xml").write_text(f"<root><BehaviorTree>{parallel}</BehaviorTree></root>")
-    assert "3 ('failure_threshold')" in str(validate_file(tmp_path / "p.xml")[0])
+    for sign in ("failure_threshold", "threshold"):
+        parallel = f'<Parallel {sign}="1"><A/><B/></Parallel>'
+        (tmp_path / "p.xml").write_text(f"<root><BehaviorTree>{parallel}</BehaviorTree></root>")
+        assert f"3 ('{sign}')" in str(validate_file(tmp_path / "p.xml")[0])
     path.write_bytes(convert(path.read_bytes(), "t.xml").data)
     assert open_tree(path).tree_id == "Main"
 

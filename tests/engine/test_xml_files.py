@@ -18,6 +18,8 @@ from bestman_bt.engine import (
     palette_xml,
 )
 from bestman_bt.engine.catalogue import EXTENSIONS
+from bestman_bt.engine.models.conversion import convert
+from bestman_bt.engine.validation import validate_file
 
 ROOT = '<root BTCPP_format="4"{}>{}</root>'
 TREE = '<BehaviorTree ID="{}">{}</BehaviorTree>'
@@ -184,3 +186,14 @@ def test_large_files_are_written_back_as_they_were(path: Path) -> None:
 def test_the_tree_keeps_its_source(registry: NodeRegistry) -> None:
     text = ROOT.format("", TREE.format("M", '<Say words="a"/> <!-- kept -->'))
     assert load_tree(text, registry).xml == text
+
+
+def test_what_only_the_parser_of_behavior_tree_cpp_accepts_is_a_warning(tmp_path: Path) -> None:
+    body = '<Sequence>\n<Script code="a := 1 && 1"/>\n<AlwaysSuccess\nname="a<b"/></Sequence>'
+    file = write(tmp_path, "t.xml", TREE.format("M", body))
+    (problem,) = validate_file(file)
+    assert str(problem) == (
+        f"{file}:2: warning: only BehaviorTree.CPP accepts this as XML; write &amp; for &, &lt; for <, and no -- in "
+        "comments (lines like this: 2)"
+    )
+    assert b"&amp;&amp; 1" in convert(file.read_bytes(), str(file)).data

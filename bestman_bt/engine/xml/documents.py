@@ -116,14 +116,14 @@ def read_documents(source: str | Path, search_path: Iterable[Path] = ()) -> Docu
     if isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<"):
         reader = _Reader(None, search_path)
         documents = Documents("<text>", source, search_path=tuple(search_path))
-        reader.read(parse_xml(source, "<text>"), "<text>", None, documents, main=True)
+        reader.read(parse_xml(source, "<text>", documents.problems.append), "<text>", None, documents, main=True)
         return documents
     path = Path(source)
     data = read_file(path, str(path))
     documents = Documents(str(path), data.decode("utf-8", "replace"), search_path=tuple(search_path))
     reader = _Reader(path.resolve().parent, search_path)
     reader.open_files.append(path.resolve())
-    reader.read(parse_xml(data, str(path)), str(path), path.resolve(), documents, main=True)
+    reader.read(parse_xml(data, str(path), documents.problems.append), str(path), path.resolve(), documents, main=True)
     return documents
 
 
@@ -227,7 +227,9 @@ class _Reader:
         self.open_files.append(found)
         try:
             name = str(found)
-            self.read(parse_xml(read_file(found, name), name), name, found, documents, main=False)
+            self.read(
+                parse_xml(read_file(found, name), name, documents.problems.append), name, found, documents, main=False
+            )
         except TreeLoadError as error:
             documents.problems.extend(error.problems)
         finally:
@@ -322,7 +324,7 @@ RENAMED: Final = {
 }
 SIGNS: Final = frozenset((*RENAMED, *(f"BlackboardCheck{kind}" for kind in ("Int", "Double", "String", "Bool"))))
 _SIGN_ATTRIBUTES: Final = ("__shared_blackboard", "__autoremap")
-_SIGNS_OF_PARALLEL: Final = ("success_threshold", "failure_threshold")
+_SIGNS_OF_PARALLEL: Final = ("success_threshold", "failure_threshold", "threshold")
 
 
 def old_version(root: Element, file: str) -> TreeProblem | None:

@@ -1,13 +1,15 @@
 """Secure XML parser (expat): elements with line numbers; dangerous constructs are refused.
 
 Entities, external references and oversized input are refused early: a file has at most ``MAX_BYTES``, and elements nest
-at most ``MAX_DEPTH`` deep, as in BehaviorTree.CPP.
+at most ``MAX_DEPTH`` deep, as in BehaviorTree.CPP. Text that is not XML but that BehaviorTree.CPP's parser (TinyXML-2)
+accepts, such as ``code="a < b && c"``, is accepted, too.
 """
 
 from __future__ import annotations
 
+import re
 import xml.parsers.expat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 from bestman_bt.engine.errors import TreeLoadError, TreeProblem
@@ -56,13 +58,15 @@ class Refused(Error):
         super().__init__(message)
 
 
-def parse_xml(text: str | bytes, file: str) -> Element:
-    """Return the root element of ``text``.
+def parse_xml(text: str | bytes, file: str, report: Callable[[TreeProblem], None] | None = None) -> Element:
+    """Return the root element of ``text``. ``report``: called with a warning for what only TinyXML-2 accepts.
 
     Raises:
         TreeLoadError: it is not well-formed XML, or contains a refused construct.
     """
     parser, data = safe_parser(text, file)
+    if report is not None:
+        _report_tolerated(text, data, file, report)
     holder = Element("", {}, 0)
     stack = [holder]
     push, pop = stack.append, stack.pop
@@ -97,15 +101,29 @@ def parse_xml(text: str | bytes, file: str) -> Element:
 def safe_parser(text: str | bytes, file: str) -> tuple[xml.parsers.expat.XMLParserType, bytes]:
     """Return an expat parser that refuses entities and external references, and the bytes to feed it.
 
+    The bytes are those of ``text``, or as XML where only TinyXML-2 accepts it, with each line where it was.
+
     Raises:
         TreeLoadError: the text is too long or contains NUL bytes.
     """
-    data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
+    data = _bytes_of(text)
     if len(data) > MAX_BYTES:
         raise _failure(file, 0, f"the file has {len(data)} bytes; at most {MAX_BYTES} are accepted")
     if b"\0" in data[:4096] and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise _failure(file, 1, "the file holds NUL bytes; it is not XML text")
-    parser = xml.parsers.expat.ParserCreate("utf-8" if isinstance(text, str) else None)
+    encoding = "utf-8" if isinstance(text, str) else None
+    if not _is_well_formed(data, encoding):
+        as_xml = _as_xml(data)
+        data = as_xml if _is_well_formed(as_xml, encoding) else data
+    return _refusing_parser(encoding), data
+
+
+def _bytes_of(text: str | bytes) -> bytes:
+    return text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
+
+
+def _refusing_parser(encoding: str | None) -> xml.parsers.expat.XMLParserType:
+    parser = xml.parsers.expat.ParserCreate(encoding)
     parser.buffer_text = True
 
     def entity(name: str, *rest: Any) -> None:
@@ -121,7 +139,62 @@ def safe_parser(text: str | bytes, file: str) -> tuple[xml.parsers.expat.XMLPars
     parser.EntityDeclHandler = entity
     parser.StartDoctypeDeclHandler = doctype
     parser.ExternalEntityRefHandler = external
-    return parser, data
+    return parser
+
+
+def _is_well_formed(data: bytes, encoding: str | None) -> bool:
+    try:
+        _refusing_parser(encoding).Parse(data, True)
+    except xml.parsers.expat.ExpatError:
+        return False
+    except (Refused, LookupError, ValueError):
+        return True  # reported where the file is read
+    return True
+
+
+_PIECES: Final = re.compile(
+    rb"""(?P<comment><!--.*?(?:-->|\Z)) | <!\[CDATA\[.*?(?:\]\]>|\Z) | <\?.*?(?:\?>|\Z)
+    | (?P<name><[^\s<>/"'=!?]+) (?P<attributes>\s(?:\s*[^\s<>/"'=]+\s*=\s*(?:"[^"]*"|'[^']*'))+)
+    | &""",
+    re.DOTALL | re.VERBOSE,
+)
+_ATTRIBUTE: Final = re.compile(rb"""(\s*)([^\s<>/"'=]+\s*=\s*)("[^"]*"|'[^']*')""")
+_BARE_AMPERSAND: Final = re.compile(rb"&(?!(?:\#[0-9]+|\#x[0-9a-fA-F]+|amp|lt|gt|quot|apos);)")
+
+
+def _as_xml(data: bytes) -> bytes:
+    """Return what TinyXML-2 accepts as XML: a bare ``&``, ``<`` in a value, no space between attributes, ``--`` within
+    a comment.
+    """
+    return _PIECES.sub(_piece_as_xml, data)
+
+
+def _piece_as_xml(piece: re.Match[bytes]) -> bytes:
+    if piece["attributes"]:
+        return piece["name"] + _ATTRIBUTE.sub(_attribute_as_xml, piece["attributes"])
+    if piece["comment"] and piece[0].endswith(b"-->") and len(piece[0]) >= len(b"<!---->"):
+        inner = re.sub(rb"-(?=-|\Z)", b"- ", piece[0][len(b"<!--") : -len(b"-->")])
+        return b"<!--" + inner + b"-->"
+    if piece[0] == b"&":
+        found = _BARE_AMPERSAND.match(piece.string, piece.start())
+        return b"&amp;" if found else b"&"
+    return piece[0]
+
+
+def _attribute_as_xml(attribute: re.Match[bytes]) -> bytes:
+    space, name, value = attribute.groups()
+    return (space or b" ") + name + _BARE_AMPERSAND.sub(b"&amp;", value).replace(b"<", b"&lt;")
+
+
+def _report_tolerated(text: str | bytes, data: bytes, file: str, report: Callable[[TreeProblem], None]) -> None:
+    """Report the first line in which ``data`` is not as written."""
+    if data == _bytes_of(text):
+        return
+    pairs = zip(_bytes_of(text).split(b"\n"), data.split(b"\n"), strict=True)
+    lines = [number for number, (before, after) in enumerate(pairs, 1) if before != after]
+    more = f" (lines like this: {len(lines)})" if len(lines) > 1 else ""
+    what = f"only BehaviorTree.CPP accepts this as XML; write &amp; for &, &lt; for <, and no -- in comments{more}"
+    report(TreeProblem(file, lines[0], "", "", what, severity="warning"))
 
 
 def run_parser(parser: xml.parsers.expat.XMLParserType, data: bytes, file: str) -> None:
