@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from behaviours.furniture.articulation import FurnitureArticulation
 from behaviours.furniture.opening import Opening
 from bestman_bt.messages import Box, Handle, PlacedShape, Pose, Pose2D, Shape, wrap_angle
+from bestman_bt.messages.pose import squared_distance_to_segment
 from bestman_bt.messages.shapes import bounding_corners
-from bestman_bt.navigation.global_planning.layers import squared_distance_to_segment
 from bestman_bt.world_model.openness import handle_shape
 from bestman_bt.world_model.semantic_map import MapArticulation, MapFurniture
 from bestman_bt.world_model.world_model import Obstacle, WorldModel

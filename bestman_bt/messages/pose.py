@@ -265,3 +265,13 @@ class Goals(tuple[Pose2D, ...]):
     def to_string(self) -> str:
         """Return the text that ``from_string`` parses."""
         return ";".join(f"{pose.x!r};{pose.y!r};{pose.theta!r}" for pose in self)
+
+
+def squared_distance_to_segment(
+    points: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the squared distances (N,) of ``points`` (2, N), one row each for x and y, to a segment, m²."""
+    (dx, dy), (along_x, along_y) = points - start[:, None], end - start
+    share = np.clip((dx * along_x + dy * along_y) / max(float(along_x**2 + along_y**2), 1e-12), 0.0, 1.0)
+    squared: NDArray[np.float64] = (dx - share * along_x) ** 2 + (dy - share * along_y) ** 2
+    return squared

@@ -271,7 +271,7 @@ def test_names_and_options_that_are_wrong_are_refused(refused, arguments: list[s
         ("goals.0.placed.surface=conter", "goals[0].placed.surface: the map has no surface 'conter'; did"),
         ("goals.0.placed.source=tabel", "goals[0].placed.source: the map has no surface 'tabel'; did"),
         ("goals.0.placed.object=cub", "goals[0].placed.object: the robot knows no object 'cub'; did you mean 'cup'?"),
-        ("goals.0.placed.object=counter_can", "several things of the model 'can', which the robot cannot tell"),
+        ("goals.0.placed.object=counter_can", "several things of the model 'can', which the robot cannot distinguish"),
         ("goals.0.placed.at=plase", "goals[0].placed.at: the scene has no goal 'plase'; did you mean 'place'?"),
         ("predicate=plced", "predicate: unknown predicate 'plced'; did you mean 'placed'?"),
         ("goals=[]", "goals: the predicate 'placed' needs an entry {placed: …}"),

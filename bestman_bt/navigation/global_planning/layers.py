@@ -14,19 +14,10 @@ from scipy.spatial import ConvexHull
 
 from bestman_bt.messages import Cylinder, OccupancyGrid, PlacedShape, Pose2D
 from bestman_bt.messages.grids import OCCUPIED, UNKNOWN
+from bestman_bt.messages.pose import squared_distance_to_segment
 from bestman_bt.messages.shapes import bounding_corners
 from bestman_bt.navigation.global_planning.footprint import LOOKS_AROUND, UpperBody
 from bestman_bt.world_model.semantic_map import MapFurniture
-
-
-def squared_distance_to_segment(
-    points: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the squared distances (N,) of ``points`` (2, N), one row each for x and y, to a segment, m²."""
-    (dx, dy), (along_x, along_y) = points - start[:, None], end - start
-    share = np.clip((dx * along_x + dy * along_y) / max(float(along_x**2 + along_y**2), 1e-12), 0.0, 1.0)
-    squared: NDArray[np.float64] = (dx - share * along_x) ** 2 + (dy - share * along_y) ** 2
-    return squared
 
 
 def distance_to_polygon(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
