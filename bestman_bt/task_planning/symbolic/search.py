@@ -91,7 +91,39 @@ class RelaxedPlan:
 
 
 BOOST = 1000
-"""Turns that the queue of helpful actions gets ahead of the other one when it has led nearer to the goal."""
+"""Turns that the lists of helpful actions get ahead of the others when the search has come nearer to the goal."""
+
+
+class OpenLists:
+    """Open lists that take turns (Richter and Helmert, 2009): two for each order of the states, of which the second has
+    only the states that helpful actions lead to.
+    """
+
+    def __init__(self, orders: int) -> None:
+        self._lists: list[list[tuple[tuple[float, ...], int, int, float]]] = [[] for _ in range(2 * orders)]
+        self._turns = [0] * len(self._lists)
+        self._pushed = 0
+
+    def __bool__(self) -> bool:
+        return any(self._lists)
+
+    def push(self, ranks: Sequence[tuple[float, ...]], helpful: bool, state: int, cost: float) -> None:
+        """Add a state and its cost; ``ranks``: one for each order. Of equal rank, the state added first comes first."""
+        self._pushed += 1
+        for number in range(0, len(self._lists), 1 if helpful else 2):
+            heapq.heappush(self._lists[number], (ranks[number // 2], self._pushed, state, cost))
+
+    def pop(self) -> tuple[int, float]:
+        """Return the next state of the list whose turn it is, and its cost."""
+        turns = [(turn, -number) for number, turn in enumerate(self._turns) if self._lists[number]]
+        chosen = -min(turns)[1]
+        self._turns[chosen] += 1
+        _, _, state, cost = heapq.heappop(self._lists[chosen])
+        return state, cost
+
+    def prefer_helpful(self) -> None:
+        """Let the lists of helpful actions have the next ``BOOST`` turns."""
+        self._turns[1::2] = [turn - BOOST for turn in self._turns[1::2]]
 
 
 @dataclass(frozen=True)
@@ -103,38 +135,37 @@ class Found:
     exhausted: bool = False
 
 
-def best_first(
-    problem: GroundProblem, weight: float, max_evaluations: int, bound: float = math.inf, newest_first: bool = False
-) -> Found:
-    """Run a lazy best-first search with a second queue for helpful actions (Richter and Helmert, 2009).
+def best_first(problem: GroundProblem, weight: float, max_evaluations: int, bound: float = math.inf) -> Found:
+    """Run a lazy best-first search with preferred operators.
 
     ``weight``: of the estimate against the cost so far; infinite: greedy. ``bound``: upper bound of the cost. A state
-    is evaluated when it is expanded, ordered by its parent's estimate; if reached at a lower cost, it is reopened.
-    ``newest_first``: of equal rank, the state reached last comes first: longer plans, but found through large plateaus.
+    is evaluated when it is expanded, ordered by its parent's estimate; if reached at a lower cost, it is reopened. A
+    greedy search orders states by the number of unmet goals, too, which leads across large plateaus of the estimate.
     """
+    greedy = weight == math.inf
     relaxed = RelaxedPlan(problem)
     cheapest: dict[int, float] = {problem.initial: 0.0}
     came_by: dict[int, tuple[int, int]] = {}
-    queues: list[list[tuple[float, int, int, float]]] = [[(0.0, 0, problem.initial, 0.0)], []]
-    turns, pushed, nearest = [0, 0], 0, math.inf
+    opened = OpenLists(2 if greedy else 1)
+    opened.push([(0.0,)] * 2, False, problem.initial, 0.0)
+    nearest, fewest = math.inf, len(problem.literals)
     expanded: dict[int, float] = {}
     evaluations = 0
-    while any(queues):
-        chosen = min((number for number in (0, 1) if queues[number]), key=lambda number: (turns[number], -number))
-        turns[chosen] += 1
-        _, _, state, cost = heapq.heappop(queues[chosen])
+    while opened:
+        state, cost = opened.pop()
         if cost > cheapest[state] or expanded.get(state, math.inf) <= cost:
             continue
-        if problem.goal & ~state == 0:
+        unmet = (problem.goal & ~state).bit_count()
+        if unmet == 0:
             return Found(_path(came_by, problem.initial, state))
         if evaluations == max_evaluations:
             return Found(None)
         expanded[state] = cost
         evaluations += 1
         estimate = relaxed.estimate(state)
-        if estimate.cost < nearest:
-            nearest = estimate.cost
-            turns[1] -= BOOST
+        if estimate.cost < nearest or (greedy and unmet < fewest):
+            opened.prefer_helpful()
+        nearest, fewest = min(nearest, estimate.cost), min(fewest, unmet)
         for action in estimate.applicable:
             reached = problem.after(state, action)
             total = cost + problem.actions[action].cost
@@ -142,10 +173,10 @@ def best_first(
                 continue
             cheapest[reached] = total
             came_by[reached] = (state, action)
-            rank = estimate.cost if weight == math.inf else total + weight * estimate.cost
-            pushed += -1 if newest_first else 1
-            for queue in queues if action in estimate.helpful else queues[:1]:
-                heapq.heappush(queue, (rank, pushed, reached, total))
+            ranks = [(estimate.cost,), ((problem.goal & ~reached).bit_count(), estimate.cost)]
+            if not greedy:
+                ranks = [(total + weight * estimate.cost,)]
+            opened.push(ranks, action in estimate.helpful, reached, total)
     return Found(None, exhausted=True)
 
 
@@ -182,14 +213,13 @@ class SymbolicPlanner(TaskPlanner):
     weights and the best cost as bound searches for cheaper ones.
 
     The effort is counted in evaluated states, so that equal problems give equal plans. ``max_evaluations``: for the
-    first plan; in a furnished kitchen these take 5 to 8 s of processor time. After ``oldest_first`` of them, states of
-    equal rank are taken newest first. ``improvement``: for cheaper plans, with the ``weights`` of the estimate in turn.
+    first plan; in a furnished kitchen these take 5 to 8 s of processor time. ``improvement``: for cheaper plans, with
+    the ``weights`` of the estimate in turn.
     ``hand_over``: problems of more ground actions than this go to Fast Downward where the extra ``planning`` is
     installed; 0: none.
     """
 
     max_evaluations: int = 10_000
-    oldest_first: int = 1_000
     improvement: int = 300
     weights: tuple[float, ...] = (3.0, 1.0)
     hand_over: int = 5_000
@@ -200,9 +230,7 @@ class SymbolicPlanner(TaskPlanner):
         if 0 < self.hand_over < len(grounded.actions):
             with contextlib.suppress(MissingExtraError):
                 return FastDownwardPlanner().plan(problem)
-        found = best_first(grounded, math.inf, min(self.oldest_first, self.max_evaluations))
-        if found.actions is None and not found.exhausted and self.oldest_first < self.max_evaluations:
-            found = best_first(grounded, math.inf, self.max_evaluations - self.oldest_first, newest_first=True)
+        found = best_first(grounded, math.inf, self.max_evaluations)
         if found.exhausted:
             unmet = problem.unmet_in(problem.state)
             raise Unsolvable(f"no order of actions leads to {' and '.join(map(str, unmet))}", unmet)
