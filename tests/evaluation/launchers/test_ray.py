@@ -21,6 +21,7 @@ from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.launchers import ray_tasks
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, LaunchOptions
 from bestman_bt.evaluation.launchers.ray_tasks import RayTasks
+from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
 from bestman_bt.evaluation.suite import Suite, make_suite
 from bestman_bt.extras import is_installed
 from bestman_bt.monitor.control_client import ask_events, running_executors
@@ -170,6 +171,20 @@ def test_nodes_that_unpack_the_code_just_now_are_waited_for(
     launcher.submit([EpisodeRequest(load_run("fetch_cup"), code="c0de")])
     launcher.cancel()
     assert unpacked.exists()
+
+
+def test_a_node_that_cannot_begin_an_episode_ends_the_evaluation_and_makes_no_result(
+    suite: Suite, cluster: RayCluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def cannot_begin(*_: object) -> None:
+        raise ModuleNotFoundError("No module named 'bestman_bt'")
+
+    monkeypatch.setattr(ray_tasks, "run_in_own_process", cannot_begin)
+    launcher = RayTasks(LaunchOptions(address=cluster.address))
+    launcher.submit([EpisodeRequest(load_run("fetch_cup"), code=code_fingerprint())])
+    with pytest.raises(LauncherLostError, match="a node cannot run episodes: .*No module named 'bestman_bt'; what has"):
+        list(launcher.results())
+    launcher.cancel()
 
 
 def test_a_cluster_of_another_python_is_refused_with_both_versions(monkeypatch: pytest.MonkeyPatch) -> None:
