@@ -117,6 +117,7 @@ class FindStandAtFurniture(FindBasePlacement):
         for target in targets:
             stands: tuple[BasePlacement, ...] = yield self.compute("stand_planning", self._rank, furniture, target)
             if stands:
+                self._reached = target
                 return stands
         return ()
 
@@ -155,23 +156,25 @@ class FindStandAtFurniture(FindBasePlacement):
         return unreached(skills, SkillFailure("no_stand", text), poses, self._world_at(nearest), MotionStage.STAND)
 
     def _world_at(self, stand: Pose2D) -> CollisionWorld:
-        """Return the arm's collision world there, without the target and the objects on the surface.
-
-        Obstacles at a goal are left to the skill that looks at the place.
-        """
+        """Return the arm's collision world there, without what ``_ignored`` names."""
         from bestman_bt.manipulation.collision.scene_from_world_model import planning_scene_from_world_model
 
         skills = self.skills
         others = {arm: held for arm, held in skills.world.hands.items() if arm != skills.arm_name}
         there = replace(skills.world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()), hands=others)
-        name: str = self.object or ""
-        ignore = [name]
-        if self.goal is not None or name not in skills.world.objects:
-            ignore += [*skills.world.objects, *(n for n in skills.world.obstacles if not n.endswith("/surface"))]
         scene = planning_scene_from_world_model(
-            there, skills.robot, skills.joints.positions(), skills.arm.name, ignore=ignore
+            there, skills.robot, skills.joints.positions(), skills.arm.name, ignore=self._ignored()
         )
         return skills.arm_world(scene)
+
+    def _ignored(self) -> list[str]:
+        """Return the names of what is no obstacle: the target, and at a goal the objects on the surface, which are left
+        to the skill that looks at the place.
+        """
+        world, name = self.skills.world, self.object or ""
+        if self.goal is None and name in world.objects:
+            return [name]
+        return [name, *world.objects, *(n for n in world.obstacles if not n.endswith("/surface"))]
 
 
 class FindStandPose(FindStandAtFurniture):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from behaviours.arm_motion import ARM_PLANNING_FAILS, approach_object, follow_path, move_free, unreached
 from behaviours.contacts import push, stopping_at, support, surface_below
+from behaviours.context import SkillContext
 from behaviours.manipulation.base_placement import FindStandAtFurniture, StandTarget
 from behaviours.parameters import PushParameters
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
@@ -23,10 +24,13 @@ from behaviours.skill import ArmNode, Declaration, ObjectName, Skill, SkillCorou
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.messages.shapes import Positive
+from bestman_bt.navigation.global_planning.layers import squared_distance_to_segment
+from bestman_bt.world_model.semantic_map import MapFurniture
 from bestman_bt.world_model.world_model import ObjectBelief
 
 if TYPE_CHECKING:
     from bestman_bt.control.arm.guarded_move import GuardedOutcome
+    from bestman_bt.manipulation.base_placement import BasePlacement
     from bestman_bt.manipulation.collision.base import CollisionWorld
     from bestman_bt.manipulation.collision.planning_scene import PlanningScene
 
@@ -35,6 +39,10 @@ TILTS = tuple(math.radians(tilt) for tilt in (45.0, 35.0, 55.0, 65.0))
 """Angles by which the hand leans back from the object, so that the fingertips touch it before the palm does."""
 FINE = 0.002
 """Distance between two waypoints of the approach, metres; it ends before the first one in contact."""
+DETOUR = 0.12
+"""Metres by which an object is pushed aside where it cannot be pushed straight to its goal."""
+BESIDE = tuple(math.radians(bearing) for bearing in (45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0))
+"""Directions to push it aside, from that to its goal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,15 +141,9 @@ class Push(ArmNode, Skill):
 
     def _check_goal(self, belief: ObjectBelief, goal: Pose) -> None:
         """Check that the object will stand on its surface with clearance."""
-        if belief.surface is None:
-            return
-        furniture, surface = find_surface(self.skills, belief.surface)
-        local = (furniture.pose.to_pose() @ surface.pose).inverse().apply(goal.position)
-        room = np.array(surface.size) / 2 - np.abs(local[:2]) - belief.model.size[:2].max() / 2
-        if room.min() < self.skills.parameters.push.edge_margin:
-            raise SkillFailure(
-                "off_surface", f"the goal is {100 * room.min():.0f} cm from the edge of {belief.surface}"
-            )
+        room = edge_room(self.skills, belief, goal.position)
+        if room < self.skills.parameters.push.edge_margin:
+            raise SkillFailure("off_surface", f"the goal is {100 * room:.0f} cm from the edge of {belief.surface}")
 
     def _plan(self, belief: ObjectBelief, goal: Pose) -> PushPlan | None:
         from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
@@ -272,15 +274,29 @@ def _way(base_from_object: Pose, base_from_goal: Pose) -> tuple[NDArray[np.float
     return way / distance, distance
 
 
+@dataclass(frozen=True, eq=False)
+class _PushTarget(StandTarget):
+    towards: NDArray[np.float64]
+    onward: StandTarget | None = None
+
+
 class FindPushStand(FindStandAtFurniture):
     """Choose a base placement to push a seen object to a goal: the arm reaches behind it and along the whole push.
 
-    Each further call for the same object and goal gives another placement, until none is left.
+    If something stands where the hand would push from, ``towards`` is a place beside the object from which it can be
+    pushed to the goal next. Each further call for the same object and goal gives another placement, until none is left.
     """
 
     REQUIRES = ("base", "lidar", "arm")
+    towards = Out(Pose, "where to push it now, in the map frame: the goal, or a place on the way there")
     FAILS: ClassVar = {"not_found": "DetectObject first"}
     DECLARATION = Declaration(pre=("visible({object})",), effects=("stand_known({surface})",))
+
+    def execute(self) -> SkillCoroutine[None]:
+        """Return the best placement that has not been returned yet, and where to push the object from there."""
+        yield from super().execute()
+        assert isinstance(self._reached, _PushTarget)
+        self.towards = Pose(self._reached.towards)
 
     def _targets(self) -> list[StandTarget]:
         name: str = self.object or ""
@@ -288,12 +304,56 @@ class FindPushStand(FindStandAtFurniture):
         belief = self.skills.world.objects.get(name)
         if belief is None or goal is None:
             raise SkillFailure("not_found", f"the {name or 'object'} has not been seen, or no goal is given")
-        way = goal.position - belief.pose.position
-        way[2] = 0.0
-        direction = way / max(float(np.linalg.norm(way)), 1e-6)
-        ends = []
+        model, here = belief.model, belief.pose.position
+        there = np.array([*goal.position[:2], here[2]])
+        round_about = (
+            replace(self._straight(model, here, via), onward=self._straight(model, via, there))
+            for via in self._beside_the_object(belief, there)
+        )
+        return [self._straight(model, here, there), *round_about]
+
+    def _rank(self, furniture: MapFurniture, target: StandTarget) -> tuple[BasePlacement, ...]:
+        stands = super()._rank(furniture, target)
+        if stands and isinstance(target, _PushTarget) and target.onward is not None:
+            return stands if super()._rank(furniture, target.onward) else ()
+        return stands
+
+    def _ignored(self) -> list[str]:
+        return [self.object or ""]
+
+    def _straight(self, model: ObjectModel, start: NDArray[np.float64], end: NDArray[np.float64]) -> _PushTarget:
+        """Return the tool poses before and after a push from ``start`` to ``end``, (3,) each, map frame."""
         parameters = self.skills.parameters.push
-        for behind in push_tool_poses(belief.model, belief.pose, direction, parameters):
-            last = Pose(behind.position + way + parameters.standoff * direction, behind.quaternion)
-            ends.append((behind, last))
-        return [StandTarget(ends, belief.pose.position[:2])]
+        direction = (end - start) / max(float(np.linalg.norm(end - start)), 1e-6)
+        further = end - start + parameters.standoff * direction
+        hands = push_tool_poses(model, Pose(start), direction, parameters)
+        return _PushTarget([(hand, Pose(hand.position + further, hand.quaternion)) for hand in hands], start[:2], end)
+
+    def _beside_the_object(self, belief: ObjectBelief, goal: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+        """Yield places (3,) on the surface from which the goal may be reached where straight on it is not."""
+        here, world = belief.pose.position, self.skills.world
+        ahead = math.atan2(*(goal - here)[1::-1])
+        others = [other for other in world.objects.values() if other.name != belief.name]
+        for bearing in BESIDE:
+            via = here + DETOUR * np.array([math.cos(ahead + bearing), math.sin(ahead + bearing), 0.0])
+            if edge_room(self.skills, belief, via) < self.skills.parameters.push.edge_margin:
+                continue
+            if all(_passes(belief, other, start, end) for other in others for start, end in ((here, via), (via, goal))):
+                yield via
+
+
+def edge_room(skills: SkillContext, belief: ObjectBelief, position: NDArray[np.float64]) -> float:
+    """Return the distance, metres, of an object at ``position`` (3,), map frame, from the edge of its surface."""
+    if belief.surface is None:
+        return math.inf
+    furniture, surface = find_surface(skills, belief.surface)
+    local = (furniture.pose.to_pose() @ surface.pose).inverse().apply(position)
+    room = np.array(surface.size) / 2 - np.abs(local[:2]) - belief.model.size[:2].max() / 2
+    return float(room.min())
+
+
+def _passes(belief: ObjectBelief, other: ObjectBelief, start: NDArray[np.float64], end: NDArray[np.float64]) -> bool:
+    """Return whether an object that is pushed from ``start`` to ``end``, (3,) each, stays clear of another one."""
+    apart = squared_distance_to_segment(other.pose.position[:2, None], start[:2], end[:2])[0]
+    sizes = belief.model.size[:2].max() + other.model.size[:2].max()
+    return bool(math.sqrt(apart) > sizes / 2)
