@@ -23,8 +23,8 @@ from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
 from behaviours.skill import ArmNode, Declaration, ObjectName, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, Out
 from bestman_bt.messages import ObjectModel, Pose
+from bestman_bt.messages.pose import squared_distance_to_segment
 from bestman_bt.messages.shapes import Positive
-from bestman_bt.navigation.global_planning.layers import squared_distance_to_segment
 from bestman_bt.world_model.semantic_map import MapFurniture
 from bestman_bt.world_model.world_model import ObjectBelief
 
