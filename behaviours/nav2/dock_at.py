@@ -25,7 +25,7 @@ LOOKS, LOOK_PERIOD = 5, 0.1
 
 
 class _Docking(Skill):
-    """The approach, to a pose as the one who docks says."""
+    """The approach, to the pose that the caller gives."""
 
     REQUIRES = ("base", "lidar")
     approach = In[float](Positive, "metres, driven straight", default=0.5)

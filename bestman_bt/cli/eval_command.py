@@ -199,7 +199,9 @@ class JobOptions(LauncherOptions):
     ] = None
     merge: Annotated[
         list[Path] | None,
-        typer.Option(metavar="DIR…", help="Run nothing: one summary of the shards below.", show_default=False),
+        typer.Option(
+            metavar="DIR…", help="Run no episodes; write one summary of the shards below.", show_default=False
+        ),
     ] = None
 
     def check(self) -> None:

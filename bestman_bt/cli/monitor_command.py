@@ -83,7 +83,9 @@ def command(
 
     recorded = _recorded(folders or ())
     if token is not None and len(token) < SHORTEST_TOKEN:
-        raise wrong_input("--token", f"a token has at least {SHORTEST_TOKEN} characters, or others guess it")
+        raise wrong_input(
+            "--token", f"a token should have at least {SHORTEST_TOKEN} characters, so that it cannot be guessed"
+        )
     if token is None and not is_loopback(host):
         token = new_token()
     watchers = others.watchers()

@@ -47,7 +47,7 @@ def judged_by_goal(setup: ResolvedConfig, problem: PlanningProblem, asked: Facts
     judged = sum(map(can_be_judged, problem.goal_literals))
     for literal in problem.goal_literals:
         if not can_be_judged(literal):
-            print(f"{literal} cannot be judged: the tree's own word counts", file=sys.stderr)
+            print(f"{literal} cannot be judged: the result of the tree counts", file=sys.stderr)
     if judged < len(problem.goal):
         print(f"{judged} of {len(problem.goal)} facts of the goal are judged", file=sys.stderr)
     goals = ({"facts": dataclasses.asdict(asked)},)

@@ -22,7 +22,7 @@ def command(
     ] = None,
     at: Annotated[
         list[float] | None,
-        typer.Option(metavar="SECONDS", help="A still of this moment; may be repeated. Else of the best one."),
+        typer.Option(metavar="SECONDS", help="Time of a still; may be repeated. Default: the best moment."),
     ] = None,
     film: Annotated[bool, typer.Option("--film", help="An mp4 of the whole run too; needs the extra 'video'.")] = False,
     blender: Annotated[bool, typer.Option("--blender", help="Let Blender paint: slower, and handsomer.")] = False,

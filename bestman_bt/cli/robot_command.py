@@ -45,7 +45,7 @@ def show(name: Name, png: Png = None, posture: str = "home", plugins: Plugins = 
 @verbs.command()
 def check(
     name: Name,
-    seed: Annotated[int, typer.Option(min=0, help="Decides which postures the arm is asked for.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the postures that the arm moves to.")] = 0,
     plugins: Plugins = None,
     as_json: Json = False,
 ) -> None:

@@ -30,7 +30,7 @@ from bestman_bt.engine.models.package import Package
 @grouped_options
 def command(
     tree: Annotated[str, typer.Argument(help="A shipped tree, an XML or Python file, a folder or a .btproj.")],
-    ports: Annotated[bool, typer.Option("--ports", help="Who maps what to whom across subtrees.")] = False,
+    ports: Annotated[bool, typer.Option("--ports", help="Show how SubTrees map their ports to entries.")] = False,
     paths: Annotated[
         bool, typer.Option("--paths", help="Number and path of each node, as `break` takes them.")
     ] = False,

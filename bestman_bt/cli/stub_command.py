@@ -19,7 +19,8 @@ from bestman_bt.runtime.plugins import node_registry
 def command(
     paths: Annotated[list[Path], typer.Argument(metavar="PATH…", help="Tree files, folders or .btproj.")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE.py", help="Made, or extended.", callback=writable_file)
+        Path,
+        typer.Option("--output", "-o", metavar="FILE.py", help="File to create or extend.", callback=writable_file),
     ],
     models: Models = None,
     plugins: Plugins = None,

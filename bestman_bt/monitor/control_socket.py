@@ -20,7 +20,7 @@ from bestman_bt.records.events import TOPICS, Topic
 
 MAX_REQUEST = 65536
 REQUEST_PAUSE = 0.005
-"""Seconds between requests of one connection: who floods it with them leaves the executor its time."""
+"""Seconds between requests of one connection, so that a flood of requests does not delay the executor."""
 Request = dict[str, Any]
 
 
@@ -92,7 +92,7 @@ class _Handler(socketserver.StreamRequestHandler):
         try:
             message = json.loads(line)
         except (ValueError, RecursionError):
-            outbox.send(_answer_line({"ok": False, "error": "a request is one JSON object a line"}))
+            outbox.send(_answer_line({"ok": False, "error": "a request should be one JSON object per line"}))
             return
         answer = channel.answer(message)
         outbox.send(_answer_line(answer))
@@ -108,5 +108,5 @@ def topics_of(message: Request) -> frozenset[Topic]:
     """Return the topics of a subscription. Raises RequestRefusedError for an unknown topic."""
     topics = message.get("topics", list(TOPICS))
     if not isinstance(topics, list) or not all(topic in TOPICS for topic in topics):
-        raise RequestRefusedError(f"topics is a list of some of {', '.join(TOPICS)}")
+        raise RequestRefusedError(f"topics should be a list of some of {', '.join(TOPICS)}")
     return frozenset(topics)

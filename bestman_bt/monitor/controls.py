@@ -48,7 +48,7 @@ def _nothing(asked: Request, nodes: NodeList) -> Request:
 def _set(asked: Request, nodes: NodeList) -> Request:
     request: Request = {"key": _text(asked, "key")}
     if "value" not in asked:
-        raise RunError("set wants a value")
+        raise RunError("set requires a value")
     request["value"] = asked["value"]
     if asked.get("scope"):
         request["scope"] = _text(asked, "scope")
@@ -58,7 +58,7 @@ def _set(asked: Request, nodes: NodeList) -> Request:
 def _speed(asked: Request, nodes: NodeList) -> Request:
     share = asked.get("share")
     if isinstance(share, bool) or not isinstance(share, int | float):
-        raise RunError("speed needs a share, a number up to 1")
+        raise RunError("speed should be a fraction of full speed, up to 1")
     return {"share": share}
 
 

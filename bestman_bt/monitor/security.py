@@ -129,7 +129,7 @@ class Guard:
         return bool(name) and (not self._rules.hosts or name in self._rules.hosts)
 
     def _is_our_origin(self, headers: Headers) -> bool:
-        """Return whether a page of this server asks; who is no browser says so by naming the server as its origin."""
+        """Return whether a page of this server asks; other clients have to send the server as their origin."""
         try:
             origin = urlsplit(headers.get("origin", ""))
         except ValueError:

@@ -178,13 +178,13 @@ async def _asked(request: Request) -> dict[str, Any]:
     if not content:
         return {}
     if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
-        raise RunError("a request is JSON: Content-Type: application/json")
+        raise RunError("a request should be JSON, with Content-Type: application/json")
     try:
         asked = json.loads(content)
     except (ValueError, RecursionError) as error:
-        raise RunError(f"a request is one JSON object: {error}") from error
+        raise RunError(f"a request should be one JSON object: {error}") from error
     if not isinstance(asked, dict):
-        raise RunError("a request is one JSON object")
+        raise RunError("a request should be one JSON object")
     return asked
 
 

@@ -223,7 +223,7 @@ class Viewer:
     async def _carried_out(self, asked: Message) -> Message | None:
         what = asked.get("do")
         if what is None:
-            raise RunError('a request is one JSON object with "do"')
+            raise RunError('a request should be one JSON object with "do"')
         if what == "compare":
             return await self._compare(asked.get("ids"))
         run = self._run(asked.get("id"))
@@ -312,7 +312,7 @@ def _names(run: MonitoredRun, asked: Message) -> list[str]:
     if names is None:
         return run.history.robot.joint_names()
     if not isinstance(names, list) or len(names) > 100 or not all(isinstance(name, str) for name in names):
-        raise RunError("joints is a list of names")
+        raise RunError("joints should be a list of names")
     return names
 
 

@@ -38,7 +38,7 @@ class SignedStep:
 
 @dataclass(frozen=True)
 class Signature:
-    """All steps have passed, or do not apply: by whom that was signed, and when (UTC)."""
+    """All steps have passed or do not apply; the person who signed that, and when (UTC)."""
 
     who: str
     when: str

@@ -105,7 +105,7 @@ class Breakpoints:
         Raises BreakpointError for an unknown node or result.
         """
         if not isinstance(result, str) or result not in RESULTS:
-            raise BreakpointError(f"a result is {' or '.join(RESULTS)}, not {result!r}")
+            raise BreakpointError(f"a result should be {' or '.join(RESULTS)}, got {result!r}")
         found = self._node(node)
         self._forced[found] = RESULTS[result]
         self._hook(found)

@@ -155,7 +155,7 @@ class ControlChannel:
 
     def _set_speed(self, share: Any) -> None:
         if isinstance(share, bool) or not isinstance(share, int | float):
-            raise RequestRefusedError(f"speed needs a share, a number from {SLOWEST:g} to 1")
+            raise RequestRefusedError(f"speed should be a fraction of full speed, from {SLOWEST:g} to 1")
         self._speed.set(share)
 
     def _change_breakpoints(self, what: str, message: Any) -> None:

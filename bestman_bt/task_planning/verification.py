@@ -1,6 +1,6 @@
 """Checks before execution whether a tree is valid for a robot and its scene.
 
-Ports, names and types; nothing but abilities; what the robot has; who needs the same part at a time; hints on what is
+Ports, names and types; only abilities; what the robot has; actions that need the same part at a time; hints on what is
 out of reach; at last a dry run on facts.
 """
 

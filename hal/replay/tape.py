@@ -176,7 +176,7 @@ def _bounded(stream: TextIO, most: int) -> Iterator[str]:
     while line := stream.readline(most + 1):
         most -= len(line)
         if most < 0:
-            raise OSError("it unfolds to more than a recording of its size holds")
+            raise OSError("it decompresses to more data than a recording of its size can contain")
         yield line
 
 

@@ -122,12 +122,12 @@ class URCapWire(RobotiqWire):
 
     def _send(self, text: str) -> None:
         if self._socket is None:
-            raise OSError("the wire is closed")
+            raise OSError("the connection is closed")
         self._socket.sendall(text.encode("ascii"))
 
     def _receive(self) -> None:
         if self._socket is None:
-            raise OSError("the wire is closed")
+            raise OSError("the connection is closed")
         chunk = self._socket.recv(1024)
         if not chunk:
             raise OSError("the gripper closed the connection")
@@ -217,7 +217,7 @@ class ModbusWire(RobotiqWire):
 
     def _ask(self, question: Callable[[Any], Any]) -> Any:
         if self._client is None:
-            raise OSError("the wire is closed")
+            raise OSError("the connection is closed")
         modbus_error = self._load("pymodbus.exceptions").ModbusException
         try:
             answer = question(self._client)

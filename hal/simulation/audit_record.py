@@ -73,7 +73,7 @@ class AuditRecord:
     ``calls``: forbidden calls of the engine, by function name; ``resets``, ``constraints``, ``truth_reads`` and
     ``tampering`` are their sums by kind. ``missed_looks``: skipped observations of the monitor. The findings come from
     observation, regardless of the cause. ``disturbances``: actions of the scene's script, such as walking people.
-    ``events``: interventions that were excused; the monitor does not know who caused them.
+    ``events``: interventions that were excused; the monitor does not know their cause.
     """
 
     duration: float

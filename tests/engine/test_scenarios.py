@@ -122,7 +122,7 @@ def test_substitution_rules_of_behaviortree_cpp_are_read(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("nodes: {A: {result: YES}}", "nodes.A: a result is RUNNING, SUCCESS, FAILURE, SKIPPED, not True"),
+        ("nodes: {A: {result: YES}}", "nodes.A: a result should be RUNNING, SUCCESS, FAILURE, SKIPPED, got True"),
         ("nodes: {A: {duration: [2, 1]}}", "nodes.A.duration: should be seconds, or [least, most], got [2, 1]"),
         ("nodes: {A: {success: 2}}", "nodes.A.success: should be a chance from 0 to 1, got 2"),
         ("nodes: {A: {sucess: 1}}", "nodes.A.sucess: unknown; known are result, results"),

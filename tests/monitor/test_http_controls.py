@@ -63,7 +63,7 @@ def test_what_cannot_be_done_is_reported(executor: FakeExecutor, start_monitor: 
         assert http.get(f"/api/runs/{ID}").json()["ok"]
         assert http.post("/api/runs/none/pause").status_code == 404
         no_value = http.post(f"/api/runs/{ID}/set", json={"key": "cup"})
-        assert (no_value.status_code, no_value.json()) == (409, {"error": "set wants a value"})
+        assert (no_value.status_code, no_value.json()) == (409, {"error": "set requires a value"})
         misspelt = http.post(f"/api/runs/{ID}/set", json={"kay": "cup", "value": 1})
         assert misspelt.json() == {"error": "set has no field 'kay'; did you mean 'key'?"}
         assert "it takes no field" in http.post(f"/api/runs/{ID}/pause", json={"node": 1}).json()["error"]

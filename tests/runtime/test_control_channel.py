@@ -347,7 +347,7 @@ def test_a_pause_lets_the_robot_wait_at_once_and_going_on_lets_it_go_on(served: 
     assert [speed for speed, _ in groupby(served.speeds)] == [0.0, 0.3, 0.0, 0.3]  # for the one tick, and once resumed
     with pytest.raises(ControlError, match="a speed is 5% to 100%"):
         served.ask("speed", share=2)
-    with pytest.raises(ControlError, match="speed needs a share"):
+    with pytest.raises(ControlError, match="speed should be a fraction"):
         served.ask("speed", share="fast")
 
 
@@ -387,7 +387,7 @@ def test_a_value_of_the_wrong_type_is_refused_and_the_run_goes_on(served: Served
 @pytest.mark.parametrize(
     ("line", "error"),
     [
-        (b"stop\n", "a request is one JSON object a line"),
+        (b"stop\n", "a request should be one JSON object per line"),
         (b'"stop"\n', "unknown request None; known: status, subscribe, pause"),
         (b'{"do": "jump"}\n', "unknown request 'jump'; known: status"),
         (b'{"do": ["stop"]}\n', "unknown request"),

@@ -150,7 +150,7 @@ def _script(data: Any, where: str, faults: list[str]) -> LeafScript:
         if name in STATUS_NAMES[1:]:
             results.append(STATUS_NAMES.index(name))
         else:
-            faults.append(f"{where}: a result is {', '.join(STATUS_NAMES[1:])}, not {name!r:.60}")
+            faults.append(f"{where}: a result should be {', '.join(STATUS_NAMES[1:])}, got {name!r:.60}")
     success = data.get("success", LeafScript.success)
     if not _is_number(success) or not 0 <= success <= 1:
         faults.append(f"{where}.success: should be a chance from 0 to 1, got {success!r:.60}")

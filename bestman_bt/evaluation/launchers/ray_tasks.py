@@ -223,7 +223,7 @@ def _code_of_checkout() -> str:
     build = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder / "wheel")]
     done = subprocess.run(build, cwd=data_root(), capture_output=True, text=True, check=False)
     if done.returncode:
-        raise _problem(f"no wheel can be built of {data_root()}: {done.stderr.strip()}")
+        raise _problem(f"no wheel can be built from {data_root()}: {done.stderr.strip()}")
     (wheel,) = (folder / "wheel").iterdir()
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(folder / "code")

@@ -39,7 +39,7 @@ class EventAddress:
 
 
 class EventReceiver:
-    """Listens for the events of episodes at an address of this machine; who connects must know the key."""
+    """Listens for the events of episodes at an address of this machine; clients must know the key."""
 
     def __init__(self, host: str) -> None:
         key = secrets.token_bytes(32)

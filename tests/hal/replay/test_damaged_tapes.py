@@ -48,7 +48,7 @@ def test_a_whole_one_is_read(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_what_unfolds_to_more_than_its_size_explains_is_not_read(tmp_path: Path) -> None:
     whole = text_of() + b'{"t": 300.0, "part": "arm", "read": "positions", "value": "' + bytes(70 << 20) + b'"}\n'
-    assert "unfolds to more" in refusal(tmp_path, gzip.compress(whole))
+    assert "decompresses to more" in refusal(tmp_path, gzip.compress(whole))
 
 
 @pytest.mark.slow
