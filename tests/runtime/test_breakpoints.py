@@ -220,7 +220,7 @@ def test_a_forced_result_replaces_one_tick_of_a_node_and_halts_it_first(debugged
         ({"do": "breakpoint", "node": 1, "when": "before", "condition": "n >"}, "n >"),
         ({"do": "breakpoint", "node": 1, "when": "before", "condition": {"n": 1}}, "a condition should be a script"),
         ({"do": "force", "node": 1, "result": ["SUCCESS"]}, "SUCCESS or FAILURE"),
-        ({"do": "force", "node": 1, "result": "RUNNING"}, "SUCCESS or FAILURE, not 'RUNNING'"),
+        ({"do": "force", "node": 1, "result": "RUNNING"}, "SUCCESS or FAILURE, got 'RUNNING'"),
         ({"do": "set", "key": "n", "value": 1, "scope": "cellar"}, "no SubTree 'cellar'"),
         ({"do": "subscribe", "topics": ["gossip"]}, "some of states, blackboard"),
     ],

@@ -53,11 +53,11 @@ class BackchainBuilder(TreeBuilder):
             return chain.writer.node("RetryUntilSuccessful", "attempts", [attempt], num_attempts=str(self.attempts))
 
 
-class _Conflict(Exception):
+class _Conflict(PlanningError):
     """The conditions of an action need not hold where the tree has it. ``moved``: the actions to move to the left."""
 
     def __init__(self, moved: frozenset[int]) -> None:
-        super().__init__(moved)
+        super().__init__("the order of the tree does not keep all conditions")
         self.moved = moved
 
 
