@@ -79,7 +79,9 @@ class GoalOptions:
         if self.text is not None and not self.text.strip():
             raise wrong_input("bestman-bt plan", "the text is empty; describe the goal")
         if ":" in self.planner:
-            raise wrong_input("--planner", "one of your own is brought by --plugin FILE.py and named by its decorator")
+            raise wrong_input(
+                "--planner", "load your own planner by --plugin FILE.py and give the name in its decorator"
+            )
 
 
 @dataclass(frozen=True)

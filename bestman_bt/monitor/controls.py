@@ -80,7 +80,7 @@ def _clear_breakpoint(asked: Request, nodes: NodeList) -> Request:
 def _force(asked: Request, nodes: NodeList) -> Request:
     results = (STATUS_NAMES[SUCCESS], STATUS_NAMES[FAILURE])
     if asked.get("result") not in results:
-        raise RunError(f"force wants a result: {' or '.join(results)}")
+        raise RunError(f"force requires a result: {' or '.join(results)}")
     return _node(asked, nodes) | {"result": asked["result"]}
 
 

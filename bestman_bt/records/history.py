@@ -391,7 +391,7 @@ class _Sample:
 
 
 class RobotHistory:
-    """``version`` and ``scan_version``: of the newest sample."""
+    """Robot samples over time. ``version``, ``scan_version``: numbers of the newest sample and of the newest scan."""
 
     def __init__(self) -> None:
         self.version = 0

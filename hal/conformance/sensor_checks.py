@@ -115,7 +115,7 @@ def lidars_give_ranges_within_theirs(robot: Robot) -> None:
     for lidar in parts_of(robot, Lidar):
         scan = lidar.scan()
         require(len(scan.ranges) > 0, f"{lidar.name} gave an empty scan")
-        require(not np.any(np.isnan(scan.ranges)), f"{lidar.name} gave ranges that are no numbers")
+        require(not np.any(np.isnan(scan.ranges)), f"{lidar.name} gave ranges that are not numbers")
         hit = scan.ranges[np.isfinite(scan.ranges)]
         inside = bool(np.all((hit >= scan.range_min) & (hit <= scan.range_max)))
         require(inside, f"{lidar.name} gave ranges outside [{scan.range_min}, {scan.range_max}]")

@@ -123,7 +123,7 @@ class MujocoEngine(Engine):
         self._keep_state()
         self._contacts, self._moved = None, True
         if data.warning.number[self._exploded].any() or not np.isfinite(data.qpos).all():
-            text = f"simulation_unstable: at {data.time:.3f} s positions or speeds are no numbers or far too large"
+            text = f"simulation_unstable: at {data.time:.3f} s positions or speeds are not finite or far too large"
             raise UnstableError(text)
 
     def close(self) -> None:

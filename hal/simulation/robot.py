@@ -201,8 +201,8 @@ class SimulatedRobot(Robot):
                 part.stop()
 
     def keep_black_box_in(self, folder: Path | None) -> None:
-        """Set the folder of the black box. Time does not advance for it: a very recent stop is written as far as it has
-        come.
+        """Set the folder of the black box. A recording of a stop that has just occurred is written incomplete, because
+        time does not advance meanwhile.
         """
         self._recorder.keep_in(folder)
 

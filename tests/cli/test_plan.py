@@ -166,7 +166,7 @@ def test_unknown_names_are_reported_with_the_closest(bestman_bt: Command) -> Non
 def test_unknown_planners_builders_and_missing_goals_are_refused(bestman_bt: Command) -> None:
     for arguments, words in (
         (("--goal", GOAL, "--planner", "symbolik"), "unknown task planner 'symbolik'; did you mean 'symbolic'?"),
-        (("--goal", GOAL, "--planner", "mine.py:Mine"), "one of your own is brought by --plugin FILE.py"),
+        (("--goal", GOAL, "--planner", "mine.py:Mine"), "load your own planner by --plugin FILE.py"),
         (("--goal", GOAL, "--builder", "reactiv"), "unknown tree builder 'reactiv'; did you mean 'reactive'?"),
         ((), "give a text, --goal, or a --task with the goal facts"),
         (("words", "--goal", GOAL), "give either a text or --goal"),

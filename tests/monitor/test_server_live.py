@@ -180,7 +180,7 @@ def test_controls_reach_the_executor(
 @pytest.mark.parametrize(
     ("control", "why"),
     [
-        ({"do": "force", "node": 2, "result": "RUNNING"}, "force wants a result"),
+        ({"do": "force", "node": 2, "result": "RUNNING"}, "force requires a result"),
         ({"do": "breakpoint", "node": 99}, "there is no node 99"),
         ({"do": "breakpoint", "node": 1, "when": "during"}, "when is 'before' or 'after'"),
         ({"do": "set", "key": "", "value": 1}, "key is a text"),

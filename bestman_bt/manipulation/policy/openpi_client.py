@@ -52,7 +52,7 @@ def unpack(data: bytes) -> Any:
     try:
         return msgpack.unpackb(data, object_hook=_from_map)
     except (msgpack.UnpackException, *_BROKEN) as error:
-        raise PolicyServerError(f"{len(data)} bytes are no msgpack with numpy arrays: {error!r}") from error
+        raise PolicyServerError(f"{len(data)} bytes are not msgpack with numpy arrays: {error!r}") from error
 
 
 def _msgpack() -> Any:

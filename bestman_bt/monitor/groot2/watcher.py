@@ -72,7 +72,7 @@ class Groot2Watcher:
         self._thread = threading.Thread(target=self._watch, name=f"groot2 {host}:{port}", daemon=True)
 
     def start(self) -> None:
-        """Start to look for the process."""
+        """Start looking for the process in a thread."""
         self._thread.start()
 
     def stop(self) -> None:

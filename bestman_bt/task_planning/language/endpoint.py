@@ -196,7 +196,7 @@ class EndpointAddress:
         missing = [name for name in (BASE_URL, MODEL) if not environment.get(name, "").strip()]
         if missing:
             raise EndpointNotSetError(
-                f"set {' and '.join(missing)} in the environment (and {API_KEY} if the endpoint wants a key)"
+                f"set {' and '.join(missing)} in the environment (and {API_KEY} if the endpoint requires a key)"
             )
         key = ApiKey(environment.get(API_KEY, ""))
         prices = _prices(environment.get(PRICES, ""))

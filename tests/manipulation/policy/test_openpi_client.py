@@ -97,7 +97,7 @@ def test_pictures_keep_their_form_and_lie_in_the_middle_of_black(
 @pytest.mark.parametrize("dtype", ["|O", "|V8", "<c16"])
 def test_arrays_that_are_no_numbers_are_neither_sent_nor_accepted(dtype: str) -> None:
     told = {b"__ndarray__": True, b"data": b"\0" * 16, b"dtype": dtype, b"shape": (1,)}
-    with pytest.raises(PolicyServerError, match="no msgpack with numpy arrays"):
+    with pytest.raises(PolicyServerError, match="not msgpack with numpy arrays"):
         unpack(msgpack.packb(told))
     with pytest.raises(ValueError, match="cannot be sent"):
         pack(np.zeros(1, dtype=dtype))
@@ -126,8 +126,8 @@ def test_a_lost_connection_is_made_anew(serve: Callable[[str], OpenpiPolicy]) ->
         ("narrow", PolicyActionError, "at least 8 columns but gives 5"),
         ("nothing", PolicyActionError, "'actions' of shape"),
         ("traceback", PolicyServerError, "KeyError: 'observation/state'"),
-        ("garbage", PolicyServerError, "no msgpack"),
-        ("no_metadata", PolicyServerError, "no msgpack"),
+        ("garbage", PolicyServerError, "not msgpack"),
+        ("no_metadata", PolicyServerError, "not msgpack"),
     ],
 )
 def test_an_answer_that_cannot_be_used_is_an_error_of_its_type(
