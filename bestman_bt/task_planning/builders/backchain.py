@@ -46,6 +46,8 @@ class BackchainBuilder(TreeBuilder):
             try:
                 goals = chain.conditions(len(plan.actions))
             except _Conflict as conflict:
+                if conflict.moved <= moved:
+                    raise  # each round has to move another action
                 moved = conflict.moved
                 continue
             goals.append(chain.writer.holds("goal_reached", goal))
