@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
+from typing_extensions import override
 
 from bestman_bt.engine import FAILURE, SUCCESS, Node, StateChanges, Tree
 from bestman_bt.evaluation.audit import CHEATS, counter_words
@@ -25,8 +26,17 @@ from bestman_bt.runtime.telemetry import PackageLog
 from bestman_bt.visualization.terminal import LiveTree, style_of
 from hal.parts.simulated_clock import SimulatedClock
 
-CONSOLE = Console(stderr=True)
-"""How something comes along."""
+
+class ProgressConsole(Console):
+    """A console whose reader may go away, as with ``2>&1 | head``: what is under way continues without it."""
+
+    @override
+    def on_broken_pipe(self) -> None:
+        self.quiet = True
+
+
+CONSOLE = ProgressConsole(stderr=True)
+"""Progress, warnings and errors."""
 RESULTS = Console()
 """The result; with ``--json``, which uses standard output, on standard error."""
 

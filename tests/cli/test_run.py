@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import logging
 import stat
@@ -16,9 +17,9 @@ import pytest
 from rich.console import Console
 
 from bestman_bt.cli.run_command import RunOptions, no_faster_than_real_time, run_request
-from bestman_bt.cli.run_view import RunView
+from bestman_bt.cli.run_view import ProgressConsole, RunView
 from bestman_bt.configuration.run import RunRequest, load_run, run_of_options
-from bestman_bt.engine import RUNNING, ManualClock, NodeRegistry, StatefulAction, Tree, load_tree
+from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, Tree, load_tree
 from bestman_bt.evaluation.audit import audit
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
@@ -366,6 +367,21 @@ def test_warnings_and_errors_of_a_run_are_on_the_terminal_while_it_runs_and_trac
         "[   5.40 s] warning: the changed tree waits: walk [bold] is running",
         "[   5.40 s] error: the execution ended in an error: ValueError('no such cup')",
     ]
+
+
+def test_a_run_continues_when_the_reader_of_its_progress_goes_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Gone(io.StringIO):
+        def write(self, text: str) -> int:
+            raise BrokenPipeError
+
+    monkeypatch.setattr("bestman_bt.cli.run_view.CONSOLE", ProgressConsole(file=Gone()))
+    clock = ManualClock()
+    tree = load_tree('<root BTCPP_format="4"><BehaviorTree ID="M"><AlwaysSuccess/></BehaviorTree></root>', clock=clock)
+    session: Any = SimpleNamespace(robot=SimpleNamespace(clock=clock))
+    with RunView("a run") as view:
+        view.watch(session, tree)
+        logging.getLogger("hal").warning("late")
+        assert tree.tick_once() == SUCCESS
 
 
 def test_the_summary_reports_what_was_measured_every_cheat_and_whose_success_it_is(

@@ -250,12 +250,12 @@ TAKEN = [
     """<!-- a -- b --- && < ---><AlwaysFailure/>""",
     """<AlwaysSuccess name="x"\n\n_skipIf="1 > 2 && 3 < 4"_failureIf="1 < 2"/>""",
 ]
-REFUSED = [
-    """<AlwaysSuccess name="a" name="b"/>""",
-    """<AlwaysSuccess name=x/>""",
-    """<AlwaysSuccess, name="x && y"/>""",
-    """<AlwaysSuccess name="x && y">""",
-]
+REFUSED = {
+    """<AlwaysSuccess name="a" name="b"/>""": "duplicate attribute",
+    """<AlwaysSuccess name=x/>""": "invalid token",
+    """<AlwaysSuccess, name="x && y"/>""": "invalid token",
+    """<AlwaysSuccess name="x && y">""": "mismatched tag",
+}
 
 
 @pytest.mark.parametrize("body", TAKEN)
@@ -270,14 +270,10 @@ def test_text_that_is_no_xml_is_read_as_there(body: str) -> None:
     assert load_tree(written).tick_exactly_once() == load_tree(xml).tick_exactly_once()
 
 
-@pytest.mark.parametrize("body", REFUSED)
-def test_text_that_is_refused_there_is_refused_as_it_was_written(body: str) -> None:
+@pytest.mark.parametrize(("body", "why"), REFUSED.items())
+def test_text_that_is_refused_there_is_refused(body: str, why: str) -> None:
     xml = f'<root BTCPP_format="4"><BehaviorTree ID="M">{body}</BehaviorTree></root>'
     with pytest.raises(Exception, match="XML_ERROR"):
         cpp.BehaviorTreeFactory().create_tree_from_text(xml)
-    with pytest.raises(ElementTree.ParseError) as raised:
-        ElementTree.fromstring(xml)
-    with pytest.raises(
-        TreeLoadError, match=rf"<text>:1: not well-formed XML: .* \(column {raised.value.position[1] + 1}\)"
-    ):
+    with pytest.raises(TreeLoadError, match=rf"<text>:1: not well-formed XML: .*{why}"):
         load_tree(xml)

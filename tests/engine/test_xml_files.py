@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -18,8 +19,9 @@ from bestman_bt.engine import (
     palette_xml,
 )
 from bestman_bt.engine.catalogue import EXTENSIONS
-from bestman_bt.engine.models.conversion import convert
+from bestman_bt.engine.models.conversion import Converted, convert
 from bestman_bt.engine.validation import validate_file
+from bestman_bt.engine.xml.elements import parse_xml
 
 ROOT = '<root BTCPP_format="4"{}>{}</root>'
 TREE = '<BehaviorTree ID="{}">{}</BehaviorTree>'
@@ -189,11 +191,46 @@ def test_the_tree_keeps_its_source(registry: NodeRegistry) -> None:
 
 
 def test_what_only_the_parser_of_behavior_tree_cpp_accepts_is_a_warning(tmp_path: Path) -> None:
-    body = '<Sequence>\n<Script code="a := 1 && 1"/>\n<AlwaysSuccess\nname="a<b"/></Sequence>'
-    file = write(tmp_path, "t.xml", TREE.format("M", body))
-    (problem,) = validate_file(file)
-    assert str(problem) == (
-        f"{file}:2: warning: only BehaviorTree.CPP accepts this as XML; write &amp; for &, &lt; for <, and no -- in "
-        "comments (lines like this: 2)"
-    )
-    assert b"&amp;&amp; 1" in convert(file.read_bytes(), str(file)).data
+    body = '<!-- a -- b -->\n<Script code="a := 1 < 2 && 1"/>\n<AlwaysSuccess\nname="b"_skipIf="a>2"/>'
+    file = write(tmp_path, "t.xml", TREE.format("M", f"<Sequence>\n{body}</Sequence>"))
+    not_xml = "BehaviorTree.CPP accepts it, XML does not"
+    what = {
+        2: "a comment must not contain '--' or end with '-'",
+        3: "'<' must be written '&lt;'",
+        5: "no space before the attribute '_skipIf'",
+    }
+    places = [(line, f"{text}: {not_xml}") for line, text in what.items()]
+    places[2:2] = [(3, f"'&' must be written '&amp;': {not_xml}")] * 2
+    problems = [problem for problem in validate_file(file) if "XML" in problem.message]
+    assert [(problem.line, problem.message, problem.severity) for problem in problems] == [
+        (*place, "warning") for place in dict.fromkeys(places)
+    ]
+    converted = convert(file.read_bytes(), str(file))
+    assert converted.notes == places
+    assert b'code="a := 1 &lt; 2 &amp;&amp; 1"' in converted.data
+    assert convert(converted.data, str(file)) == Converted(converted.data)
+
+
+def test_a_real_fault_behind_a_tolerated_place_is_the_one_that_is_reported() -> None:
+    text = ROOT.format("", TREE.format("M", '<Sequence>\n<Script code="a := 1 && 1"/>\n'))
+    with pytest.raises(TreeLoadError, match="<text>:3: not well-formed XML: mismatched tag"):
+        load_tree(text)
+
+
+def test_the_bytes_of_another_encoding_are_not_rewritten() -> None:
+    text = ROOT.format("", TREE.format("M", "<Script code=\"a := 'R&amp;D'\"/>"))
+    for encoding in ("utf-16", "utf-8-sig", "utf-8"):
+        tree = load_as(text.encode(encoding))
+        assert tree == ["a := 'R&D'"]
+        with pytest.raises(TreeLoadError, match="not well-formed XML") if encoding == "utf-16" else nullcontext():
+            assert load_as(text.replace("&amp;", "&").encode(encoding)) == ["a := 'R&D'"]
+
+
+def test_more_places_than_a_file_may_have_are_not_tolerated() -> None:
+    with pytest.raises(TreeLoadError, match="not well-formed XML"):
+        load_as(ROOT.format("", "&" * 20_000).encode())
+
+
+def load_as(data: bytes) -> list[str]:
+    """The scripts in a file."""
+    return [element.attributes["code"] for element in parse_xml(data, "t.xml").iter() if "code" in element.attributes]

@@ -29,6 +29,9 @@ from bestman_bt.navigation.localization.base import Localizer, OdometryScan
 from bestman_bt.world_model.world_model import BasePose
 from hal.api import CommandRefusedError, MobileBase, Motion, MotionStatus, RobotStoppedError, Timer
 
+RESTS = 0.02
+"""Speed in m/s below which a base no longer drives."""
+
 
 @dataclass(frozen=True)
 class Driving:
@@ -198,9 +201,13 @@ class BaseController:
         """Drive along a path in the map frame to its goal pose; ``costmap``: of the map, without ``layer``.
 
         With it, the base gives way to walking people, and obstacle-avoiding followers may leave the path. ``follower``:
-        for this path only.
+        for this path only. A base that has come to rest within the tolerance of the goal of the path under way only
+        turns if it gets another path to that goal: otherwise one that gets a path each second would turn to and fro
+        with the localisation's noise.
         """
         with self._lock:
+            if self._has_come_to(path.goal):
+                path = Path2D([path.goal.xy], path.goal)
             self._follow_by(follower or self.own_follower)
             if costmap is not None:
                 self.layer.use_costmap(costmap)
@@ -249,6 +256,15 @@ class BaseController:
         """The path that is driven, None if none is."""
         action = self._action
         return None if action is None or action.motion.done else action.driven
+
+    def _has_come_to(self, goal: Pose2D) -> bool:
+        """Return whether the path under way leads to ``goal``, and the base no longer drives but turns there."""
+        driven = self._driven
+        if driven is None or driven.path.goal != goal:
+            return False
+        velocity = self._base.velocity()
+        rests = math.hypot(velocity.vx, velocity.vy) < RESTS
+        return rests and self._world.base.pose.distance_to(goal) < self._driving.position_tolerance
 
     def _follow_by(self, follower: PathFollower) -> None:
         if follower is not self.follower:

@@ -53,7 +53,9 @@ class _Tag:
 
 
 def convert(data: bytes, file: str) -> Converted:
-    """Return a file converted to version 4; a file of version 4 is returned unchanged.
+    """Return a file converted to version 4; a file of version 4 that is XML is returned unchanged.
+
+    What BehaviorTree.CPP's parser alone accepts as XML is written as XML, with a note for each place.
 
     Raises:
         TreeLoadError: it is not well-formed XML, or its encoding is not a superset of ASCII.
@@ -63,7 +65,8 @@ def convert(data: bytes, file: str) -> Converted:
     open_tags: list[_Tag] = []
     depth_of_models = 0
     is_old = True
-    parser, data = safe_parser(data, file)
+    parser, data, tolerated = safe_parser(data, file)
+    notes.extend(tolerated)
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise TreeLoadError([TreeProblem(file, 1, "", "", "the file is in UTF-16; save it as UTF-8 to convert it")])
 

@@ -172,7 +172,7 @@ class Package:
 
     def _read_project(self, path: Path, search_path: tuple[Path, ...]) -> None:
         project = Documents(str(path), "")
-        root = parse_xml(read_file(path, str(path)), str(path))
+        root = parse_xml(read_file(path, str(path)), str(path), self.problems.append)
         includes = [element for element in root.children if element.tag == "include"]
         root.children = [element for element in root.children if element.tag != "include"]
         read_root(root, str(path), project)

@@ -136,7 +136,7 @@ class _DocumentReader:
         self.verbatim = False
 
     def read(self, text: str | bytes) -> XmlDocument:
-        parser, data = safe_parser(text, self.file)
+        parser, data, _ = safe_parser(text, self.file)
         parser.ordered_attributes = True
         parser.XmlDeclHandler = self._declaration
         parser.EndElementHandler = lambda tag: self.stack.pop()

@@ -1,18 +1,17 @@
 """Secure XML parser (expat): elements with line numbers; dangerous constructs are refused.
 
 Entities, external references and oversized input are refused early: a file has at most ``MAX_BYTES``, and elements nest
-at most ``MAX_DEPTH`` deep, as in BehaviorTree.CPP. Text that is not XML but that BehaviorTree.CPP's parser (TinyXML-2)
-accepts, such as ``code="a < b && c"``, is accepted, too.
+at most ``MAX_DEPTH`` deep, as in BehaviorTree.CPP. What TinyXML-2 accepts although it is not XML is accepted, too.
 """
 
 from __future__ import annotations
 
-import re
 import xml.parsers.expat
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final
 
 from bestman_bt.engine.errors import TreeLoadError, TreeProblem
+from bestman_bt.engine.xml.tinyxml import AsXml
 from bestman_bt.errors import Error
 
 MAX_BYTES = 16_000_000
@@ -59,14 +58,14 @@ class Refused(Error):
 
 
 def parse_xml(text: str | bytes, file: str, report: Callable[[TreeProblem], None] | None = None) -> Element:
-    """Return the root element of ``text``. ``report``: called with a warning for what only TinyXML-2 accepts.
+    """Return the root element of ``text``. ``report``: called with a warning for each place that is not XML.
 
     Raises:
         TreeLoadError: it is not well-formed XML, or contains a refused construct.
     """
-    parser, data = safe_parser(text, file)
-    if report is not None:
-        _report_tolerated(text, data, file, report)
+    parser, data, tolerated = safe_parser(text, file)
+    for line, what in tolerated if report is not None else ():
+        report(TreeProblem(file, line, "", "", what, severity="warning"))
     holder = Element("", {}, 0)
     stack = [holder]
     push, pop = stack.append, stack.pop
@@ -98,28 +97,32 @@ def parse_xml(text: str | bytes, file: str, report: Callable[[TreeProblem], None
     return holder.children[0]
 
 
-def safe_parser(text: str | bytes, file: str) -> tuple[xml.parsers.expat.XMLParserType, bytes]:
+def safe_parser(
+    text: str | bytes, file: str
+) -> tuple[xml.parsers.expat.XMLParserType, bytes, Sequence[tuple[int, str]]]:
     """Return an expat parser that refuses entities and external references, and the bytes to feed it.
 
-    The bytes are those of ``text``, or as XML where only TinyXML-2 accepts it, with each line where it was.
+    The bytes are those of ``text``, or, where TinyXML-2 alone accepts it, as XML; then the last value has the line of
+    each such place, and what is wrong there.
 
     Raises:
         TreeLoadError: the text is too long or contains NUL bytes.
     """
-    data = _bytes_of(text)
+    data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     if len(data) > MAX_BYTES:
         raise _failure(file, 0, f"the file has {len(data)} bytes; at most {MAX_BYTES} are accepted")
-    if b"\0" in data[:4096] and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+    wide = data.startswith((b"\xff\xfe", b"\xfe\xff"))
+    if b"\0" in data[:4096] and not wide:
         raise _failure(file, 1, "the file holds NUL bytes; it is not XML text")
     encoding = "utf-8" if isinstance(text, str) else None
-    if not _is_well_formed(data, encoding):
-        as_xml = _as_xml(data)
-        data = as_xml if _is_well_formed(as_xml, encoding) else data
-    return _refusing_parser(encoding), data
-
-
-def _bytes_of(text: str | bytes) -> bytes:
-    return text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
+    tolerated: Sequence[tuple[int, str]] = ()
+    fault = None if wide else _fault_of(data, encoding)
+    if fault is not None:
+        as_xml = AsXml(data)
+        later = _fault_of(as_xml.data, encoding)
+        if later is None or later > fault:
+            data, tolerated = as_xml.data, as_xml.places()
+    return _refusing_parser(encoding), data, tolerated
 
 
 def _refusing_parser(encoding: str | None) -> xml.parsers.expat.XMLParserType:
@@ -142,59 +145,15 @@ def _refusing_parser(encoding: str | None) -> xml.parsers.expat.XMLParserType:
     return parser
 
 
-def _is_well_formed(data: bytes, encoding: str | None) -> bool:
+def _fault_of(data: bytes, encoding: str | None) -> tuple[int, int] | None:
+    """Return line and column at which ``data`` is not well-formed, or None."""
     try:
         _refusing_parser(encoding).Parse(data, True)
-    except xml.parsers.expat.ExpatError:
-        return False
+    except xml.parsers.expat.ExpatError as error:
+        return error.lineno, error.offset
     except (Refused, LookupError, ValueError):
-        return True  # reported where the file is read
-    return True
-
-
-_PIECES: Final = re.compile(
-    rb"""(?P<comment><!--.*?(?:-->|\Z)) | <!\[CDATA\[.*?(?:\]\]>|\Z) | <\?.*?(?:\?>|\Z)
-    | (?P<name><[^\s<>/"'=!?]+) (?P<attributes>\s(?:\s*[^\s<>/"'=]+\s*=\s*(?:"[^"]*"|'[^']*'))+)
-    | &""",
-    re.DOTALL | re.VERBOSE,
-)
-_ATTRIBUTE: Final = re.compile(rb"""(\s*)([^\s<>/"'=]+\s*=\s*)("[^"]*"|'[^']*')""")
-_BARE_AMPERSAND: Final = re.compile(rb"&(?!(?:\#[0-9]+|\#x[0-9a-fA-F]+|amp|lt|gt|quot|apos);)")
-
-
-def _as_xml(data: bytes) -> bytes:
-    """Return what TinyXML-2 accepts as XML: a bare ``&``, ``<`` in a value, no space between attributes, ``--`` within
-    a comment.
-    """
-    return _PIECES.sub(_piece_as_xml, data)
-
-
-def _piece_as_xml(piece: re.Match[bytes]) -> bytes:
-    if piece["attributes"]:
-        return piece["name"] + _ATTRIBUTE.sub(_attribute_as_xml, piece["attributes"])
-    if piece["comment"] and piece[0].endswith(b"-->") and len(piece[0]) >= len(b"<!---->"):
-        inner = re.sub(rb"-(?=-|\Z)", b"- ", piece[0][len(b"<!--") : -len(b"-->")])
-        return b"<!--" + inner + b"-->"
-    if piece[0] == b"&":
-        found = _BARE_AMPERSAND.match(piece.string, piece.start())
-        return b"&amp;" if found else b"&"
-    return piece[0]
-
-
-def _attribute_as_xml(attribute: re.Match[bytes]) -> bytes:
-    space, name, value = attribute.groups()
-    return (space or b" ") + name + _BARE_AMPERSAND.sub(b"&amp;", value).replace(b"<", b"&lt;")
-
-
-def _report_tolerated(text: str | bytes, data: bytes, file: str, report: Callable[[TreeProblem], None]) -> None:
-    """Report the first line in which ``data`` is not as written."""
-    if data == _bytes_of(text):
-        return
-    pairs = zip(_bytes_of(text).split(b"\n"), data.split(b"\n"), strict=True)
-    lines = [number for number, (before, after) in enumerate(pairs, 1) if before != after]
-    more = f" (lines like this: {len(lines)})" if len(lines) > 1 else ""
-    what = f"only BehaviorTree.CPP accepts this as XML; write &amp; for &, &lt; for <, and no -- in comments{more}"
-    report(TreeProblem(file, lines[0], "", "", what, severity="warning"))
+        pass  # reported where the file is read
+    return None
 
 
 def run_parser(parser: xml.parsers.expat.XMLParserType, data: bytes, file: str) -> None:

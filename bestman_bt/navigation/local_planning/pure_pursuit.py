@@ -49,10 +49,6 @@ class _Leg:
 class PurePursuit(PathFollower):
     """Steers to a point ahead on the path; deterministic.
 
-    On the way to a goal, a new path to it of at most ``arrived`` metres is not driven: the base only turns to the
-    goal's heading. A base that gets a new path each second would otherwise turn to and fro with the localisation's
-    noise.
-
     Lengths in metres, speeds in m/s and rad/s, accelerations in m/s² and rad/s².
 
     ``max_speed``, ``max_turn_rate``, ``acceleration``, ``turn_acceleration``: maxima, also limited by the base.
@@ -77,7 +73,6 @@ class PurePursuit(PathFollower):
     corner: Annotated[NonNegative, "rad"] = 0.6
     leg_heading_tolerance: Annotated[NonNegative, "rad"] = 0.03
     position_tolerance: Annotated[NonNegative, "m"] = 0.003
-    arrived: Annotated[NonNegative, "m"] = 0.02
     still: Annotated[Positive, "m/s"] = 0.02
     turning: RotateToHeading = field(default_factory=RotateToHeading)
 
@@ -85,8 +80,7 @@ class PurePursuit(PathFollower):
         check_bounds(self)
         self._legs: list[_Leg] | None = None
         self._turning = self._fresh = False
-        self._turn_heading = 0.0
-        self._goal: Pose2D | None = None
+        self._turn_heading = self._goal_heading = 0.0
         self._speed = self._turn_rate = 0.0
         self._rolling = Twist2D()
         self._at = 0
@@ -95,10 +89,8 @@ class PurePursuit(PathFollower):
         """Start following ``path``; see ``PathFollower.reset``."""
         if len(path.points) == 0:
             raise ValueError("PurePursuit path should have at least one point but has none")
-        legs = _split(path, self.corner)
-        turns_only = path.goal == self._goal and sum(leg.arc[0] for leg in legs) <= self.arrived
-        self._legs = [] if turns_only else legs
-        self._goal = path.goal
+        self._legs = _split(path, self.corner)
+        self._goal_heading = path.goal.theta
         self._speed = self._turn_rate = 0.0
         self._rolling = Twist2D()
         self._fresh = True
@@ -120,7 +112,6 @@ class PurePursuit(PathFollower):
             if self._legs and left < self.leg_heading_tolerance and abs(command.twist.wz) < 0.15:
                 self._turning, self._turn_rate = False, turn_rate
             elif not self._legs and command.done:
-                self._goal = None
                 return command
             else:
                 return FollowerCommand(command.twist, False, self._remaining())
@@ -156,10 +147,9 @@ class PurePursuit(PathFollower):
 
     def _begin_leg(self) -> None:
         assert self._legs is not None
-        assert self._goal is not None
         self._at = 0
         self._turning = True
-        self._turn_heading = self._legs[0].start_heading if self._legs else self._goal.theta
+        self._turn_heading = self._legs[0].start_heading if self._legs else self._goal_heading
         self.turning.turn_to(self._turn_heading)
 
     def _remaining(self) -> float:

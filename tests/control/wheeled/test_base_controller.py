@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.messages import Box, MotionErrorCode, PlacedShape, Pose, Pose2D, wrap_angle
+from bestman_bt.messages import Box, MotionErrorCode, Path2D, PlacedShape, Pose, Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.global_planning.polyline_planner import GridAStar
@@ -92,6 +92,35 @@ def test_the_base_turns_to_a_heading_and_drives_back(simulate):
     moved = before.inverse() @ simulated.true_pose
     assert moved.x == pytest.approx(-0.3, abs=0.01)
     assert abs(moved.y) < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("turn", [-2.6, 1.2, 3.0])
+def test_a_base_that_gets_a_new_path_each_second_arrives_and_turns_to_its_goal(simulate, turn):
+    simulated = simulate(1)
+    goal = simulated.world.base.pose @ Pose2D(0.6, 0.0, turn)
+    for _ in range(14):
+        here = simulated.world.base.pose
+        handle = simulated.base.follow(Path2D(np.array([here.xy, goal.xy]), goal))
+        for _ in range(20):
+            simulated.robot.clock.sleep(0.05)
+        if handle.done:
+            break
+    assert handle.status is MotionStatus.SUCCEEDED, handle.failure
+    position, heading = difference(simulated.true_pose, goal)
+    assert position < 0.02
+    assert heading < math.radians(0.7)
+
+
+@pytest.mark.slow
+def test_a_goal_close_by_is_driven_to_unless_the_base_has_come_to_it_already(simulate):
+    simulated = simulate(1)
+    here = simulated.world.base.pose
+    goal = here @ Pose2D(0.018, 0.0, 0.0)
+    path = Path2D(np.array([here.xy, goal.xy]), goal)
+    simulated.base.follow(path).cancel()
+    simulated.wait(simulated.base.follow(path))
+    assert (here.inverse() @ simulated.world.base.pose).x == pytest.approx(0.018, abs=0.006)
 
 
 @pytest.mark.slow

@@ -204,33 +204,3 @@ def test_a_compute_before_a_path_is_an_error():
     for follower in (PurePursuit(), RotateToHeading()):
         with pytest.raises(RuntimeError, match="before reset"):
             follower.compute(Pose2D(), Twist2D(), DT)
-
-
-@pytest.mark.parametrize("theta", [-2.8, 1.0, 3.0])
-def test_a_base_that_gets_a_new_path_each_second_turns_to_its_goal_in_spite_of_noise(theta):
-    goal, follower, noise = Pose2D(1.0, 0.0, theta), PurePursuit(), np.random.default_rng(3)
-    pose, velocity = Pose2D(), Twist2D()
-    for tick in range(round(12.0 / DT)):
-        seen = Pose2D(*(pose.xy + noise.normal(0.0, 0.004, 2)), pose.theta)
-        if tick % round(1.0 / DT) == 0:
-            follower.reset(Path2D([seen.xy, goal.xy], goal))
-        command = follower.compute(seen, velocity, DT)
-        if command.done:
-            break
-        velocity = command.twist
-        pose = pose @ Pose2D(velocity.vx * DT, 0.0, velocity.wz * DT)
-    assert command.done
-    assert pose.distance_to(goal) < 0.02
-    assert abs(wrap_angle(pose.theta - theta)) < math.radians(0.5)
-
-
-@pytest.mark.parametrize(("goal", "turns"), [(Pose2D(0.015, 0.0, 2.0), True), (Pose2D(0.015, 0.001, 2.0), False)])
-def test_a_new_goal_close_by_is_driven_to_and_the_same_after_its_end(goal, turns):
-    follower, first = PurePursuit(), Pose2D(0.015, 0.0, 2.0)
-    follower.reset(Path2D([(1.0, 0.0), first.xy], first))
-    follower.reset(Path2D([(0.0, 0.0), goal.xy], goal))
-    assert (follower.compute(Pose2D(), Twist2D(), DT).remaining == 0.0) is turns
-    follower.reset(Path2D([first.xy], first))
-    assert follower.compute(first, Twist2D(), DT).done
-    follower.reset(Path2D([(0.0, 0.0), first.xy], first))
-    assert follower.compute(Pose2D(), Twist2D(), DT).remaining > 0.01
