@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -230,10 +231,14 @@ time.sleep(60)
 """
 
 
-def children_of(process: int) -> list[int]:
-    """Ids of the processes that a process has begun."""
-    tasks = Path(f"/proc/{process}/task").glob("*/children")
-    return [int(child) for task in tasks for child in task.read_text().split()]
+def children_of(process: int) -> dict[int, str]:
+    """The processes that a process has begun, by their ids, each with its command line."""
+    children = {}
+    for folder in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):  # it has ended meanwhile
+            if int((folder / "stat").read_text().rpartition(")")[2].split()[1]) == process:
+                children[int(folder.name)] = (folder / "cmdline").read_text()
+    return children
 
 
 @on(
@@ -276,5 +281,8 @@ def test_nothing_is_left_of_a_connection_that_has_ended(
         connect(HardwareRobot)
         wait_for(lambda: threading.active_count() <= left, "its threads end")  # one of the xArm's SDK takes a second
         connect(IsolatedRobot)
-        commands = [Path(f"/proc/{child}/cmdline").read_text() for child in children_of(os.getpid())]
-        assert not [command for command in commands if "robot_process" in command or "sdk_process" in command]
+        assert not [
+            command
+            for command in children_of(os.getpid()).values()
+            if "robot_process" in command or "sdk_process" in command
+        ]
