@@ -207,7 +207,7 @@ class BaseController:
         """
         with self._lock:
             if self._has_come_to(path.goal):
-                path = Path2D([path.goal.xy], path.goal)
+                path = Path2D(path.goal.xy[None], path.goal)
             self._follow_by(follower or self.own_follower)
             if costmap is not None:
                 self.layer.use_costmap(costmap)

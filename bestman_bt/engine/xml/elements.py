@@ -64,8 +64,9 @@ def parse_xml(text: str | bytes, file: str, report: Callable[[TreeProblem], None
         TreeLoadError: it is not well-formed XML, or contains a refused construct.
     """
     parser, data, tolerated = safe_parser(text, file)
-    for line, what in tolerated if report is not None else ():
-        report(TreeProblem(file, line, "", "", what, severity="warning"))
+    if report is not None:
+        for line, what in tolerated:
+            report(TreeProblem(file, line, "", "", what, severity="warning"))
     holder = Element("", {}, 0)
     stack = [holder]
     push, pop = stack.append, stack.pop
