@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from behaviours.furniture.articulation import FurnitureArticulation
 from behaviours.furniture.opening import Opening
-from bestman_bt.messages import Box, Handle, PlacedShape, Pose, Pose2D, Shape, wrap_angle
-from bestman_bt.messages.pose import squared_distance_to_segment
+from bestman_bt.messages import Box, Handle, PlacedShape, Pose, Pose2D, Shape, distance_to_shape, wrap_angle
 from bestman_bt.messages.shapes import bounding_corners
-from bestman_bt.world_model.openness import handle_shape
+from bestman_bt.world_model.openness import articulation_obstacles, handle_shape
 from bestman_bt.world_model.semantic_map import MapArticulation, MapFurniture
 from bestman_bt.world_model.world_model import Obstacle, WorldModel
 
@@ -209,6 +208,8 @@ SUPPORT = 0.01
 """Share of the rays that have to end on a board; on its edge far away few do."""
 EXPLAINED = 0.6
 """Share of what is seen before the shut front, where the leaf moves, that has to lie on its board."""
+WALL_HEIGHT = 2.5
+"""Of the map's walls, metres."""
 
 
 def opening_seen(leaf: FurnitureArticulation, handle: Handle) -> float | None:
@@ -262,15 +263,40 @@ def opening_by_board(leaf: FurnitureArticulation, plane: SupportPlane) -> float 
     return None
 
 
+def bodies_around(world: WorldModel, leaf: FurnitureArticulation) -> tuple[PlacedShape, ...]:
+    """Return the walls, the other furniture as solid boxes, and the other open doors and drawers, in the map frame.
+
+    They are enlarged by the map's error.
+    """
+    furniture = world.map.furniture
+    solids = [
+        Obstacle(name, (PlacedShape(Box((*piece.footprint, piece.height)), piece.pose.to_pose(piece.height / 2)),), 0.0)
+        for name, piece in furniture.items()
+        if name != leaf.furniture.name
+    ]
+    leaves = [other for other in articulation_obstacles(world) if other.name != leaf.articulation]
+    bodies = [grown(body, _place_error(furniture[body.name.partition("/")[0]])) for body in (*solids, *leaves)]
+    return (*map(_wall, world.map.walls), *(placed for body in bodies for placed in body.shapes))
+
+
+def _wall(segment: NDArray[np.float64]) -> PlacedShape:
+    (x1, y1), (x2, y2) = segment[:2], segment[2:]
+    middle = ((x1 + x2) / 2, (y1 + y2) / 2, WALL_HEIGHT / 2)
+    heading = math.atan2(y2 - y1, x2 - x1)
+    return PlacedShape(
+        Box((math.hypot(x2 - x1, y2 - y1), 0.0, WALL_HEIGHT)), Pose.from_xyz_rpy(middle, (0.0, 0.0, heading))
+    )
+
+
 def opening_by_rays(
-    leaf: FurnitureArticulation, believed: float, view: View, known: NDArray[np.float64]
+    leaf: FurnitureArticulation, believed: float, view: View, known: Sequence[PlacedShape]
 ) -> float | None:
     """Return the opening of ``leaf``, radians or metres, that explains a view (map frame) best, if its believed opening
     cannot be; else None.
 
     Points on the board of an opening support it, rays that pass through that board contradict it. So a door is also
     found by its edge, from far away or at a flat angle. It is off by up to the map's error: enough to look at the front
-    from before it. ``known``: (N, 4) segments x1, y1, x2, y2, metres, of other pieces and walls, which support nothing.
+    from before it. ``known``: other bodies, in the map frame; points on them support no opening.
     """
     front, piece = leaf.leaf.shapes[0], leaf.furniture
     if not isinstance(front.shape, Box):
@@ -284,8 +310,8 @@ def opening_by_rays(
     points = view.cloud(corners).points
     points = points[:: 1 + len(points) // RAYS]
     unknown = np.ones(len(points), dtype=bool)
-    for segment in known:
-        unknown &= squared_distance_to_segment(points[:, :2].T, segment[:2], segment[2:]) > deep**2
+    for body in known:
+        unknown &= distance_to_shape(points, body) > thickness / 2 + SLACK
     on = np.zeros((len(openings), len(points)), dtype=bool)
     through, score = np.zeros(len(openings)), np.zeros(len(openings))
     for index, board in enumerate(boards):

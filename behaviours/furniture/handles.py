@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
@@ -12,6 +11,7 @@ from behaviours.furniture.articulation_measurement import (
     SHUT,
     believe_place,
     believe_shut_fronts,
+    bodies_around,
     opening_by_board,
     opening_by_rays,
     opening_seen,
@@ -118,9 +118,7 @@ class DetectHandle(Skill):
         if openings:
             opening = openings[0]  # the largest plane goes first
         else:
-            others = {name: piece for name, piece in world.map.furniture.items() if name != leaf.furniture.name}
-            known = replace(world.map, furniture=others).lidar_segments()
-            explaining = opening_by_rays(leaf, believed, view, known)
+            explaining = opening_by_rays(leaf, believed, view, bodies_around(world, leaf))
             if explaining is None:
                 return
             opening = explaining

@@ -192,7 +192,7 @@ def seen_from(
 
 
 AHEAD, FAR_AWAY, AT_THE_EDGE = (-1.2, 0.0, 1.3), (-3.5, 0.3, 1.3), (-2.4, 1.3, 1.3)
-NOTHING_KNOWN = np.zeros((0, 4))
+NOTHING_KNOWN: tuple[PlacedShape, ...] = ()
 
 
 @pytest.mark.parametrize(("place", "degrees"), [(AHEAD, 55.0), (AHEAD, 90.0), (FAR_AWAY, 55.0), (FAR_AWAY, 90.0)])
@@ -240,8 +240,8 @@ def test_what_stands_before_a_door_does_not_count_as_the_door(
 def test_a_wall_where_the_door_could_be_is_not_taken_for_it() -> None:
     wall = PlacedShape(Box((2.0, 0.1, 2.2)), Pose(np.array([-0.6, -0.39, 1.1])))
     leaf, view = seen_from(AT_THE_EDGE, math.radians(40.0), wall)
-    face = OFF.apply(np.array([[-1.6, -0.34], [0.4, -0.34]])).reshape(1, 4)
-    assert opening_by_rays(leaf, 0.0, view, face) == pytest.approx(math.radians(40.0), abs=0.06)
+    known = PlacedShape(wall.shape, OFF.to_pose() @ wall.pose)
+    assert opening_by_rays(leaf, 0.0, view, [known]) == pytest.approx(math.radians(40.0), abs=0.06)
 
 
 def test_a_hand_that_turns_about_a_bar_keeps_holding_it_at_the_same_point() -> None:

@@ -17,6 +17,7 @@ from bestman_bt.perception.affordance.front_handles import HandleScene
 from bestman_bt.perception.occupancy import VoxelRegion
 from bestman_bt.robot_model.model import BaseModel
 from bestman_bt.scene.furniture_file import read_furniture
+from bestman_bt.world_model.semantic_map import MapArticulation, MapFurniture
 from tests.behaviours.scripted import codes, load, run, scripted_skills
 from tests.perception.seen_boxes import looking_at, view_of
 
@@ -151,12 +152,21 @@ def test_a_door_that_is_seen_to_stand_open_is_looked_at_from_before_its_front_ag
     assert beside_the_front() == pytest.approx(50.0)
 
 
-def test_a_door_whose_edge_alone_is_seen_is_believed_to_be_open_though_its_handle_is_not_found() -> None:
-    skills, door = scripted_skills("close_fridge"), "fridge/upper_door"
+UPPER_DOOR = "fridge/upper_door"
+BOARD = Box((2.0, 0.1, 2.2))
+"""Stands beside the fridge, where its door could be open."""
+
+
+def before_the_open_fridge(*beside: PlacedShape) -> Any:
+    """Skills whose camera sees the edge of the upper door, which is open by 40 degrees, and no handle.
+
+    ``beside``: what else there is, in the fridge's frame.
+    """
+    skills = scripted_skills("close_fridge")
     piece = skills.world.map.furniture["fridge"]
     frame, leaf, model = piece.pose.to_pose(), piece.leaf("upper_door"), read_furniture("fridge")
     moved = {"upper_door": frame @ leaf.moved(math.radians(40.0))}
-    boards = [PlacedShape(part.shape, frame @ part.pose) for part in model.parts]
+    boards = [PlacedShape(part.shape, frame @ part.pose) for part in (*model.parts, *beside)]
     boards += [
         PlacedShape(part.shape, moved.get(one.name, frame) @ part.pose)
         for one in model.articulations
@@ -169,6 +179,41 @@ def test_a_door_whose_edge_alone_is_seen_is_believed_to_be_open_though_its_handl
     )
     skills.camera = SimpleNamespace(capture=lambda: seen)
     skills.affordance = SimpleNamespace(detect=lambda *_: HandleScene((), (), "no upright plane in view"))
-    assert run(skills, load(skills, f'<DetectHandle articulation="{door}"/>')) == FAILURE
+    return skills
+
+
+def detect_upper_door(skills: Any) -> float:
+    """The believed opening of the door after its handle was looked for in vain, radians."""
+    assert run(skills, load(skills, f'<DetectHandle articulation="{UPPER_DOOR}"/>')) == FAILURE
     assert codes(skills) == ["handle_not_found"]
-    assert skills.world.articulations[door] == pytest.approx(math.radians(40.0), abs=0.06)
+    return float(skills.world.articulations[UPPER_DOOR])
+
+
+def test_a_door_whose_edge_alone_is_seen_is_believed_to_be_open_though_its_handle_is_not_found() -> None:
+    assert detect_upper_door(before_the_open_fridge()) == pytest.approx(math.radians(40.0), abs=0.06)
+
+
+@pytest.mark.parametrize("solid_at_lidar", [True, False])
+def test_other_furniture_where_a_door_could_be_is_not_taken_for_it(solid_at_lidar: bool) -> None:
+    skills = before_the_open_fridge(PlacedShape(BOARD, Pose(np.array([-0.6, -0.39, 1.1]))))
+    place = skills.world.map.furniture["fridge"].pose @ Pose2D(-0.6, -0.39, 0.0)
+    cupboard = MapFurniture("cupboard", place, BOARD.size[:2], 2.2, (), solid_at_lidar)
+    skills.world.map = skills.world.map.with_furniture(cupboard)
+    assert detect_upper_door(skills) == pytest.approx(math.radians(40.0), abs=0.06)
+
+
+def test_the_open_door_of_other_furniture_is_not_taken_for_the_one_that_is_looked_at() -> None:
+    skills = before_the_open_fridge(PlacedShape(BOARD, Pose(np.array([-0.6, -0.39, 1.1]))))
+    door = MapArticulation(
+        "door",
+        "prismatic",
+        (0.0, 0.0, 0.0),
+        (-1.0, 0.0, 0.0),
+        2.5,
+        (PlacedShape(BOARD, Pose.from_xyz_rpy((0, 0, 1.1))),),
+    )
+    place = skills.world.map.furniture["fridge"].pose @ Pose2D(1.4, -0.39, 0.0)
+    cupboard = MapFurniture("cupboard", place, BOARD.size[:2], 2.2, (), False, leaves=(door,))
+    skills.world.map = skills.world.map.with_furniture(cupboard)
+    skills.world.believe_articulation("cupboard/door", 2.0)
+    assert detect_upper_door(skills) == pytest.approx(math.radians(40.0), abs=0.06)
