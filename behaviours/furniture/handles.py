@@ -77,7 +77,8 @@ class DetectHandle(Skill):
             leaf = find_articulation(skills, articulation)
             seen = self._on_leaf(leaf, seen)
             if not seen:
-                self._believe_board(leaf, [front.seen_from(view.map_from_base) for front in scene.fronts], view.in_map)
+                fronts = [front.seen_from(view.map_from_base) for front in scene.fronts]
+                yield from self._believe_board(leaf, fronts, view.in_map)
         names = [self._believe(handle, view.stamp) for handle in seen]
         chosen = [name for name in dict.fromkeys(names) if self._wanted(skills.world.handles[name], furniture)]
         for name in chosen:
@@ -110,7 +111,9 @@ class DetectHandle(Skill):
             self.opening = opening
         return [handle for handle, _ in found]
 
-    def _believe_board(self, leaf: FurnitureArticulation, fronts: list[SupportPlane], view: View) -> None:
+    def _believe_board(
+        self, leaf: FurnitureArticulation, fronts: list[SupportPlane], view: View
+    ) -> SkillCoroutine[None]:
         """Believe that an articulation is open if its front is farther from closed than the map's error explains."""
         world = self.skills.world
         believed = world.articulations.get(leaf.articulation, 0.0)
@@ -118,7 +121,10 @@ class DetectHandle(Skill):
         if openings:
             opening = openings[0]  # the largest plane goes first
         else:
-            explaining = opening_by_rays(leaf, believed, view, bodies_around(world, leaf))
+            known = bodies_around(world, leaf)
+            explaining: float | None = yield self.compute(
+                "opening_by_rays", opening_by_rays, leaf, believed, view, known
+            )
             if explaining is None:
                 return
             opening = explaining

@@ -69,6 +69,7 @@ COMPUTATION_COSTS = {
     "segmentation": 0.1,
     "pose_estimation": 0.15,
     "handle_detection": 0.15,
+    "opening_by_rays": 0.05,
     "hand_check": 0.05,
     "view_planning": 0.3,
     "depth_fusion": 0.1,

@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.engine import FAILURE, SUCCESS
+from behaviours.computation import Computation
+from bestman_bt.control import Motion
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
 from bestman_bt.perception.affordance.front_handles import HandleScene
 from bestman_bt.perception.occupancy import VoxelRegion
@@ -217,3 +219,24 @@ def test_the_open_door_of_other_furniture_is_not_taken_for_the_one_that_is_looke
     skills.world.map = skills.world.map.with_furniture(cupboard)
     skills.world.believe_articulation("cupboard/door", 2.0)
     assert detect_upper_door(skills) == pytest.approx(math.radians(40.0), abs=0.06)
+
+
+def test_the_opening_of_a_door_is_computed_beside_the_ticks() -> None:
+    works: list[tuple[Motion[Any], Callable[[], Any]]] = []
+
+    class Asked(Computation):
+        def submit(self, work: Callable[[], Any], cost: float) -> Motion[Any]:
+            """Leave the work to the test."""
+            works.append((Motion(), work))
+            return works[-1][0]
+
+    skills = before_the_open_fridge()
+    skills.computation = Asked()
+    tree = load(skills, f'<DetectHandle articulation="{UPPER_DOOR}"/>')
+    for _ in ("detection of handles", "opening by rays"):
+        assert tree.tick_once() == RUNNING
+        assert UPPER_DOOR not in skills.world.articulations
+        motion, work = works.pop()
+        motion.succeed(work())
+    assert tree.tick_once() == FAILURE
+    assert skills.world.articulations[UPPER_DOOR] == pytest.approx(math.radians(40.0), abs=0.06)
