@@ -284,7 +284,8 @@ class FindPushStand(FindStandAtFurniture):
     """Choose a base placement to push a seen object to a goal: the arm reaches behind it and along the whole push.
 
     If something stands where the hand would push from, ``towards`` is a place beside the object from which it can be
-    pushed to the goal next. Each further call for the same object and goal gives another placement, until none is left.
+    pushed to the goal next. For an object that is at its goal, ``stand`` is the place of the base. Each further call
+    for the same object and goal gives another placement, until none is left.
     """
 
     REQUIRES = ("base", "lidar", "arm")
@@ -294,18 +295,27 @@ class FindPushStand(FindStandAtFurniture):
 
     def execute(self) -> SkillCoroutine[None]:
         """Return the best placement that has not been returned yet, and where to push the object from there."""
+        belief, there = self._pushed()
+        if float(np.linalg.norm(there - belief.pose.position)) < self.skills.parameters.push.goal_tolerance:
+            self.stand, self.towards = self.skills.world.base.pose, Pose(there)
+            self.feedback_message = f"the {belief.name} is already there"
+            return
         yield from super().execute()
         assert isinstance(self._reached, _PushTarget)
         self.towards = Pose(self._reached.towards)
 
-    def _targets(self) -> list[StandTarget]:
+    def _pushed(self) -> tuple[ObjectBelief, NDArray[np.float64]]:
+        """Return the object and its goal (3,) in the map frame, at the object's height."""
         name: str = self.object or ""
         goal: Pose | None = self.goal
         belief = self.skills.world.objects.get(name)
         if belief is None or goal is None:
             raise SkillFailure("not_found", f"the {name or 'object'} has not been seen, or no goal is given")
+        return belief, np.array([*goal.position[:2], belief.pose.position[2]])
+
+    def _targets(self) -> list[StandTarget]:
+        belief, there = self._pushed()
         model, here = belief.model, belief.pose.position
-        there = np.array([*goal.position[:2], here[2]])
         round_about = (
             replace(self._straight(model, here, via), onward=self._straight(model, via, there))
             for via in self._beside_the_object(belief, there)

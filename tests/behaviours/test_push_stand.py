@@ -64,3 +64,11 @@ def test_an_object_in_the_way_of_every_push_is_named_before_anything_moves() -> 
     assert codes(skills) == ["no_stand"]
     assert any(name in skills.failures[-1].why for name in around)
     assert skills.base.asked == skills.arm.asked == []
+
+
+def test_an_object_that_is_at_its_goal_needs_no_other_stand() -> None:
+    skills = table_with(can=(-0.2, 0.02))
+    tree = load(skills, FIND, goal=Pose(on_table(skills, -0.2, 0.02)))
+    assert run(skills, tree) == SUCCESS
+    assert tree.blackboard.get("stand") == skills.world.base.pose
+    np.testing.assert_allclose(tree.blackboard.get("towards").position, skills.world.objects["can"].pose.position)
