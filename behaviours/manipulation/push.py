@@ -343,7 +343,7 @@ class FindPushStand(FindStandAtFurniture):
         """Yield places (3,) on the surface from which the goal may be reached where straight on it is not."""
         here, world = belief.pose.position, self.skills.world
         ahead = math.atan2(*(goal - here)[1::-1])
-        others = [other for other in world.objects.values() if other.name != belief.name]
+        others = [other for other in world.objects.values() if other is not belief and _beside(belief, other)]
         for bearing in BESIDE:
             via = here + DETOUR * np.array([math.cos(ahead + bearing), math.sin(ahead + bearing), 0.0])
             if edge_room(self.skills, belief, via) < self.skills.parameters.push.edge_margin:
@@ -360,6 +360,12 @@ def edge_room(skills: SkillContext, belief: ObjectBelief, position: NDArray[np.f
     local = (furniture.pose.to_pose() @ surface.pose).inverse().apply(position)
     room = np.array(surface.size) / 2 - np.abs(local[:2]) - belief.model.size[:2].max() / 2
     return float(room.min())
+
+
+def _beside(belief: ObjectBelief, other: ObjectBelief) -> bool:
+    """Return whether two objects overlap in height."""
+    (lower, upper), (bottom, top) = (one.pose.position[2] + one.model.bounds()[:, 2] for one in (belief, other))
+    return bool(bottom < upper and lower < top)
 
 
 def _passes(belief: ObjectBelief, other: ObjectBelief, start: NDArray[np.float64], end: NDArray[np.float64]) -> bool:

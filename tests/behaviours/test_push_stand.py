@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -64,6 +65,16 @@ def test_an_object_in_the_way_of_every_push_is_named_before_anything_moves() -> 
     assert codes(skills) == ["no_stand"]
     assert any(name in skills.failures[-1].why for name in around)
     assert skills.base.asked == skills.arm.asked == []
+
+
+def test_objects_far_below_the_surface_are_not_in_the_way_of_a_push() -> None:
+    goal = (-0.2, 0.15)
+    first = first_way(table_with(can=(-0.2, 0.02), box=(-0.17, -0.15)), goal)
+    skills = table_with(can=(-0.2, 0.02), box=(-0.17, -0.15), cup=(float(first[0]), float(first[1])))
+    cup = skills.world.objects["cup"]
+    lower = Pose(cup.pose.position - (0.0, 0.0, 0.6), cup.pose.quaternion)
+    skills.world.objects["cup"] = replace(cup, pose=lower, surface=None)
+    assert first_way(skills, goal) == pytest.approx(first)
 
 
 def test_an_object_that_is_at_its_goal_needs_no_other_stand() -> None:
