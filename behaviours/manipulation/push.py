@@ -284,8 +284,9 @@ class FindPushStand(FindStandAtFurniture):
     """Choose a base placement to push a seen object to a goal: the arm reaches behind it and along the whole push.
 
     If something stands where the hand would push from, ``towards`` is a place beside the object from which it can be
-    pushed to the goal next. For an object that is at its goal, ``stand`` is the place of the base. Each further call
-    for the same object and goal gives another placement, until none is left.
+    pushed to the goal next; without such a place, or if ``towards`` is not mapped, the failure names what is in the
+    way. For an object that is at its goal, ``stand`` is the place of the base. Each further call for the same object
+    and goal gives another placement, until none is left.
     """
 
     REQUIRES = ("base", "lidar", "arm")
@@ -318,7 +319,7 @@ class FindPushStand(FindStandAtFurniture):
         model, here = belief.model, belief.pose.position
         round_about = (
             replace(self._straight(model, here, via), onward=self._straight(model, via, there))
-            for via in self._beside_the_object(belief, there)
+            for via in (self._beside_the_object(belief, there) if self.attributes.get("towards") else ())
         )
         return [self._straight(model, here, there), *round_about]
 

@@ -67,6 +67,14 @@ def test_an_object_in_the_way_of_every_push_is_named_before_anything_moves() -> 
     assert skills.base.asked == skills.arm.asked == []
 
 
+def test_without_a_port_for_the_way_round_an_object_is_pushed_straight_or_what_is_in_the_way_is_named() -> None:
+    skills = table_with(can=(-0.2, 0.02), box=(-0.17, -0.15))
+    straight = FIND.replace(' towards="{towards}"', "")
+    assert run(skills, load(skills, straight, goal=Pose(on_table(skills, -0.2, 0.15)))) == FAILURE
+    assert codes(skills) == ["no_stand"]
+    assert "box" in skills.failures[-1].why
+
+
 def test_objects_far_below_the_surface_are_not_in_the_way_of_a_push() -> None:
     goal = (-0.2, 0.15)
     first = first_way(table_with(can=(-0.2, 0.02), box=(-0.17, -0.15)), goal)
