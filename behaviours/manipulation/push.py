@@ -7,7 +7,7 @@ Two adjacent contacts make the push stable: the object rotates until it rests ag
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -22,7 +22,7 @@ from behaviours.parameters import PushParameters
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
 from behaviours.skill import ArmNode, Declaration, ObjectName, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, Out
-from bestman_bt.messages import ObjectModel, Pose
+from bestman_bt.messages import Failure, MotionObstacle, MotionStage, ObjectModel, Pose
 from bestman_bt.messages.pose import squared_distance_to_segment
 from bestman_bt.messages.shapes import Positive
 from bestman_bt.world_model.semantic_map import MapFurniture
@@ -283,10 +283,10 @@ class _PushTarget(StandTarget):
 class FindPushStand(FindStandAtFurniture):
     """Choose a base placement to push a seen object to a goal: the arm reaches behind it and along the whole push.
 
-    If something stands where the hand would push from, ``towards`` is a place beside the object from which it can be
-    pushed to the goal next; without such a place, or if ``towards`` is not mapped, the failure names what is in the
-    way. For an object that is at its goal, ``stand`` is the place of the base. Each further call for the same object
-    and goal gives another placement, until none is left.
+    If something stands where the hand would push from, or between the object and its goal, ``towards`` is a place
+    beside the object from which it can be pushed to the goal next. Without such a place, or if ``towards`` is not
+    mapped, the failure names what is in the way. For an object that is at its goal, ``stand`` is the place of the base.
+    Each further call for the same object and goal gives another placement, until none is left.
     """
 
     REQUIRES = ("base", "lidar", "arm")
@@ -317,11 +317,28 @@ class FindPushStand(FindStandAtFurniture):
     def _targets(self) -> list[StandTarget]:
         belief, there = self._pushed()
         model, here = belief.model, belief.pose.position
+        objects = self.skills.world.objects.values()
+        others = [other for other in objects if other is not belief and _overlap_in_height(belief, other)]
+        self._between = [other.name for other in others if not _passes(belief, other, here, there)]
         round_about = (
             replace(self._straight(model, here, via), onward=self._straight(model, via, there))
             for via in (self._beside_the_object(belief, there) if self.attributes.get("towards") else ())
+            if all(_passes(belief, other, *leg) for other in others for leg in ((here, via), (via, there)))
         )
         return [self._straight(model, here, there), *round_about]
+
+    def _first_reached(
+        self, furniture: MapFurniture, targets: Sequence[StandTarget]
+    ) -> SkillCoroutine[tuple[BasePlacement, ...]]:
+        return super()._first_reached(furniture, targets[1:] if self._between else targets)
+
+    def _why_none(self, furniture: MapFurniture, target: StandTarget) -> SkillFailure:
+        if not self._between:
+            return super()._why_none(furniture, target)
+        name: str = self.object or ""
+        words = f"the {self._between[0]} stands between the {name} and its goal"
+        at = MotionObstacle(MotionStage.STAND, ((name, self._between[0]),))
+        return SkillFailure("no_stand", words, Failure("no_stand", words, obstacle=at))
 
     def _rank(self, furniture: MapFurniture, target: StandTarget) -> tuple[BasePlacement, ...]:
         stands = super()._rank(furniture, target)
@@ -342,14 +359,11 @@ class FindPushStand(FindStandAtFurniture):
 
     def _beside_the_object(self, belief: ObjectBelief, goal: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
         """Yield places (3,) on the surface from which the goal may be reached where straight on it is not."""
-        here, world = belief.pose.position, self.skills.world
+        here = belief.pose.position
         ahead = math.atan2(*(goal - here)[1::-1])
-        others = [other for other in world.objects.values() if other is not belief and _beside(belief, other)]
         for bearing in BESIDE:
             via = here + DETOUR * np.array([math.cos(ahead + bearing), math.sin(ahead + bearing), 0.0])
-            if edge_room(self.skills, belief, via) < self.skills.parameters.push.edge_margin:
-                continue
-            if all(_passes(belief, other, start, end) for other in others for start, end in ((here, via), (via, goal))):
+            if edge_room(self.skills, belief, via) >= self.skills.parameters.push.edge_margin:
                 yield via
 
 
@@ -363,7 +377,7 @@ def edge_room(skills: SkillContext, belief: ObjectBelief, position: NDArray[np.f
     return float(room.min())
 
 
-def _beside(belief: ObjectBelief, other: ObjectBelief) -> bool:
+def _overlap_in_height(belief: ObjectBelief, other: ObjectBelief) -> bool:
     """Return whether two objects overlap in height."""
     (lower, upper), (bottom, top) = (one.pose.position[2] + one.model.bounds()[:, 2] for one in (belief, other))
     return bool(bottom < upper and lower < top)
