@@ -1,4 +1,6 @@
-"""The opening of a door or drawer, measured by a handle detected on it, by its board, or by what hides what."""
+"""The opening of a door or drawer, measured by a handle detected on it, by the plane of its board, or by the
+rays of a depth image that end on its board or pass through it.
+"""
 
 from __future__ import annotations
 
@@ -201,13 +203,13 @@ BOARD_SEEN = 0.25
 FILLED = 0.1
 """Share of the points of a board that are in the middle quarter of what is seen of it; of a frame, none are."""
 SEEN_THROUGH = 0.15
-"""Share of the rays to a board's place that pass through it, from which on the board is elsewhere."""
+"""Least share of rays that pass through a board, of those that reach its believed place, to reject that place."""
 OPENINGS, RAYS = 61, 8000
 """Numbers of openings, and of rays of a view, that are compared."""
 SUPPORT = 0.01
-"""Share of the rays that have to end on a board; on its edge far away few do."""
+"""Least share of the rays that end on a board; it is low because few end on an edge that is far away."""
 EXPLAINED = 0.6
-"""Share of what is seen before the shut front, where the leaf moves, that has to lie on its board."""
+"""Least share of the points in the space that the leaf sweeps that lie on its board at the estimated opening."""
 WALL_HEIGHT = 2.5
 """Of the map's walls, metres."""
 
@@ -266,7 +268,7 @@ def opening_by_board(leaf: FurnitureArticulation, plane: SupportPlane) -> float 
 def bodies_around(world: WorldModel, leaf: FurnitureArticulation) -> tuple[PlacedShape, ...]:
     """Return the walls, the other furniture as solid boxes, and the other open doors and drawers, in the map frame.
 
-    They are enlarged by the map's error.
+    They are enlarged sideways by the map's error; heights are exact.
     """
     furniture = world.map.furniture
     solids = [
@@ -275,8 +277,11 @@ def bodies_around(world: WorldModel, leaf: FurnitureArticulation) -> tuple[Place
         if name != leaf.furniture.name
     ]
     leaves = [other for other in articulation_obstacles(world) if other.name != leaf.articulation]
-    bodies = [grown(body, _place_error(furniture[body.name.partition("/")[0]])) for body in (*solids, *leaves)]
-    return (*map(_wall, world.map.walls), *(placed for body in bodies for placed in body.shapes))
+    bodies = [_wall(segment) for segment in world.map.walls]
+    for body in (*solids, *leaves):
+        error = _place_error(furniture[body.name.partition("/")[0]])
+        bodies += [replace(placed, shape=_larger(placed.shape, (error, error, 0.0))) for placed in body.shapes]
+    return tuple(bodies)
 
 
 def _wall(segment: NDArray[np.float64]) -> PlacedShape:
@@ -291,12 +296,13 @@ def _wall(segment: NDArray[np.float64]) -> PlacedShape:
 def opening_by_rays(
     leaf: FurnitureArticulation, believed: float, view: View, known: Sequence[PlacedShape]
 ) -> float | None:
-    """Return the opening of ``leaf``, radians or metres, that explains a view (map frame) best, if its believed opening
-    cannot be; else None.
+    """Return the opening of ``leaf``, radians or metres, that fits a depth image best, or None if the image does not
+    contradict the believed opening or no opening fits.
 
-    Points on the board of an opening support it, rays that pass through that board contradict it. So a door is also
-    found by its edge, from far away or at a flat angle. It is off by up to the map's error: enough to look at the front
-    from before it. ``known``: other bodies, in the map frame; points on them support no opening.
+    Measured points on the board of an opening count for it, rays that pass through that board against it. This also
+    works if only the edge of a door is visible, from far away or at a flat angle. The result is off by up to the map's
+    error, which suffices to choose a view of the front. ``view``: in the map frame. ``known``: other bodies, in the map
+    frame; points on them count for no opening.
     """
     front, piece = leaf.leaf.shapes[0], leaf.furniture
     if not isinstance(front.shape, Box):

@@ -41,8 +41,9 @@ class DetectHandle(Skill):
     """Detect handles with the head camera, on one piece of furniture or anywhere; fail if there are none.
 
     All detected handles enter the belief; the output is the one nearest to ``near``, else the most certain. With
-    ``articulation``, its opening is also measured and believed: by its board if no handle on it is seen, or roughly by
-    its edge if rays pass through where it is believed to be, before the skill fails.
+    ``articulation``, its opening is also measured and believed. If no handle on it is seen, the skill fails, but first
+    measures the opening by the plane of its board; without one, roughly, by the depth image, if that shows points
+    behind the believed place of the board.
     """
 
     REQUIRES = ("camera",)

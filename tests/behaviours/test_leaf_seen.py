@@ -197,7 +197,7 @@ NOTHING_KNOWN: tuple[PlacedShape, ...] = ()
 
 @pytest.mark.parametrize(("place", "degrees"), [(AHEAD, 55.0), (AHEAD, 90.0), (FAR_AWAY, 55.0), (FAR_AWAY, 90.0)])
 @pytest.mark.parametrize("part", ["upper_door", "lower_door"])
-def test_a_door_is_found_by_what_it_hides_where_its_shut_place_is_seen_through(
+def test_a_door_is_found_by_the_points_on_it_and_the_rays_through_its_shut_place(
     place: tuple[float, float, float], degrees: float, part: str
 ) -> None:
     leaf, view = seen_from(place, math.radians(degrees), part=part)
