@@ -16,6 +16,7 @@ from bestman_bt.world_model.world_model import ObjectBelief
 from tests.behaviours.scripted import codes, load, run, scripted_skills
 
 FIND = '<FindPushStand object="can" surface="table" goal="{goal}" stand="{stand}" towards="{towards}"/>'
+STRAIGHT = FIND.replace(' towards="{towards}"', "")
 
 
 def table_with(**places: tuple[float, float]) -> Any:
@@ -69,8 +70,7 @@ def test_an_object_in_the_way_of_every_push_is_named_before_anything_moves() -> 
 
 def test_without_a_port_for_the_way_round_an_object_is_pushed_straight_or_what_is_in_the_way_is_named() -> None:
     skills = table_with(can=(-0.2, 0.02), box=(-0.17, -0.15))
-    straight = FIND.replace(' towards="{towards}"', "")
-    assert run(skills, load(skills, straight, goal=Pose(on_table(skills, -0.2, 0.15)))) == FAILURE
+    assert run(skills, load(skills, STRAIGHT, goal=Pose(on_table(skills, -0.2, 0.15)))) == FAILURE
     assert codes(skills) == ["no_stand"]
     assert "box" in skills.failures[-1].why
 
@@ -78,12 +78,12 @@ def test_without_a_port_for_the_way_round_an_object_is_pushed_straight_or_what_i
 def test_an_object_is_not_pushed_straight_through_another_one() -> None:
     skills = table_with(can=(-0.25, -0.2), cup=(-0.25, -0.05))
     assert np.linalg.norm(first_way(skills, (-0.25, 0.15)) - (-0.25, 0.15)) > 0.05
-    straight = FIND.replace(' towards="{towards}"', "")
-    assert run(skills, load(skills, straight, goal=Pose(on_table(skills, -0.25, 0.15)))) == FAILURE
+    assert run(skills, load(skills, STRAIGHT, goal=Pose(on_table(skills, -0.25, 0.15)))) == FAILURE
     assert codes(skills) == ["no_stand"]
     assert "cup stands between the can and its goal" in skills.failures[-1].why
 
 
+@pytest.mark.slow
 def test_objects_far_below_the_surface_are_not_in_the_way_of_a_push() -> None:
     goal = (-0.2, 0.15)
     first = first_way(table_with(can=(-0.2, 0.02), box=(-0.17, -0.15)), goal)
