@@ -113,6 +113,13 @@ def code_fingerprint() -> str:
     return digest.hexdigest()[:12]
 
 
+def code_on_disk() -> frozenset[tuple[str, int, int]]:
+    """Return name, inode and time of change, nanoseconds, of each file of ``code_fingerprint``; they differ once a file
+    was replaced, even by an equal one."""
+    about = ((name, path.stat()) for name, path in _files())
+    return frozenset((name, each.st_ino, each.st_mtime_ns) for name, each in about)
+
+
 def config_fingerprint(config: RunConfig) -> str:
     """Return twelve hexadecimal digits over a run's configuration, without seed and entry, and the user files it names.
 

@@ -159,15 +159,16 @@ class LaunchOptions:
 class Launcher(ABC):
     """Runs episodes; subclasses define where. Results do not depend on the launcher.
 
-    An episode that ends its own process counts as an error. If its worker was killed from outside, it is repeated at
-    most three times, counted in ``lost``.
+    An episode that ends its own process counts as an error. If its worker was lost independently of it, it is run at
+    most three times; ``notes`` count the repeats by reason.
     """
 
     def __init__(self, options: LaunchOptions | None = None) -> None:
         """Take the options, without starting anything. Raises ConfigurationError if they cannot be used."""
         self.options = options or LaunchOptions()
         self.requests: list[EpisodeRequest] = []
-        self.lost: Counter[int] = Counter()
+        self._losses: Counter[int] = Counter()
+        self._repeats: Counter[str] = Counter()
 
     @abstractmethod
     def submit(self, requests: Sequence[EpisodeRequest]) -> None:
@@ -186,8 +187,8 @@ class Launcher(ABC):
 
     @property
     def notes(self) -> list[str]:
-        """Remarks on the execution for the report, such as the number of episodes repeated after a lost worker."""
-        return [f"{self.lost.total()} times an episode was run again because its worker was lost"] * bool(self.lost)
+        """Remarks on the execution for the report, such as how often an episode was run again, and why."""
+        return [f"{count} times an episode was run again: {why}" for why, count in self._repeats.items()]
 
     def record(self, requests: Sequence[EpisodeRequest]) -> range:
         """Add further requests; return their places."""
@@ -196,7 +197,7 @@ class Launcher(ABC):
         return range(before, len(self.requests))
 
     def take(self, place: int, answer: EpisodeAnswer) -> RunResult | None:
-        """Return the result that an answer stands for; None: its worker was lost, and the episode is to be run again.
+        """Return the result that an answer stands for; None: its worker was lost, and the episode must be run again.
 
         Raises LauncherLostError if the worker has refused it, as a node of other code that joined late does.
         """
@@ -207,8 +208,9 @@ class Launcher(ABC):
             return result
         if answer.crashed:
             return self.requests[place].failed_result(answer.crashed, answer.seconds)
-        self.lost[place] += 1
-        if self.lost[place] < MOST_LOSSES:
+        self._losses[place] += 1
+        if self._losses[place] < MOST_LOSSES:
+            self._repeats[answer.lost] += 1
             return None
         return self.requests[place].failed_result(f"{answer.lost}, {MOST_LOSSES} times in a row", answer.seconds)
 

@@ -71,9 +71,7 @@ class SlurmArray(Launcher):
                     answers += part.read()
                     self._fruitless = self._fruitless + 1 if part.left and not part.offset else 0
                     if part.left:  # the first of them was running
-                        answers.append(
-                            (part.left.pop(0), EpisodeAnswer(lost=f"task {part.job.job_id} of Slurm was lost"))
-                        )
+                        answers.append((part.left.pop(0), EpisodeAnswer(lost="its task of Slurm was lost")))
                     again.append(part.left)
                 for place, answer in answers:
                     result = self.take(place, answer)

@@ -160,7 +160,9 @@ def code_here() -> tuple[str, str]:
 
 def serve(descriptor: int) -> None:
     """Run the episodes received through the connection until its other end is closed."""
-    connection, unpacked = Connection(descriptor), _unpacked()
+    from bestman_bt.evaluation.code_version import code_on_disk
+
+    connection, code = Connection(descriptor), code_on_disk()
     threading.Thread(target=_end_with_the_parent, args=(descriptor,), daemon=True).start()
     import_module("bestman_bt.evaluation.launchers.launcher")  # takes seconds, which are not the first episode's
     connection.send("ready")
@@ -169,17 +171,11 @@ def serve(descriptor: int) -> None:
             request = connection.recv_bytes()
         except EOFError:
             return
-        connection.send(_answer(request, unpacked))
+        connection.send(_answer(request, code))
 
 
-def _unpacked() -> tuple[int, int]:
-    """Return what differs once the code was unpacked again, even if it is the same."""
-    about = Path(__file__).stat()
-    return about.st_ino, about.st_ctime_ns
-
-
-def _answer(request: bytes, unpacked: tuple[int, int]) -> EpisodeAnswer:
-    from bestman_bt.evaluation.code_version import code_fingerprint
+def _answer(request: bytes, code: frozenset[tuple[str, int, int]]) -> EpisodeAnswer:
+    from bestman_bt.evaluation.code_version import code_on_disk
 
     try:
         asked = pickle.loads(request)  # noqa: S301 - from the process that has started this one
@@ -189,10 +185,9 @@ def _answer(request: bytes, unpacked: tuple[int, int]) -> EpisodeAnswer:
                 return EpisodeAnswer(refused=why)
             time.sleep(0.5)
         result = asked.run()
-        # The code may have gone, file by file, below the episode, or have been away for a while.
-        if result.success or not asked.code or (code_fingerprint() == asked.code and _unpacked() == unpacked):
-            return EpisodeAnswer(result=pickle.dumps(result))
-        return EpisodeAnswer(lost="the code was changed or taken away below its worker")
+        if asked.code and code_on_disk() != code:  # whatever the result, it is not known which code it is of
+            return EpisodeAnswer(lost="files of the code were replaced while it ran")
+        return EpisodeAnswer(result=pickle.dumps(result))
     except LauncherLostError as error:
         return EpisodeAnswer(refused=str(error))
     except Exception as error:  # noqa: BLE001 - ``run`` catches those of the episode: this one is the worker's

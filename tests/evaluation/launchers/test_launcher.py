@@ -70,7 +70,11 @@ def test_what_an_answer_stands_for(request_of_one: EpisodeRequest) -> None:
     assert (crashed.seed, crashed.outcome, crashed.wall_time_s) == (4, Outcome.ERROR, 2.0)
     assert launcher.notes == []
     assert launcher.take(0, EpisodeAnswer(lost="node lost")) is None
-    assert launcher.take(0, EpisodeAnswer(lost="node lost")) is None
+    assert launcher.take(0, EpisodeAnswer(lost="code replaced")) is None
+    assert launcher.notes == [
+        "1 times an episode was run again: node lost",
+        "1 times an episode was run again: code replaced",
+    ]
     given_up = launcher.take(0, EpisodeAnswer(lost="node lost"))
     assert given_up is not None
     assert given_up.failure is not None

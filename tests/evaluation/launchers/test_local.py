@@ -103,7 +103,7 @@ def test_an_episode_whose_worker_is_ended_from_outside_is_run_again(
     assert [results[i].outcome for i in range(3)] == [Outcome.FAILURE, Outcome.FAILURE, Outcome.ERROR]
     assert results[2].failure is not None
     assert results[2].failure.why == "its worker was ended by signal 9, 3 times in a row"
-    assert launcher.notes == ["4 times an episode was run again because its worker was lost"]
+    assert launcher.notes == ["3 times an episode was run again: its worker was ended by signal 9"]
 
 
 def test_workers_end_with_the_process_that_they_work_for(tmp_path: Path) -> None:
@@ -141,24 +141,25 @@ if __name__ == "__main__":
 UNPACKS = '''
 from pathlib import Path
 
-from bestman_bt.engine import FAILURE, SyncAction
-from bestman_bt.evaluation.launchers import worker_process
+from bestman_bt.engine import SUCCESS, SyncAction
+from bestman_bt.evaluation import judge
 
 
 class UnpackAgain(SyncAction):
     """Replaces a file of the code by the same one, as where it is unpacked anew."""
 
     def on_tick(self) -> int:
-        file = Path(worker_process.__file__)
+        file = Path(judge.__file__)
         content = file.read_bytes()
         file.unlink()
         file.write_bytes(content)
-        return FAILURE
+        return SUCCESS
 '''
 
 
-def test_a_failure_below_which_the_code_was_unpacked_anew_is_a_lost_worker(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("leaf", ["<UnpackAgain/>", "<Inverter><UnpackAgain/></Inverter>"])
+def test_a_result_during_which_the_code_was_unpacked_anew_is_dropped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, leaf: str
 ) -> None:
     code = tmp_path / "code"
     shutil.copytree(
@@ -168,18 +169,20 @@ def test_a_failure_below_which_the_code_was_unpacked_anew_is_a_lost_worker(
         (code / name).symlink_to(CHECKOUT / name)
     monkeypatch.syspath_prepend(str(code))
     (tmp_path / "unpacks.py").write_text(UNPACKS)
-    config, failing = deadly(tmp_path, "UnpackAgain", "AlwaysFailure")
-    plugins = (str(tmp_path / "unpacks.py"),)
-    request = EpisodeRequest(replace(config, task=replace(config.task, plugins=plugins)), code=code_fingerprint())
+    (tmp_path / "t.yaml").write_text("tree: t.xml\nscene: kitchen\nrobot: diff_panda\nplugins: [unpacks.py]\n")
+    (tmp_path / "t.xml").write_text(TREE.replace("<{leaf}/>", leaf))
+    (tmp_path / "untouched.xml").write_text(TREE.format(leaf="AlwaysSuccess"))
+    request = EpisodeRequest(load_run(tmp_path / "t.yaml"), code=code_fingerprint())
+    untouched = load_run(tmp_path / "t.yaml", tree=tmp_path / "untouched.xml")
     worker = WorkerProcess()
     answers = []
-    for asked in (replace(request, config=failing), request):
+    for asked in (replace(request, config=untouched), request):
         worker.give(asked.pickled(), 300.0)
         while (answer := worker.answer(1.0)) is None:
             pass
         answers.append(answer)
     assert answers[0].result
-    assert answers[1] == EpisodeAnswer(lost="the code was changed or taken away below its worker")
+    assert answers[1] == EpisodeAnswer(lost="files of the code were replaced while it ran")
     assert not worker.alive
 
 

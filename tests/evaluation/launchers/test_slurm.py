@@ -108,8 +108,8 @@ def test_an_episode_that_ends_its_task_each_time_is_an_error_and_those_behind_it
     ]
     (failed,) = (one.failure for _, one in found if not one.success)
     assert failed is not None
-    assert failed.why == "task 7_0 of Slurm was lost, 3 times in a row"
-    assert launcher.notes == ["3 times an episode was run again because its worker was lost"]
+    assert failed.why == "its task of Slurm was lost, 3 times in a row"
+    assert launcher.notes == ["2 times an episode was run again: its task of Slurm was lost"]
 
 
 def test_a_task_that_slurm_starts_again_goes_on_behind_its_last_whole_answer(tmp_path: Path) -> None:
