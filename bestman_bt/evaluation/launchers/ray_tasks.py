@@ -165,7 +165,7 @@ class RayTasks(Launcher):
             try:
                 there, versions = self._ray.get(reference)
             except self._ray.exceptions.RayError as error:
-                reason = str(error).strip().splitlines()[-1]
+                reason = _last_line(error)
                 if isinstance(error, self._ray.exceptions.RayTaskError):  # it was reached, and could not import
                     why = f"cannot run bestman-bt: {reason}; install the same version there"
                 else:
@@ -195,12 +195,19 @@ class RayTasks(Launcher):
             answer: EpisodeAnswer = self._ray.get(reference)
         except losses as error:
             return EpisodeAnswer(lost=f"its Ray worker or node was lost ({type(error).__name__})")
-        except (errors.RayTaskError, errors.RuntimeEnvSetupError) as error:  # it has not begun
-            reason = str(error).strip().splitlines()[-1]
+        except (errors.RayTaskError, errors.RuntimeEnvSetupError) as error:
+            reason = _last_line(error)
+            # Ray reports a function that cannot be imported as a RuntimeError.
+            if isinstance(error, errors.RayTaskError) and not isinstance(error.cause, (ImportError, RuntimeError)):
+                return EpisodeAnswer(lost=f"its Ray task failed ({reason})")
             return EpisodeAnswer(
                 refused=f"a node cannot run episodes: {reason}; what has finished is kept: repeat the command"
             )
         return answer
+
+
+def _last_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[-1]
 
 
 def _reachable(address: str) -> bool:

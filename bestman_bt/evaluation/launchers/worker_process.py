@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import platform
 import select
 import signal
 import subprocess
@@ -134,18 +135,21 @@ _own: list[WorkerProcess] = []
 
 
 def run_in_own_process(request: bytes, wall_limit: float, folder: str) -> EpisodeAnswer:
-    """Run a pickled ``EpisodeRequest`` in a worker of this process, in ``folder`` if that exists; wait for it."""
-    if not _own:
-        _own.append(WorkerProcess(folder if Path(folder).is_dir() else None))
-    worker = _own[0]
-    worker.give(request, wall_limit)
+    """Run a pickled ``EpisodeRequest`` in a worker of this process, in ``folder`` if that exists; wait for it.
+
+    A worker that cannot start, as on a full disk, counts as lost.
+    """
     try:
-        while (answer := worker.answer(1.0)) is None:
+        if not _own:
+            _own.append(WorkerProcess(folder if Path(folder).is_dir() else None))
+        _own[0].give(request, wall_limit)
+        while (answer := _own[0].answer(1.0)) is None:
             pass
-    except RuntimeError as error:
+    except (OSError, RuntimeError) as error:
         time.sleep(UNPACKING)
-        answer = EpisodeAnswer(lost=str(error))
-    if not worker.alive:
+        why = error.strerror if isinstance(error, OSError) else error
+        answer = EpisodeAnswer(lost=f"no worker starts on {platform.node()}: {why}")
+    if _own and not _own[0].alive:
         _own.clear()
     return answer
 

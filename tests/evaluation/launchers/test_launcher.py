@@ -6,6 +6,7 @@ import errno
 import inspect
 import os
 import pickle
+import platform
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from bestman_bt.configuration.run import load_run
 from bestman_bt.evaluation.code_version import code_fingerprint
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.launchers import launcher as launcher_module
+from bestman_bt.evaluation.launchers import worker_process
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LaunchOptions
 from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, LauncherLostError
@@ -109,7 +111,7 @@ def test_a_place_that_takes_no_files_ends_the_evaluation_and_is_no_result(
     launcher.cancel()
 
 
-def full(*_: object) -> None:
+def full(*_: object, **__: object) -> None:
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
@@ -125,6 +127,16 @@ def test_a_full_disk_ends_the_evaluation_until_there_is_room(
     monkeypatch.setattr(launcher_module.shutil, "disk_usage", lambda _: SimpleNamespace(free=4096))
     with pytest.raises(LauncherLostError, match=r"No space left on device; .* once there is room$"):
         asked.run()
+
+
+def test_a_full_disk_for_temporary_files_costs_a_worker(
+    request_of_one: EpisodeRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker_process, "UNPACKING", 0.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(worker_process, "TemporaryDirectory", full)
+        answer = worker_process.run_in_own_process(request_of_one.pickled(), 60.0, str(tmp_path))
+    assert answer == EpisodeAnswer(lost=f"no worker starts on {platform.node()}: No space left on device")
 
 
 @pytest.mark.parametrize("is_saved", [True, False])

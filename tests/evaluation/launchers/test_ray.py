@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -173,18 +176,46 @@ def test_nodes_that_unpack_the_code_just_now_are_waited_for(
     assert unpacked.exists()
 
 
-def test_a_node_that_cannot_begin_an_episode_ends_the_evaluation_and_makes_no_result(
-    suite: Suite, cluster: RayCluster, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def cannot_begin(*_: object) -> None:
-        raise ModuleNotFoundError("No module named 'bestman_bt'")
+def function_only_here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return a function of a module that no node has."""
+    (folder / "only_here.py").write_text("def run(*_: object) -> None: ...")
+    monkeypatch.syspath_prepend(str(folder))
+    found = import_module("only_here")
+    (folder / "only_here.py").unlink()
+    return found.run
 
-    monkeypatch.setattr(ray_tasks, "run_in_own_process", cannot_begin)
+
+@pytest.mark.parametrize("missing", ["numpy", "only_here"])
+def test_a_node_without_the_code_ends_the_evaluation_and_makes_no_result(
+    suite: Suite, cluster: RayCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: str
+) -> None:
+    def without_numpy(*_: object) -> None:
+        raise ModuleNotFoundError("No module named 'numpy'")
+
+    runs = without_numpy if missing == "numpy" else function_only_here(tmp_path, monkeypatch)
+    monkeypatch.setattr(ray_tasks, "run_in_own_process", runs)
     launcher = RayTasks(LaunchOptions(address=cluster.address))
     launcher.submit([EpisodeRequest(load_run("fetch_cup"), code=code_fingerprint())])
-    with pytest.raises(LauncherLostError, match="a node cannot run episodes: .*No module named 'bestman_bt'; what has"):
+    with pytest.raises(LauncherLostError, match=f"a node cannot run episodes: .*No module named '{missing}'; what has"):
         list(launcher.results())
     launcher.cancel()
+
+
+def test_a_task_that_fails_on_its_node_costs_only_its_episode(
+    suite: Suite, cluster: RayCluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(ray_tasks, "run_in_own_process", fail)
+    launcher = RayTasks(LaunchOptions(address=cluster.address))
+    launcher.submit([EpisodeRequest(load_run("fetch_cup"), code=code_fingerprint())])
+    ((_, result),) = launcher.results()
+    launcher.cancel()
+    why = "its Ray task failed (OSError: [Errno 28] No space left on device)"
+    assert result.failure is not None
+    assert result.failure.why == f"{why}, 3 times in a row"
+    assert launcher.notes == [f"2 times an episode was run again: {why}"]
 
 
 def test_a_cluster_of_another_python_is_refused_with_both_versions(monkeypatch: pytest.MonkeyPatch) -> None:
