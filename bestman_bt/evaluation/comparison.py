@@ -17,6 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry
 from bestman_bt.evaluation.interval import decimals_of
+from bestman_bt.evaluation.markdown import table_row
 from bestman_bt.evaluation.paired_comparison import (
     FEWEST_PAIRS,
     SIGNIFICANCE,
@@ -183,12 +184,12 @@ def differences_table(compared: Sequence[ComparedEntries]) -> Iterator[str]:
     95 % intervals; significant ones are bold.
     """
     names = list(dict.fromkeys(metric.name for one in compared for metric in one.comparison.metrics))
-    yield "| " + " | ".join(["", "success", *names]) + " |"
+    yield table_row(["", "success, percentage points", *names])
     yield "| --- |" + " --- |" * (1 + len(names))
     for one in compared:
         success, metrics = one.comparison.success, {metric.name: metric for metric in one.comparison.metrics}
         low, high = success.interval
-        told = f"{100 * success.difference:+.0f} % ({100 * low:+.0f} to {100 * high:+.0f})"
+        told = f"{100 * success.difference:+.0f} ({100 * low:+.0f} to {100 * high:+.0f})"
         cells = [_bold(told, success.p_value)]
         for metric in map(metrics.get, names):
             if metric is None:
@@ -196,7 +197,7 @@ def differences_table(compared: Sequence[ComparedEntries]) -> Iterator[str]:
             else:
                 shift, interval = difference_words(metric)
                 cells.append(_bold(f"{shift} ({interval})" if interval else shift, metric.adjusted_p))
-        yield "| " + " | ".join([f"{one.names[1]} against {one.names[0]}", *cells]) + " |"
+        yield table_row([f"{one.names[1]} against {one.names[0]}", *cells])
 
 
 def _bold(text: str, p_value: float) -> str:
@@ -224,7 +225,8 @@ def success_sentence(success: SuccessComparison, first: str, second: str) -> str
     low, high = success.interval
     figures = (
         f"{first} {firsts} of {success.pairs}, {second} {seconds} of {success.pairs}, "
-        f"difference {100 * success.difference:+.0f} % (95 % interval {100 * low:+.0f} to {100 * high:+.0f} %), "
+        f"difference {100 * success.difference:+.0f} percentage points (95 % interval {100 * low:+.0f} to "
+        f"{100 * high:+.0f}), "
         f"McNemar's test {p_words(success.p_value)}"
     )
     if success.p_value < SIGNIFICANCE:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from bestman_bt.evaluation.suite import ALWAYS_ASKED
@@ -84,7 +84,12 @@ def _table(entries: list[dict[str, Any]]) -> Iterator[str]:
             f"{entry['slowest']['sim_time_s']:.0f} s (seed {entry['slowest']['seed']})" if entry["slowest"] else "–",
             target_words(entry),
         ]
-        yield "| " + " | ".join(cells) + " |"
+        yield table_row(cells)
+
+
+def table_row(cells: Iterable[str]) -> str:
+    """Return a row of a table; ``|`` in a cell is escaped."""
+    return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
 
 
 def accuracy_words(accuracy: dict[str, dict[str, Any]]) -> str:

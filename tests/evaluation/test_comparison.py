@@ -41,10 +41,15 @@ def test_evaluations_are_compared_entry_by_entry_and_named_by_what_differs(tmp_p
 def test_a_table_of_differences_has_a_line_for_each_comparison_and_shows_what_is_significant() -> None:
     failing = FinishedEntry("c", "fetch_cup", tuple(run(seed, success=seed < 3) for seed in range(8)))
     header, rule, second, third = differences_table(within([entry("a"), entry("b", shift=2.0), failing]))
-    assert header == "|  | success | error | drive_s | time_s |"
+    assert header == "|  | success, percentage points | error | drive_s | time_s |"
     assert rule.count("---") == 5
-    assert second == ("| b against a | +0 % (-32 to +32) | **+2.0 (+2.0 to +2.0)** | +0 (+0 to +0) | +0 (+0 to +0) |")
-    assert third == "| c against a | -62 % (-86 to -10) | – | +0 | +0 |"
+    assert second == ("| b against a | +0 (-32 to +32) | **+2.0 (+2.0 to +2.0)** | +0 (+0 to +0) | +0 (+0 to +0) |")
+    assert third == "| c against a | -62 (-86 to -10) | – | +0 | +0 |"
+
+
+def test_a_bar_in_the_name_of_an_entry_does_not_end_a_cell() -> None:
+    *_, row = differences_table(within([entry("a"), entry("b|c")]))
+    assert row.startswith(r"| b\|c against a | +0 (")
 
 
 def test_long_names_in_a_picture_are_shortened_where_they_are_alike() -> None:

@@ -149,8 +149,8 @@ def test_no_corrected_p_value_is_below_one_of_a_smaller_p_value() -> None:
 def test_one_sentence_reports_whether_a_difference_is_shown_and_how_many_pairs_would_decide() -> None:
     undecided = compare_successes(5 * [(False, True)] + [(True, False)] + 14 * [(True, True)])
     assert success_sentence(undecided, "rrt", "bit") == (
-        "success: no difference shown: rrt 15 of 20, bit 19 of 20, difference +20 % (95 % interval -5 to +44 %), "
-        "McNemar's test p = 0.2, 20 pairs; about 40 more would decide."
+        "success: no difference shown: rrt 15 of 20, bit 19 of 20, difference +20 percentage points "
+        "(95 % interval -5 to +44), McNemar's test p = 0.2, 20 pairs; about 40 more would decide."
     )
     shown = compare_successes(12 * [(False, True)] + 8 * [(True, True)])
     assert success_sentence(shown, "rrt", "bit").startswith("success: higher with bit than with rrt: rrt 8 of 20")
