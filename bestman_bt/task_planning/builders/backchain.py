@@ -11,6 +11,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 
 from bestman_bt.engine import XmlElement
+from bestman_bt.engine.xml.elements import MAX_DEPTH
 from bestman_bt.task_planning.builders.base import TreeBuilder
 from bestman_bt.task_planning.builders.plan_tree import Writer, sequential_steps
 from bestman_bt.task_planning.builders.regression import kernels
@@ -18,6 +19,8 @@ from bestman_bt.task_planning.symbolic.problem import Literal, PlanningError, Ta
 
 MAX_ACTIONS = 2000
 """Most action nodes in one tree: an action stands wherever something needs it."""
+MAX_NESTED = 118
+"""Most actions inside one another, two levels each, so that a tree with shipped abilities has at most ``MAX_DEPTH``."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +61,10 @@ class BackchainBuilder(TreeBuilder):
 class _Conflict(PlanningError):
     """The conditions of an action need not hold where the tree has it. ``moved``: the actions to move to the left."""
 
-    def __init__(self, moved: frozenset[int]) -> None:
-        super().__init__("the order of the tree does not keep all conditions")
+    def __init__(self, who: str, literal: Literal, moved: frozenset[int]) -> None:
+        super().__init__(
+            f"{who} needs {literal}, which an action before it in the tree may undo; use the builder 'reactive'"
+        )
         self.moved = moved
 
 
@@ -78,7 +83,7 @@ class _Chain:
         self.lost_by: dict[Literal, int] = {}
         self.moved = moved
         self.writer = writer
-        self.count = 0
+        self.count = self.nested = 0
 
     def conditions(self, before: int) -> list[XmlElement]:
         """Return the conditions of the action ``before``, or of the goal, each with what brings it about, in the order
@@ -95,7 +100,8 @@ class _Chain:
                 elements.append(self._unless_done(producer, wanted))
                 holding = (holding & self.known) - wanted
         for literal in sorted(needs - self.known):
-            raise _Conflict(self._moved_too(literal, before))
+            who = str(self.actions[before]) if before < len(self.actions) else "the goal"
+            raise _Conflict(who, literal, self._moved_too(literal, before))
         if holding:
             elements.insert(0, self.writer.holds(f"{before + 1}_can_be_done", holding))
         return elements
@@ -116,8 +122,15 @@ class _Chain:
             raise PlanningError(
                 f"the tree would have more than {MAX_ACTIONS} actions; the builder 'reactive' needs one per action"
             )
+        self.nested += 1
+        if self.nested > MAX_NESTED:
+            raise PlanningError(
+                f"more than {MAX_NESTED} actions would be nested, but a tree has at most {MAX_DEPTH} levels; use the "
+                "builder 'reactive', which needs one level per action, or 'sequence', which nests none"
+            )
         action = self.actions[index]
         children = self.conditions(index)
+        self.nested -= 1
         if len(children) > 1:  # what was brought about first may have been undone by what came after it
             children.append(self.writer.holds(f"{index + 1}_is_ready", action.pre))
         undone = {~effect for effect in action.effects} & self.known
@@ -136,7 +149,11 @@ class _Chain:
         return next((i for i in reversed(range(before)) if literal in self.actions[i].effects), -1)
 
     def _moved_too(self, literal: Literal, before: int) -> frozenset[int]:
-        """Return the actions to move so that ``literal`` holds for ``before``: all of them where one does not do."""
+        """Return the actions to move so that ``literal`` holds for ``before``.
+
+        These are the ones moved so far and the one that undid the literal, or ``before`` itself; all actions if that
+        one was moved already, or is the goal.
+        """
         culprit = self.lost_by.get(literal, before)
         if culprit >= self._producer(literal, before):
             culprit = before

@@ -395,6 +395,40 @@ def test_a_back_chained_tree_reads_as_the_plan_that_it_was_made_from(monkeypatch
         BackchainBuilder().build(plan, problem.goal)
 
 
+def chained(count: int) -> TaskPlan:
+    """Actions of which each needs the one before; the first one, the innermost, has most levels: a guard, a subtree."""
+    actions = []
+    for number in range(count):
+        name, parameters, needed = "AlwaysSuccess", dict[str, str](), (Literal(Fact(f"f{number - 1}")),)
+        if number == 0:
+            name, parameters, needed = "OpenContainer", {"container": "container"}, ()
+        hold = () if number else (Literal(Fact("reachable")),)
+        made = Operator(name, parameters, needed, hold=hold, add=(Fact(f"f{number}"),))
+        problem = PlanningProblem({"drawer_1": "container"}, frozenset(), (), (made,))
+        actions.append(instantiate(problem, made, ["drawer_1"] if number == 0 else []))
+    return TaskPlan(tuple(actions))
+
+
+def test_back_chaining_nests_as_many_actions_as_can_be_loaded_and_refuses_more() -> None:
+    goal = [Literal(Fact("f117"))]
+    made = BackchainBuilder().build(chained(118), goal, ["AlwaysSuccess"])
+    assert with_replanning(made, goal, "symbolic", "backchain", node_registry()).count('_AlwaysSuccess"') == 117
+    expected = "more than 118 actions would be nested, but a tree has at most 256 levels; use the builder 'reactive'"
+    for count in (119, 400):
+        with pytest.raises(PlanningError, match=expected):
+            BackchainBuilder().build(chained(count), [Literal(Fact(f"f{count - 1}"))], ["AlwaysSuccess"])
+
+
+def test_back_chaining_names_the_condition_that_no_order_of_the_tree_keeps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It finds an order for each plan that the kernels accept, so an empty kernel stands in for such a plan."""
+    monkeypatch.setattr("bestman_bt.task_planning.builders.backchain.kernels", lambda *_: (frozenset(),))
+    problem = kitchen("open(drawer_1)")
+    with pytest.raises(
+        PlanningError, match=r"OpenContainer\(drawer_1\) needs hand_empty, .*; use the builder 'reactive'"
+    ):
+        BackchainBuilder().build(plan_of(problem, FETCH[0]), problem.goal)
+
+
 def strips(state: str, goal: str, **actions: tuple[str, str]) -> tuple[PlanningProblem, TaskPlan]:
     """A problem, and the plan of its actions in their order, each given as conditions and effects."""
     made = tuple(operator(name, {}, *texts) for name, texts in actions.items())
