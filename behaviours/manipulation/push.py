@@ -285,7 +285,7 @@ class FindPushStand(FindStandAtFurniture):
 
     If something stands where the hand would push from, or between the object and its goal, ``towards`` is a place
     beside the object from which it can be pushed to the goal next. Without such a place, or if ``towards`` is not
-    mapped, the failure names what is in the way. For an object that is at its goal, ``stand`` is the place of the base.
+    mapped, the failure names the obstacle. For an object that is at its goal, ``stand`` is the place of the base.
     Each further call for the same object and goal gives another placement, until none is left.
     """
 
