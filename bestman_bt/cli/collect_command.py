@@ -28,7 +28,7 @@ from bestman_bt.evaluation.collection import ATTEMPTS, Collection
 from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.extras import DEFAULT_SIMULATOR
-from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError
+from bestman_bt.manipulation.policy.training.dataset_folder import FAILURES, DatasetError
 
 
 class Format(StrEnum):
@@ -58,6 +58,9 @@ class Wanted:
             "--subtasks", help="Keep what each skill does as language spans, which LeRobot 0.6 or later reads."
         ),
     ] = False
+    failures: Annotated[
+        bool, typer.Option(help="Keep the frames of failed episodes, too, as a dataset of their own in DIR/failures.")
+    ] = True
 
 
 @dataclass(frozen=True)
@@ -95,14 +98,14 @@ def command(
     layout: Annotated[Format, typer.Option("--format", help="Layout of the dataset.")] = Format.LEROBOT,
     as_json: Json = False,
 ) -> None:
-    """Record judged successes of a task as a dataset of LeRobot."""
+    """Record judged successes of a task as a dataset of LeRobot, and failed episodes as another one beside them."""
     with json_output(as_json) as print_json:
         if problems := execution.problems():
             raise ConfigurationError(problems)
         config = world.run(task, wanted.seed)
         instruction = wanted.words or config.task.description or config.name.replace("_", " ")
         try:
-            collection = Collection(config, out, instruction, wanted.camera or (), wanted.subtasks)
+            collection = Collection(config, out, instruction, wanted.camera or (), wanted.subtasks, wanted.failures)
         except DatasetError as error:
             raise ConfigurationError([Problem("--out", None, "", str(error))]) from error
 
@@ -123,6 +126,7 @@ def command(
                 "folder": str(out),
                 "format": layout,
                 "episodes": collection.kept,
+                "failures": collection.failures,
                 "asked": wanted.episodes,
                 "instruction": instruction,
                 "notes": launcher.notes,
@@ -130,7 +134,9 @@ def command(
             }
         )
     if not as_json:
-        print(f"{out}: {collection.kept} of {wanted.episodes} episodes; every seed that was tried is in {ATTEMPTS}")
+        apart = f", {collection.failures} failures in {out / FAILURES}" if collection.failures else ""
+        kept = f"{collection.kept} of {wanted.episodes} episodes{apart}"
+        print(f"{out}: {kept}; every seed that was tried is in {ATTEMPTS}")
     remarks = [*launcher.notes]
     if interrupted:
         remarks += [interrupted, "episodes that had ended but waited for an earlier seed, if any, will be run again"]

@@ -13,7 +13,7 @@ import typer
 
 from bestman_bt.cli.options import Json, Png, json_output
 from bestman_bt.configuration.errors import ConfigurationError, Problem
-from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError, DatasetFolder, entry_names
+from bestman_bt.manipulation.policy.training.dataset_folder import FAILURES, DatasetError, DatasetFolder, entry_names
 
 verbs = typer.Typer(
     add_completion=False,
@@ -29,7 +29,7 @@ Episode = Annotated[int, typer.Option(min=0, help="Its index, from 0.")]
 
 @verbs.command()
 def info(dataset: Dataset, as_json: Json = False) -> None:
-    """Print episodes, frames, tasks, seeds, features with their units, and the size."""
+    """Print episodes, frames, tasks, seeds, features with their units, the size, and failed episodes kept apart."""
     with json_output(as_json) as print_json, _refused():
         document = _document(DatasetFolder.read(dataset))
         print_json(document)
@@ -44,6 +44,9 @@ def info(dataset: Dataset, as_json: Json = False) -> None:
             print(f"  task {task['task']!r}: {task['episodes']} episodes{seeds}")
         for name, feature in document["features"].items():
             print(f"  {name}: {feature['dtype']} {' × '.join(map(str, feature['shape']))}{_entries(feature)}")
+        if apart := document["failures"]:
+            size = f"{apart['frames']} frames, {apart['bytes'] / 1e6:.1f} MB"
+            print(f"  failed episodes apart, in {apart['folder']}: {apart['episodes']}, {size}")
 
 
 @verbs.command()
@@ -157,15 +160,19 @@ def _document(dataset: DatasetFolder) -> dict[str, Any]:
         }
         for task in dataset.tasks
     ]
+    apart = dataset.path / FAILURES
+    failures = _document(DatasetFolder.read(apart)) if (apart / "meta/info.json").exists() else None
+    size = sum(path.stat().st_size for path in dataset.path.rglob("*") if path.is_file())
     return {
         "folder": str(dataset.path),
         "robot": dataset.robot,
         "episodes": len(dataset.episodes),
         "frames": dataset.frames,
         "fps": dataset.fps,
-        "bytes": sum(path.stat().st_size for path in dataset.path.rglob("*") if path.is_file()),
+        "bytes": size - (failures["bytes"] if failures else 0),
         "tasks": tasks,
         "features": dataset.features,
+        "failures": failures,
     }
 
 

@@ -22,7 +22,7 @@ VERBS = {
     "plan": "plan for a goal given as text or facts, make a tree of the plan and check it",
     "eval": "run a task over many seeds and summarise",
     "sweep": "run the same seeds with several settings and compare",
-    "collect": "record judged successes of a task as a dataset for learning",
+    "collect": "record judged successes of a task, failures apart, as datasets for learning",
     "dataset": "describe, show, merge and replay datasets of episodes",
     "compare": "compare two evaluations seed by seed",
     "look": "show what the robot perceives of the furniture in a scene",

@@ -1,11 +1,11 @@
-"""Datasets of judged successes of a task, written in the order of their seeds, whatever runs the episodes."""
+"""Datasets of judged successes of a task, failures apart, in the order of their seeds, whatever runs the episodes."""
 
 from __future__ import annotations
 
 import json
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -18,11 +18,22 @@ from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.launchers.launcher import Launcher
 from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
-from bestman_bt.evaluation.recorded_episode import ACTION, AUDIT, NODE, RUN, STATE, RecordedEpisode, RecordedPart
+from bestman_bt.evaluation.recorded_episode import (
+    ACTION,
+    AUDIT,
+    LABELS,
+    NODE,
+    RUN,
+    STATE,
+    RecordedEpisode,
+    RecordedPart,
+    is_kept,
+    labels,
+)
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.writer_lock import lock_for_writing
 from bestman_bt.extras import require_extra
-from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError, DatasetFolder
+from bestman_bt.manipulation.policy.training.dataset_folder import FAILURES, DatasetError, DatasetFolder
 from bestman_bt.manipulation.policy.training.lerobot_dataset import DatasetFormat
 from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model.sensor_parts import CameraPart
@@ -37,11 +48,18 @@ class Collection:
     """A dataset in ``folder`` that grows by judged successes of a simulated task; what it holds already counts.
 
     ``words``: the language instruction of its episodes. ``cameras``: names of the robot's cameras. ``subtasks``: also
-    keep descriptions of what the running leaves do. Raises ConfigurationError, DatasetError, MissingExtraError.
+    keep descriptions of what the running leaves do. ``failures``: keep failed episodes, too, as a dataset in
+    ``folder/failures``. Raises ConfigurationError, DatasetError, MissingExtraError.
     """
 
     def __init__(
-        self, config: RunConfig, folder: Path, words: str, cameras: Sequence[str], subtasks: bool = False
+        self,
+        config: RunConfig,
+        folder: Path,
+        words: str,
+        cameras: Sequence[str],
+        subtasks: bool = False,
+        failures: bool = True,
     ) -> None:
         setup = prepare_episode(config)
         task, model = config.task, setup.robot_model
@@ -59,7 +77,7 @@ class Collection:
             raise ConfigurationError(problems)
         if cameras:
             require_extra("--camera", "video")
-        self.folder, self._config, self._words = folder, config, words
+        self.folder, self._config, self._words, self._keep_failures = folder, config, words, failures
         parts = DRIVERS.resolve(config.driver)(model, setup.world, seed=config.seed).parts  # not connected
         joints = ElementTree.fromstring(model.urdf).iter("joint")
         sliding = [joint.get("name", "") for joint in joints if joint.get("type") == "prismatic"]
@@ -75,12 +93,20 @@ class Collection:
             {STATE: units, ACTION: units},
             subtasks,
         )
-        self._dataset = self._opened()
+        self._open()
 
     @property
     def kept(self) -> int:
         """Return the number of this task's episodes in the dataset."""
-        return sum(episode["tasks"] == [self._words] for episode in self._dataset.episodes)
+        return self._of_task(self._dataset)
+
+    @property
+    def failures(self) -> int:
+        """Return the number of this task's episodes in the dataset of failures."""
+        return self._of_task(self._failures)
+
+    def _of_task(self, dataset: DatasetFolder) -> int:
+        return sum(episode["tasks"] == [self._words] for episode in dataset.episodes)
 
     def collect(
         self, episodes: int, most: int, show: Callable[[RunResult], None], launcher: Launcher | None = None
@@ -119,25 +145,30 @@ class Collection:
             finally:
                 launcher.cancel()
 
-    def _opened(self) -> DatasetFolder:
-        """Return the dataset in the folder, an empty one if the folder has none. Raises DatasetError."""
+    def _open(self) -> None:
+        self._dataset = self._opened(self.folder, ("seed", RUN, AUDIT))
+        self._failures = self._opened(self.folder / FAILURES, ("seed", RUN, AUDIT, *LABELS))
+
+    def _opened(self, folder: Path, columns: Iterable[str]) -> DatasetFolder:
+        """Return the dataset in a folder, whose rows have ``columns``; an empty one if the folder has none.
+
+        Raises DatasetError.
+        """
         frames = self._frames
-        empty = DatasetFolder(self.folder, frames.fps, frames.robot, frames.features())
+        empty = DatasetFolder(folder, frames.fps, frames.robot, frames.features())
         try:
-            there = {path.name for path in self.folder.iterdir()} if self.folder.exists() else set()
+            there = folder.exists() and any(folder.iterdir())
         except OSError as error:
-            raise DatasetError(f"{self.folder} cannot be a dataset's folder: {error.strerror}") from error
-        if not any((self.folder / "meta" / name).exists() for name in ("info.json", "episodes")):
-            if there and ATTEMPTS not in there:
-                raise DatasetError(f"{self.folder} is neither empty nor a dataset")
+            raise DatasetError(f"{folder} cannot be a dataset's folder: {error.strerror}") from error
+        if not any((folder / "meta" / name).exists() for name in ("info.json", "episodes")):
+            if there and not (self.folder / ATTEMPTS).exists():
+                raise DatasetError(f"{folder} is neither empty nor a dataset")
             return empty
-        found = DatasetFolder.read(self.folder)
+        found = DatasetFolder.read(folder)
         if differences := empty.differences(found):
-            raise DatasetError(f"{self.folder} holds a dataset of another format: {'; '.join(differences)}")
-        if found.episodes and (missing := {"seed", RUN, AUDIT} - set(found.episodes[-1])):
-            raise DatasetError(
-                f"{self.folder} was not written by collect: its episodes lack {', '.join(sorted(missing))}"
-            )
+            raise DatasetError(f"{folder} holds a dataset of another format: {'; '.join(differences)}")
+        if found.episodes and (missing := set(columns) - set(found.episodes[-1])):
+            raise DatasetError(f"{folder} was not written by collect: its episodes lack {', '.join(sorted(missing))}")
         return found
 
     @contextmanager
@@ -155,7 +186,10 @@ class Collection:
         try:
             lock_file = lock_for_writing(self._attempts, path, "collect")
             try:
-                self._dataset = self._opened()
+                self._open()
+                for dataset in (self._dataset, self._failures):
+                    if dataset.episodes:
+                        dataset.add((), ())  # what a process that was killed has not written yet follows from the rows
                 shutil.rmtree(staged, ignore_errors=True)  # left by a process that was killed
                 staged.mkdir()
                 self._staged = Path(tempfile.mkdtemp(dir=staged)).resolve()  # workers of that process do not know it
@@ -181,34 +215,38 @@ class Collection:
             frames=self._frames,
             parts=self._parts,
             words=self._words,
+            failures=self._keep_failures,
         )
 
     def _keep(self, seed: int, result: RunResult) -> None:
-        """Add the episode of a judged success to the dataset, and a line to the attempts. Raises DatasetError."""
-        staged, kept = self._staged / str(seed), result.success and not result.unearned
+        """Add a judged success to the dataset, a failure to that of failures, and a line to the attempts.
+
+        Raises DatasetError.
+        """
+        staged, kept = self._staged / str(seed), is_kept(result, self._keep_failures)
         if kept and not staged.is_dir():
             raise LauncherLostError(
                 f"the episode of seed {seed} is not in {staged.parent}: --out should be a folder that all machines see "
                 "under one path"
             )
-        why = result.failure.why if result.failure is not None else result.unearned
-        episode = len(self._dataset.episodes) if kept else None
+        dataset = self._dataset if result.success else self._failures
+        episode = len(dataset.episodes) if kept else None
         try:
             if kept:
-                self._dataset.append(DatasetFolder.read(staged))
+                dataset.append(DatasetFolder.read(staged))
                 shutil.rmtree(staged)
-            self._list(self._words, seed, episode, str(result.outcome), why, result.versions)
+            self._list(self._words, seed, episode, labels(result), result.versions)
         except OSError as error:
-            self._dataset = self._opened()
+            self._open()
             raise DatasetError(
                 f"{self.folder} cannot be written any more: {error}; the {len(self._dataset.episodes)} episodes in it "
                 "are kept: make room there and repeat the command"
             ) from error
 
     def _list(
-        self, task: str, seed: int, episode: int | None, outcome: str, why: str, versions: Mapping[str, Any]
+        self, task: str, seed: int, episode: int | None, about: Mapping[str, Any], versions: Mapping[str, Any]
     ) -> None:
-        line = {"task": task, "seed": seed, "episode": episode, "outcome": outcome, "why": why, "versions": versions}
+        line = {"task": task, "seed": seed, "episode": episode, **about, "versions": versions}
         self._attempts.write(json.dumps(line).encode() + b"\n")
         self._attempts.flush()
 
@@ -225,9 +263,12 @@ class Collection:
         except ValueError as error:
             raise DatasetError(f"{self.folder / ATTEMPTS} is damaged: {error}") from error
         listed = {(line["task"], line["seed"]) for line in lines if line["episode"] is not None}
-        kept = [(row["tasks"][0], row["seed"]) for row in self._dataset.episodes]
-        for episode, (task, seed) in enumerate(kept):
-            if (task, seed) not in listed:
-                self._list(task, seed, episode, str(Outcome.SUCCESS), "", {})
-        ended = kept + [(line["task"], line["seed"]) for line in lines if line["outcome"] != str(Outcome.ERROR)]
+        ended = [(line["task"], line["seed"]) for line in lines if line["outcome"] != str(Outcome.ERROR)]
+        success = {**dict.fromkeys(LABELS, ""), "outcome": str(Outcome.SUCCESS)}
+        for dataset in (self._dataset, self._failures):
+            for episode, row in enumerate(dataset.episodes):
+                task, seed = row["tasks"][0], row["seed"]
+                ended.append((task, seed))
+                if (task, seed) not in listed:
+                    self._list(task, seed, episode, {name: row.get(name, success[name]) for name in LABELS}, {})
         return {seed for task, seed in ended if task == self._words}

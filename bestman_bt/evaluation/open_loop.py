@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +82,8 @@ def replay_open_loop(dataset: DatasetFolder, episode: int) -> OpenLoopReplay:
         file = Path(folder) / "config.yaml"
         file.write_text(row[RUN], encoding="utf-8")
         config = read_run(file)
+    time_limit = (len(data[ACTION]) + 2) / config.task.tick_rate  # the run may have ended at its own, a tick earlier
+    config = config.changed(task=replace(config.task, time_limit=time_limit))
     names, units = (dataset.features[ACTION][key] for key in ("names", "units"))
     with open_judged(config) as judged:
         parts = judged.session.robot.parts

@@ -13,12 +13,13 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from behaviours.failure import NodeFailure
 from bestman_bt.configuration.run import dump_run
 from bestman_bt.engine import RUNNING, Node, Tree
 from bestman_bt.engine.bounds import Named
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest
-from bestman_bt.evaluation.result import RunResult
+from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.manipulation.policy.training.lerobot_dataset import SUBTASK, DatasetFormat, DatasetWriter
 from bestman_bt.runtime.resolved_config import ResolvedConfig
 from bestman_bt.runtime.robot_session import RobotSession
@@ -29,6 +30,8 @@ from hal.parts.channels import ControlledPart
 STATE, ACTION, NODE = "observation.state", "action", "node"
 RUN, AUDIT = "run", "audit"
 """The columns of an episode's row with its configuration, YAML, and what the audit has counted, JSON."""
+LABELS = ("outcome", "error_code", "failed_node", "why")
+"""The columns of a failed episode's row, and entries of each attempt: see ``labels``."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,18 @@ def _is_name(bound: object) -> bool:
     return isinstance(bound, Named)
 
 
+def labels(result: RunResult) -> dict[str, str]:
+    """Return the outcome, and of a failure its code, the leaf's path (or ``judge``, ``audit``) and the reason."""
+    failure = result.failure or NodeFailure("", "", result.unearned)
+    values = str(result.outcome), failure.error_code, failure.node, failure.why
+    return dict(zip(LABELS, values, strict=True))
+
+
+def is_kept(result: RunResult, failures: bool) -> bool:
+    """Return whether the frames of an episode are kept: it is a judged success, or a failure and these are, too."""
+    return not result.unearned if result.success else failures and result.outcome is Outcome.FAILURE
+
+
 class FrameRecorder:
     """Takes a frame after each tick: what was measured, seen and running then, and the set-points one tick later."""
 
@@ -141,7 +156,7 @@ def _pictures(parts: Mapping[str, Part], cameras: Mapping[str, Any]) -> dict[str
 
 @dataclass(frozen=True)
 class RecordedEpisode(EpisodeRequest):
-    """An episode that writes a dataset with this one episode, if it is a judged success.
+    """An episode that writes a dataset with this one episode, if it is a judged success or, with ``failures``, failed.
 
     ``staged``: folder that gets the dataset, named by the seed; every machine sees it under this path. ``frames``,
     ``parts``: the content of each frame. ``words``: the language instruction.
@@ -151,6 +166,7 @@ class RecordedEpisode(EpisodeRequest):
     frames: DatasetFormat = field(kw_only=True)
     parts: tuple[RecordedPart, ...] = field(kw_only=True)
     words: str = field(kw_only=True)
+    failures: bool = field(kw_only=True)
 
     @property
     def written(self) -> Path | None:
@@ -166,10 +182,11 @@ class RecordedEpisode(EpisodeRequest):
             try:
                 result = run_episode(setup, run_folder, watch=recorder.watch)
                 recorder.end()
-                if result.success and not result.unearned:
+                if is_kept(result, self.failures):
                     about = {
                         RUN: dump_run(self.config, absolute=True),
                         AUDIT: json.dumps(result.to_document()["audit"]),
+                        **({} if result.success else labels(result)),
                     }
                     writer.end_episode(self.words, seed=self.config.seed, **about)
                     finished = self.staged / str(self.config.seed)

@@ -18,8 +18,9 @@ from bestman_bt.evaluation.collection import ATTEMPTS, Collection
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, LaunchOptions
 from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
-from bestman_bt.evaluation.recorded_episode import RecordedEpisode
+from bestman_bt.evaluation.recorded_episode import LABELS, RecordedEpisode
 from bestman_bt.evaluation.result import RunResult
+from bestman_bt.manipulation.policy.training.dataset_folder import FAILURES, DatasetFolder
 from tests.cli.command_line import Answer
 
 Command = Callable[..., Answer]
@@ -69,7 +70,7 @@ def test_a_judged_success_is_kept_with_what_was_measured_commanded_and_ticked(co
 
 
 @pytest.mark.slow
-def test_a_second_call_runs_nothing_that_has_ended_and_a_failure_is_listed_but_not_kept(
+def test_a_second_call_runs_nothing_that_has_ended_and_a_failure_is_kept_apart(
     collected: Path, bestman_bt: Command
 ) -> None:
     before = attempts(collected)
@@ -78,11 +79,38 @@ def test_a_second_call_runs_nothing_that_has_ended_and_a_failure_is_listed_but_n
     assert attempts(collected) == before
     short = bestman_bt(*again, "--episodes", "2", "--most", "2", "--set", "time_limit=2 s")
     assert short.code == 1
-    assert "1 of 2 episodes" in short.out
+    assert f"1 of 2 episodes, 1 failures in {collected / FAILURES}" in short.out
     (failed,) = attempts(collected)[len(before) :]
-    assert (failed["episode"], failed["outcome"]) == (None, "failure")
+    assert (failed["episode"], failed["outcome"]) == (0, "failure")
     assert failed["why"]
     assert json.loads((collected / "meta/info.json").read_text())["total_episodes"] == 1
+
+
+@pytest.mark.slow
+def test_failed_episodes_are_kept_apart_as_they_ran_whatever_runs_them(bestman_bt: Command, folder: Path) -> None:
+    def collect(name: str, *options: str) -> dict:
+        answer = bestman_bt(
+            *("collect", "pick_bench", "-o", name, "--seed", SEED, "--episodes", "2", "--most", "2"),
+            *("--words", "pick", "--set", "time_limit=6 s", "--json", *options),
+        )
+        assert answer.code == 1
+        return json.loads(answer.out)
+
+    assert (collect("here")["episodes"], collect("here")["failures"]) == (0, 2)
+    collect("processes", "--jobs", "2")
+    assert files(folder / "processes") == files(folder / "here")
+    assert collect("without", "--no-failures")["failures"] == 0
+    assert not (folder / "without" / FAILURES).exists()
+    rows = DatasetFolder.read(folder / "here" / FAILURES).episodes
+    assert [(row["seed"], row["length"]) for row in rows] == [(SEED, 121), (SEED + 1, 121)]
+    assert {row["error_code"] for row in rows} == {"timeout"}
+    for row, attempt in zip(rows, attempts(folder / "here"), strict=True):
+        assert {name: row[name] for name in LABELS} == {name: attempt[name] for name in LABELS}
+    answer = bestman_bt("dataset", "replay", f"here/{FAILURES}", "--json")
+    replayed = json.loads(answer.out)
+    assert (answer.code, replayed["goal"], replayed["ended_early"]) == (1, False, "")
+    assert max(entry["value"] for entry in replayed["difference"].values()) < 0.005
+    assert bestman_bt("dataset", "view", f"here/{FAILURES}", "--png", "one.png").code == 0
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from tests.cli.command_line import Answer
 Command = Callable[..., Answer]
 
 
-def write(folder: Path, seeds: range, fps: int = 10, camera: str = "head", task: str = "pick") -> None:
+def write(folder: Path, seeds: range, fps: int = 10, camera: str = "head", task: str = "pick", **about: str) -> None:
     names, units = ("arm/joint1", "gripper/width"), ("rad", "m")
     entries = dict.fromkeys(("observation.state", "action"), names)
     both = dict.fromkeys(entries, units)
@@ -27,7 +27,7 @@ def write(folder: Path, seeds: range, fps: int = 10, camera: str = "head", task:
             values = {name: [0.1 * step, 0.04] for name in entries}
             node = "all/Grasp::3" if step < 5 else "all/Place::4"
             writer.add_frame({**values, "node": node}, {camera: np.full((32, 48, 3), 20 * step, np.uint8)})
-        writer.end_episode(task, seed=seed)
+        writer.end_episode(task, seed=seed, **about)
 
 
 def test_info_prints_what_is_in_a_dataset(bestman_bt: Command, folder: Path) -> None:
@@ -39,6 +39,35 @@ def test_info_prints_what_is_in_a_dataset(bestman_bt: Command, folder: Path) -> 
     document = json.loads(bestman_bt("dataset", "info", "set", "--json").out)
     assert document["tasks"] == [{"task": "pick", "episodes": 3, "seeds": [1000, 1002, 1004]}]
     assert document["bytes"] == sum(path.stat().st_size for path in (folder / "set").rglob("*") if path.is_file())
+
+
+def test_info_tells_of_failed_episodes_beside_and_counts_them_apart(bestman_bt: Command, folder: Path) -> None:
+    write(folder / "set", range(1000, 1003))
+    alone = json.loads(bestman_bt("dataset", "info", "set", "--json").out)
+    assert alone["failures"] is None
+    write(folder / "set/failures", range(1003, 1005), outcome="failure", error_code="missed")
+    beside = json.loads(bestman_bt("dataset", "info", "set", "--json").out)
+    apart = json.loads(bestman_bt("dataset", "info", "set/failures", "--json").out)
+    assert beside == {**alone, "failures": apart}
+    assert apart["tasks"] == [{"task": "pick", "episodes": 2, "seeds": [1003, 1004]}]
+    assert "failed episodes apart, in set/failures: 2, 24 frames" in bestman_bt("dataset", "info", "set").out
+
+
+def test_shards_are_merged_with_their_failures_beside_and_failures_do_not_mix_with_successes(
+    bestman_bt: Command, folder: Path
+) -> None:
+    for name, seed in (("one", 0), ("two", 5)):
+        write(folder / name, range(seed, seed + 2))
+        write(folder / name / "failures", range(seed + 2, seed + 3), outcome="failure", error_code=f"missed {name}")
+    mixed = bestman_bt("dataset", "merge", "one", "one/failures", "-o", "mixed")
+    assert mixed.code == 2
+    assert "its episodes are described by other columns: error_code, outcome" in mixed.err
+    assert bestman_bt("dataset", "merge", "one", "two", "-o", "both").code == 0
+    assert not (folder / "both/failures").exists()
+    assert bestman_bt("dataset", "merge", "one/failures", "two/failures", "-o", "both/failures").code == 0
+    assert [row["seed"] for row in DatasetFolder.read(folder / "both").episodes] == [0, 1, 5, 6]
+    failures = DatasetFolder.read(folder / "both/failures").episodes
+    assert [(row["seed"], row["error_code"]) for row in failures] == [(2, "missed one"), (7, "missed two")]
 
 
 def test_view_draws_an_episode_with_its_pictures(bestman_bt: Command, folder: Path) -> None:

@@ -15,13 +15,14 @@ import pyarrow
 import pyarrow.parquet as parquet
 import pytest
 
+from behaviours.failure import NodeFailure
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.evaluation.collection import ATTEMPTS, STAGED, Collection
 from bestman_bt.evaluation.launchers.local import LocalProcesses
-from bestman_bt.evaluation.recorded_episode import ACTION, NODE, STATE, RecordedEpisode
+from bestman_bt.evaluation.recorded_episode import ACTION, LABELS, NODE, STATE, RecordedEpisode, labels
 from bestman_bt.evaluation.result import Outcome, RunResult
-from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError, DatasetFolder
+from bestman_bt.manipulation.policy.training.dataset_folder import FAILURES, DatasetError, DatasetFolder
 from bestman_bt.manipulation.policy.training.lerobot_dataset import DatasetWriter
 
 SEED = 4100
@@ -48,18 +49,21 @@ class MadeUp(LocalProcesses):
             yield place, self.result(request)
 
     def result(self, request: RecordedEpisode) -> RunResult:
-        failed, seed = request.failed_result("a plug-in has a fault"), request.config.seed
+        result, seed = request.failed_result("a plug-in has a fault"), request.config.seed
+        if seed in self.broken:
+            return result
         if seed in self.failing:
-            return replace(failed, outcome=Outcome.FAILURE)
-        return failed if seed in self.broken else staged(request, failed)
+            result = replace(result, outcome=Outcome.FAILURE, failure=NodeFailure("pick/Grasp::3", "missed", "empty"))
+            return staged(request, result, **labels(result)) if request.failures else result
+        return staged(request, replace(result, success=True, outcome=Outcome.SUCCESS, failure=None))
 
 
-def staged(request: RecordedEpisode, failed: RunResult) -> RunResult:
+def staged(request: RecordedEpisode, result: RunResult, **about: str) -> RunResult:
     writer = DatasetWriter(request.staged / str(request.config.seed), request.frames)
     zeros = [0.0] * len(request.frames.numbers[STATE])
     writer.add_frame({STATE: zeros, ACTION: zeros, NODE: ""}, {})
-    writer.end_episode(request.words, seed=request.config.seed, run="", audit="{}")
-    return replace(failed, success=True, outcome=Outcome.SUCCESS, failure=None)
+    writer.end_episode(request.words, seed=request.config.seed, run="", audit="{}", **about)
+    return result
 
 
 @pytest.fixture(scope="module")
@@ -68,11 +72,21 @@ def config() -> RunConfig:
 
 
 def collect(
-    config: RunConfig, folder: Path, launcher: LocalProcesses, episodes: int = 2, words: str = "pick"
+    config: RunConfig,
+    folder: Path,
+    launcher: LocalProcesses,
+    episodes: int = 2,
+    words: str = "pick",
+    failures: bool = True,
 ) -> Collection:
-    collection = Collection(config, folder, words, ())
+    collection = Collection(config, folder, words, (), failures=failures)
     collection.collect(episodes, 4, lambda result: None, launcher)
     return collection
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    found = (path for path in folder.rglob("*") if path.is_file() and path.name != ATTEMPTS)
+    return {str(path.relative_to(folder)): path.read_bytes() for path in found}
 
 
 def attempts(folder: Path) -> list[dict[str, Any]]:
@@ -111,16 +125,17 @@ def test_what_a_launcher_leaves_does_not_keep_the_next_collect_out(config: RunCo
     assert collect(config, tmp_path / "set", MadeUp()).kept == 2
 
 
+@pytest.mark.parametrize("failures", [True, False], ids=["failures", "no failures"])
 def test_seeds_that_ended_in_an_error_are_run_again_but_other_failures_are_not(
-    config: RunConfig, tmp_path: Path
+    config: RunConfig, tmp_path: Path, failures: bool
 ) -> None:
     everything = range(SEED, SEED + 4)
-    assert collect(config, tmp_path, MadeUp(broken=everything)).kept == 0
+    assert collect(config, tmp_path, MadeUp(broken=everything), failures=failures).kept == 0
     mended = MadeUp(failing=[SEED])
-    assert collect(config, tmp_path, mended, episodes=1).kept == 1
+    assert collect(config, tmp_path, mended, episodes=1, failures=failures).kept == 1
     assert mended.ran == [SEED, SEED + 1]
     again = MadeUp()
-    assert collect(config, tmp_path, again).kept == 2
+    assert collect(config, tmp_path, again, failures=failures).kept == 2
     assert again.ran == [SEED + 2]
     outcomes = ["error"] * 4 + ["failure", "success", "success"]
     assert [one["outcome"] for one in attempts(tmp_path)] == outcomes
@@ -138,9 +153,55 @@ def test_episodes_are_kept_in_the_order_of_their_seeds_and_not_of_their_ends(con
     assert launcher.ran == [SEED + 2, SEED + 1, SEED, SEED + 3]
     assert shown == [SEED, SEED + 1, SEED + 2, SEED + 3]
     assert [row["seed"] for row in DatasetFolder.read(tmp_path).episodes] == [SEED, SEED + 2, SEED + 3]
-    assert [(one["seed"], one["episode"]) for one in attempts(tmp_path)] == list(
-        zip(shown, [0, None, 1, 2], strict=True)
-    )
+    assert [(one["seed"], one["episode"], one["outcome"]) for one in attempts(tmp_path)] == [
+        (SEED, 0, "success"),
+        (SEED + 1, 0, "failure"),
+        (SEED + 2, 1, "success"),
+        (SEED + 3, 2, "success"),
+    ]
+
+
+def test_failed_episodes_are_a_dataset_of_their_own_that_says_why_they_failed(
+    config: RunConfig, tmp_path: Path
+) -> None:
+    collection = collect(config, tmp_path, MadeUp(broken=[SEED], failing=[SEED + 1, SEED + 3]))
+    assert (collection.kept, collection.failures) == (1, 2)
+    assert [row["seed"] for row in DatasetFolder.read(tmp_path).episodes] == [SEED + 2]
+    apart = DatasetFolder.read(tmp_path / FAILURES)
+    assert [row["seed"] for row in apart.episodes] == [SEED + 1, SEED + 3]
+    assert len(apart.data(1)[STATE]) == 1
+    why = {"outcome": "failure", "error_code": "missed", "failed_node": "pick/Grasp::3", "why": "empty"}
+    for record in (*apart.episodes, attempts(tmp_path)[1]):
+        assert {name: record[name] for name in LABELS} == why
+
+
+def test_without_failures_their_frames_are_not_kept_and_their_seeds_not_run_for_them_later(
+    config: RunConfig, tmp_path: Path
+) -> None:
+    assert collect(config, tmp_path, MadeUp(failing=[SEED]), episodes=1, failures=False).kept == 1
+    assert not (tmp_path / FAILURES).exists()
+    assert (attempts(tmp_path)[0]["episode"], attempts(tmp_path)[0]["error_code"]) == (None, "missed")
+    later = MadeUp(failing=[SEED, SEED + 2])
+    collection = collect(config, tmp_path, later)
+    assert later.ran == [SEED + 2, SEED + 3]
+    assert (collection.kept, collection.failures) == (2, 1)
+
+
+@pytest.mark.parametrize("failures", [True, False], ids=["failures", "no failures"])
+def test_a_failed_episode_that_a_killed_process_has_not_listed_is_listed_with_its_reason(
+    config: RunConfig, tmp_path: Path, failures: bool
+) -> None:
+    collect(config, tmp_path, MadeUp(failing=[SEED]), episodes=1)
+    before = attempts(tmp_path)
+    (tmp_path / ATTEMPTS).write_text("")
+    launcher = MadeUp()
+    collection = collect(config, tmp_path, launcher, failures=failures)
+    assert launcher.ran == [SEED + 2]
+    assert (collection.kept, collection.failures) == (2, 1)
+    success, failure, _ = attempts(tmp_path)
+    assert [{**success, "versions": {}}, {**failure, "versions": {}}] == [
+        {**one, "versions": {}} for one in before[::-1]
+    ]
 
 
 def test_a_success_that_is_not_the_robots_is_listed_with_its_reason_and_not_kept(
@@ -235,6 +296,34 @@ def test_a_full_disk_is_told_and_what_was_written_before_is_kept(
     assert collect(config, tmp_path, MadeUp()).kept == 2
 
 
+@pytest.mark.quick_cases(2)
+@pytest.mark.parametrize("failing", [[SEED], []], ids=["failure", "success"])
+@pytest.mark.parametrize("moves", [3, 2, 0, 1, 4], ids=["statistics", "rows", "tasks", "empty info", "info"])
+def test_a_process_that_is_killed_while_it_writes_an_episode_loses_and_doubles_nothing(
+    config: RunConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moves: int, failing: list[int]
+) -> None:
+    whole, torn = tmp_path / "whole", tmp_path / "torn"
+    collect(config, whole, MadeUp(failing=failing))
+    replace_file, left = Path.replace, moves
+
+    def until_killed(path: Path, target: Path) -> Path:
+        nonlocal left
+        if torn in path.parents and STAGED not in path.parts:
+            if left == 0:
+                raise KilledError
+            left -= 1
+        return replace_file(path, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", until_killed)
+        with pytest.raises(KilledError):
+            collect(config, torn, MadeUp(failing=failing))
+    assert collect(config, torn, MadeUp(failing=failing)).kept == 2
+    assert contents(torn) == contents(whole)
+    listed = [{**one, "versions": {}} for one in attempts(torn)]
+    assert listed == [{**one, "versions": {}} for one in attempts(whole)]
+
+
 def test_a_list_of_attempts_that_cannot_be_written_is_told(config: RunConfig, tmp_path: Path) -> None:
     class Limited(MadeUp):
         def result(self, request: RecordedEpisode) -> RunResult:
@@ -261,4 +350,13 @@ def test_a_dataset_of_the_same_features_that_collect_has_not_written_is_refused_
     ]
     parquet.write_table(pyarrow.Table.from_pylist(others), rows)
     with pytest.raises(DatasetError, match="its episodes lack audit, run"):
+        Collection(config, tmp_path, "pick", ())
+
+
+def test_successes_where_the_failures_belong_are_refused_before_anything_runs(
+    config: RunConfig, tmp_path: Path
+) -> None:
+    collect(config, tmp_path / FAILURES, MadeUp(), episodes=1)
+    (tmp_path / ATTEMPTS).touch()
+    with pytest.raises(DatasetError, match="failures was not written by collect: its episodes lack error_code, failed"):
         Collection(config, tmp_path, "pick", ())

@@ -28,6 +28,8 @@ ROWS_PER_FILE = 100
 """Episodes whose rows share a file of ``meta/episodes``, which is written anew with each of them."""
 NUMBERED = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 DATA, VIDEOS = "data", "videos"
+FAILURES = "failures"
+"""The folder beside ``data`` that may hold a dataset of failed episodes; LeRobot does not look there."""
 COUNTERS = ("episode_index", "index", "task_index")
 _PLACE = ("meta/episodes/chunk_index", "meta/episodes/file_index")
 _STATS = re.compile(r"stats/(.+)/(\w+)")
