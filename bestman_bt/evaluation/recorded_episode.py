@@ -104,7 +104,7 @@ def labels(result: RunResult) -> dict[str, str]:
 
 
 def is_kept(result: RunResult, failures: bool) -> bool:
-    """Return whether the frames of an episode are kept: it is a judged success, or a failure and these are, too."""
+    """Return whether the frames of an episode are kept: of a judged success, and with ``failures`` of a failure."""
     return not result.unearned if result.success else failures and result.outcome is Outcome.FAILURE
 
 
