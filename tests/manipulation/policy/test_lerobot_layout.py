@@ -23,14 +23,14 @@ PAIR = ("a", "b")
 FORMAT = DatasetFormat(10, {"observation.state": PAIR, "action": PAIR}, ("node",), {"head": (96, 128)}, "bench")
 
 
-def write(folder: Path, lengths: tuple[int, ...], frames: DatasetFormat = FORMAT) -> Path:
+def write(folder: Path, lengths: tuple[int, ...], frames: DatasetFormat = FORMAT, **about: str) -> Path:
     writer = DatasetWriter(folder, frames)
     for length in lengths:
         for step in range(length):
             values = {"observation.state": [step, 0.5], "action": [length, step], "node": "x", "subtask": ""}
             values["subtask"] = "grasp (object cup)" if step < 3 else "place on (object cup)"
             writer.add_frame(values, {"head": np.full((96, 128, 3), 20 * step, np.uint8)})
-        writer.end_episode("pick")
+        writer.end_episode("pick", **about)
     return folder
 
 
@@ -104,3 +104,16 @@ def test_the_loader_of_lerobot_reads_what_was_written_and_merged(version: str, s
         assert one["quantiles"] == bounds
         assert one["brightness"] == pytest.approx(20 * one["action"][1] / 255, abs=0.02)
         assert one["subtasks"] == (["grasp (object cup)", "place on (object cup)"] if subtasks else [])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_loader_of_lerobot_reads_failed_episodes_apart_from_the_successes_above(
+    version: str, tmp_path: Path
+) -> None:
+    successes = write(tmp_path / "set", (5,))
+    failures = write(tmp_path / "set/failures", (3, 2), outcome="failure", failed_node="", why="blocked")
+    for folder, lengths in ((successes, (5,)), (failures, (3, 2))):
+        lines = run(environment(version), "read_with_lerobot.py", folder).splitlines()
+        read = [json.loads(line)["action"] for line in lines if line.startswith("{")]
+        assert read == [[length, step] for length in lengths for step in range(length)]
