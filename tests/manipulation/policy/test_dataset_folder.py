@@ -170,28 +170,70 @@ def test_a_dataset_with_few_rows_in_a_file_grows(tmp_path: Path) -> None:
     assert [row["meta/episodes/file_index"] for row in grown] == [0, 0, 1, 1]
 
 
+@pytest.mark.parametrize("kept", [0, ROWS_PER_FILE - 1])
+def test_a_dataset_of_which_a_file_is_damaged_leaves_the_other_one_as_it_was(tmp_path: Path, kept: int) -> None:
+    frames = replace(FORMAT, cameras={})
+    more = written(tmp_path / "more", [(1, "b"), (2, "c"), (3, "b")], frames)
+    grown = DatasetFolder(tmp_path / "set", more.fps, more.robot, more.features)
+    if kept:
+        grown = written(tmp_path / "set", [(1, "a")] * kept, frames)
+    before, episodes = contents(grown), list(grown.episodes)
+    damaged = more.path / "data/chunk-000/file-002.parquet"
+    whole = damaged.read_bytes()
+    damaged.write_bytes(whole[:100])
+    with pytest.raises(DatasetError, match=r"file-002\.parquet cannot be read"):
+        grown.append(more)
+    assert contents(grown) == before
+    assert (grown.episodes, grown.frames, list(grown.tasks)) == (episodes, kept, ["a"] if kept else [])
+    damaged.write_bytes(whole)
+    grown.append(more)
+    again = DatasetFolder.read(grown.path)
+    assert [row["length"] for row in again.episodes[kept:]] == [1, 2, 3]
+    assert again.data(kept + 2)["index"] == [kept + 3, kept + 4, kept + 5]
+
+
 class KilledError(BaseException):
     """Ends a test's process where a signal would."""
 
 
-def test_a_process_killed_before_the_first_row_leaves_an_empty_dataset(
+def test_a_process_killed_before_the_first_row_is_in_its_place_leaves_a_folder_for_a_dataset(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    frames = replace(FORMAT, cameras={})
-    source = written(tmp_path / "source", [(2, "a")], frames)
-    write_table = parquet.write_table
+    def killed(*_: object) -> None:
+        raise KilledError
 
-    def killed(table: Any, path: Path) -> None:
-        if "episodes" in Path(path).parts:
-            raise KilledError
-        write_table(table, path)
-
+    source = written(tmp_path / "source", [(2, "a")], replace(FORMAT, cameras={}))
     grown = DatasetFolder(tmp_path / "set", source.fps, source.robot, source.features)
     with monkeypatch.context() as patch:
-        patch.setattr(parquet, "write_table", killed)
+        patch.setattr(Path, "rename", killed)
         with pytest.raises(KilledError):
             grown.append(source)
-    again = DatasetFolder.read(grown.path)
-    assert not again.episodes
+    assert not (grown.path / "meta").exists()
+    again = DatasetFolder(grown.path, source.fps, source.robot, source.features)
     again.append(source)
-    assert len(DatasetFolder.read(grown.path).episodes) == 1
+    assert contents(DatasetFolder.read(again.path)) == contents(source)
+
+
+@pytest.mark.parametrize(("file", "episodes"), [("tasks.parquet", 1), ("file-000.parquet", 1), ("info.json", 2)])
+def test_a_process_killed_between_two_files_leaves_a_dataset_that_can_be_read_and_grow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, episodes: int
+) -> None:
+    frames = replace(FORMAT, cameras={})
+    grown, more = (written(tmp_path / name, [(2, name)], frames) for name in ("set", "more"))
+    replaced = Path.replace
+
+    def killed(path: Path, target: Path) -> None:
+        if path.name == file:
+            raise KilledError
+        replaced(path, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", killed)
+        with pytest.raises(KilledError):
+            grown.append(more)
+    again = DatasetFolder.read(grown.path)
+    assert len(again.episodes) == episodes
+    again.append(written(tmp_path / "last", [(1, "last")], frames))
+    assert json.loads((grown.path / "meta/info.json").read_text())["total_episodes"] == episodes + 1
+    assert DatasetFolder.read(grown.path).data(episodes)["action"] == [[1.0, 0.0]]
+    assert {path.name for path in grown.path.iterdir()} == {"data", "meta"}

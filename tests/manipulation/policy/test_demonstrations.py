@@ -113,7 +113,7 @@ def test_a_discarded_episode_leaves_what_others_have_put_beside_it(tmp_path: Pat
     assert [path.name for path in (tmp_path / "set").rglob("*")] == ["notes.txt"]
 
 
-@pytest.mark.parametrize("file", ["data", "tasks.parquet.new"])
+@pytest.mark.parametrize("file", ["data", "meta.new"])
 def test_a_full_disk_is_what_an_episode_reports_that_is_discarded_then(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str
 ) -> None:

@@ -10,8 +10,8 @@ import json
 import re
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
+from collections.abc import Iterable, Iterator, Mapping
+from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ DATA, VIDEOS = "data", "videos"
 FAILURES = "failures"
 """The folder beside ``data`` that may hold a dataset of failed episodes; LeRobot does not look there."""
 COUNTERS = ("episode_index", "index", "task_index")
-_PLACE = ("meta/episodes/chunk_index", "meta/episodes/file_index")
+_ROW_PLACE = ("meta/episodes/chunk_index", "meta/episodes/file_index")
 _STATS = re.compile(r"stats/(.+)/(\w+)")
 
 
@@ -127,30 +127,51 @@ class DatasetFolder:
 
     def next_file(self, kind: str) -> dict[str, int]:
         """Return the number of the next file of ``data`` or of a ``videos/FEATURE``."""
-        return {
-            "chunk_index": self._files[kind] // FILES_PER_FOLDER,
-            "file_index": self._files[kind] % FILES_PER_FOLDER,
-        }
+        return _place(self._files[kind])
 
     def file(self, kind: str, place: Mapping[str, int]) -> Path:
         """Return the path of a numbered file of ``data`` or of a ``videos/FEATURE``."""
         return self.path / kind / (NUMBERED.format(**place) + (".parquet" if kind == DATA else ".mp4"))
 
     def add(self, rows: Iterable[dict[str, Any]], tasks: Iterable[str]) -> None:
-        """Add episodes, whose files are in place, by their rows; ``tasks``: those that they name by index."""
+        """Add episodes, whose files are in place, by their rows; ``tasks``: those that they name by index.
+
+        After an exception, this object and the dataset are as before, without the files of the rows added so far.
+        """
+        meta, staged, count = self.path / "meta", self.path / "meta.new", len(self.episodes)
+        before = {name: copy(value) for name, value in vars(self).items() if name != "episodes"}
+        shutil.rmtree(staged, ignore_errors=True)  # left by a process that was killed
+        try:
+            self._stage(staged, rows, tasks)
+        except BaseException:
+            for kind, files in self._files.items():
+                for number in range(before["_files"][kind], files):
+                    self.file(kind, _place(number)).unlink(missing_ok=True)
+            vars(self).update(before)
+            del self.episodes[count:]
+            shutil.rmtree(staged, ignore_errors=True)
+            raise
+        if not meta.exists():
+            staged.rename(meta)
+            return
+        rows_files = sorted((staged / "episodes").glob("*/*"))
+        for path in (staged / "tasks.parquet", *rows_files, staged / "stats.json", staged / "info.json"):
+            target = meta / path.relative_to(staged)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            path.replace(target)
+        shutil.rmtree(staged)
+
+    def _stage(self, staged: Path, rows: Iterable[dict[str, Any]], tasks: Iterable[str]) -> None:
+        """Write the files of ``meta`` that change into a new folder."""
         arrow, parquet = import_pyarrow()
-        meta = self.path / "meta"
-        for task in tasks:
-            self.tasks.setdefault(task, len(self.tasks))
-        _write(meta / "tasks.parquet", lambda path: parquet.write_table(_tasks_table(arrow, self.tasks), path))
-        if not self.episodes:  # so that a process killed before the first row leaves an empty dataset
-            _write(meta / "info.json", partial(_write_json, self._info()))
         place: dict[str, int] = {}
 
         def write_last_rows() -> None:
-            table = arrow.Table.from_pylist(self._last_rows)
-            _write(meta / "episodes" / f"{NUMBERED.format(**place)}.parquet", partial(parquet.write_table, table))
+            path = staged / "episodes" / f"{NUMBERED.format(**place)}.parquet"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            parquet.write_table(arrow.Table.from_pylist(self._last_rows), path)
 
+        staged.mkdir(parents=True)
         for row in rows:
             if place and place != self._next_place():
                 write_last_rows()
@@ -158,8 +179,11 @@ class DatasetFolder:
             self._take({**row, **{f"meta/episodes/{key}": value for key, value in place.items()}})
         if place:
             write_last_rows()
+        for task in tasks:
+            self.tasks.setdefault(task, len(self.tasks))
+        parquet.write_table(_tasks_table(arrow, self.tasks), staged / "tasks.parquet")
         for name, document in (("stats", self._totals), ("info", self._info())):
-            _write(meta / f"{name}.json", partial(_write_json, document))
+            (staged / f"{name}.json").write_text(json.dumps(document, indent=4), encoding="utf-8")
 
     def append(self, other: DatasetFolder) -> None:
         """Copy the episodes of another dataset, its videos as they are.
@@ -229,7 +253,7 @@ class DatasetFolder:
     def _take(self, row: dict[str, Any]) -> None:
         if row["episode_index"] != len(self.episodes):
             raise DatasetError(f"{self.path}: episode {len(self.episodes)} is missing in meta/episodes")
-        if self._last_rows and any(row[key] != self._last_rows[-1][key] for key in _PLACE):
+        if self._last_rows and any(row[key] != self._last_rows[-1][key] for key in _ROW_PLACE):
             self._last_rows = []
         self._last_rows.append(row)
         self._columns = set(row)
@@ -248,10 +272,10 @@ class DatasetFolder:
     def _next_place(self) -> dict[str, int]:
         """Return the number of the file of ``meta/episodes`` that gets the next row."""
         if not self._last_rows:
-            return {"chunk_index": 0, "file_index": 0}
-        chunk, file = (self._last_rows[-1][key] for key in _PLACE)
+            return _place(0)
+        chunk, file = (self._last_rows[-1][key] for key in _ROW_PLACE)
         number = chunk * FILES_PER_FOLDER + file + (len(self._last_rows) >= ROWS_PER_FILE)
-        return {"chunk_index": number // FILES_PER_FOLDER, "file_index": number % FILES_PER_FOLDER}
+        return _place(number)
 
     def _info(self) -> dict[str, Any]:
         return {
@@ -284,16 +308,8 @@ def entry_names(feature: Mapping[str, Any]) -> list[str]:
     return [name for group in names.values() for name in group]
 
 
-def _write(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a file beside ``path``, then put it in its place."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f"{path.name}.new")
-    write(beside)
-    beside.replace(path)
-
-
-def _write_json(document: Mapping[str, Any], path: Path) -> None:
-    path.write_text(json.dumps(document, indent=4), encoding="utf-8")
+def _place(number: int) -> dict[str, int]:
+    return {"chunk_index": number // FILES_PER_FOLDER, "file_index": number % FILES_PER_FOLDER}
 
 
 def _tasks_table(arrow: Any, tasks: Mapping[str, int]) -> Any:
