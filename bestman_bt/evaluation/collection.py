@@ -168,7 +168,10 @@ class Collection:
         if differences := empty.differences(found):
             raise DatasetError(f"{folder} holds a dataset of another format: {'; '.join(differences)}")
         if found.episodes and (missing := set(columns) - set(found.episodes[-1])):
-            raise DatasetError(f"{folder} was not written by collect: its episodes lack {', '.join(sorted(missing))}")
+            raise DatasetError(
+                f"{folder} was written by another version of collect, or not by it: its episodes lack "
+                f"{', '.join(sorted(missing))}; name another folder"
+            )
         return found
 
     @contextmanager
