@@ -210,8 +210,6 @@ SUPPORT = 0.01
 """Least share of the rays that end on a board; it is low because few end on an edge that is far away."""
 EXPLAINED = 0.6
 """Least share of the points in the space that the leaf sweeps that lie on its board at the estimated opening."""
-WALL_HEIGHT = 2.5
-"""Of the map's walls, metres."""
 
 
 def opening_seen(leaf: FurnitureArticulation, handle: Handle) -> float | None:
@@ -277,20 +275,11 @@ def bodies_around(world: WorldModel, leaf: FurnitureArticulation) -> tuple[Place
         if name != leaf.furniture.name
     ]
     leaves = [other for other in articulation_obstacles(world) if other.name != leaf.articulation]
-    bodies = [_wall(segment) for segment in world.map.walls]
+    bodies = [PlacedShape(box, pose) for box, pose in world.map.wall_boxes()]
     for body in (*solids, *leaves):
         error = _place_error(furniture[body.name.partition("/")[0]])
         bodies += [replace(placed, shape=_larger(placed.shape, (error, error, 0.0))) for placed in body.shapes]
     return tuple(bodies)
-
-
-def _wall(segment: NDArray[np.float64]) -> PlacedShape:
-    (x1, y1), (x2, y2) = segment[:2], segment[2:]
-    middle = ((x1 + x2) / 2, (y1 + y2) / 2, WALL_HEIGHT / 2)
-    heading = math.atan2(y2 - y1, x2 - x1)
-    return PlacedShape(
-        Box((math.hypot(x2 - x1, y2 - y1), 0.0, WALL_HEIGHT)), Pose.from_xyz_rpy(middle, (0.0, 0.0, heading))
-    )
 
 
 def opening_by_rays(

@@ -168,8 +168,8 @@ class FindStandAtFurniture(FindBasePlacement):
         return skills.arm_world(scene)
 
     def _ignored(self) -> list[str]:
-        """Return the names of what is no obstacle: the target, and at a goal the objects on the surface, which are left
-        to the skill that looks at the place.
+        """Return the names that do not count as obstacles: the target, and at a goal the objects on the surface, which
+        the skill that looks at the place takes into account.
         """
         world, name = self.skills.world, self.object or ""
         if self.goal is None and name in world.objects:

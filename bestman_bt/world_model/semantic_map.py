@@ -127,6 +127,8 @@ class MapFurniture:
         return self.pose.apply(np.array([[-x, -y], [x, -y], [x, y], [-x, y]]))
 
 
+WALL_HEIGHT = 2.5
+"""Metres; the map has the faces of walls alone."""
 OPEN_FLOOR = 3.0
 """Metres of free floor around the furniture if there are no enclosing walls."""
 
@@ -151,6 +153,15 @@ class SemanticMap:
                     return furniture, surface
         known = [f"{f.name}/{s.name}" for f in self.furniture.values() for s in f.surfaces]
         raise KeyError(f"no surface {name!r} in the map; known: {', '.join(known)}")
+
+    def wall_boxes(self, height: float = WALL_HEIGHT, thickness: float = 0.0) -> list[tuple[Box, Pose]]:
+        """Return the walls as boxes, metres, with their poses in the map frame."""
+        boxes = []
+        for x1, y1, x2, y2 in self.walls:
+            centre = ((x1 + x2) / 2, (y1 + y2) / 2, height / 2)
+            pose = Pose.from_xyz_rpy(centre, (0.0, 0.0, math.atan2(y2 - y1, x2 - x1)))
+            boxes.append((Box((math.hypot(x2 - x1, y2 - y1) + thickness, thickness, height)), pose))
+        return boxes
 
     def with_furniture(self, piece: MapFurniture) -> SemanticMap:
         """Return the map with the piece of this name replaced."""

@@ -13,7 +13,7 @@ from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import VOXEL_OCCUPIED, VOXEL_UNKNOWN, Box, PlacedShape, Pose, VoxelGrid, distance_to_shape
 from bestman_bt.robot_model.model import ArmModel, GripperModel, RobotModel
 from bestman_bt.world_model.openness import articulation_shapes, handle_shape
-from bestman_bt.world_model.semantic_map import MapFurniture
+from bestman_bt.world_model.semantic_map import WALL_HEIGHT, MapFurniture
 from bestman_bt.world_model.world_model import WorldModel
 
 SAME_HEIGHT = 0.006
@@ -150,7 +150,7 @@ class SceneMargins:
     reach: float = 2.0
     furniture_offset: float = 0.03
     furniture_turn: float = math.radians(2.0)
-    wall_height: float = 2.5
+    wall_height: float = WALL_HEIGHT
     wall_thickness: float = 0.02
     object_deviations: float = 2.0
     max_object_padding: float = 0.01
@@ -266,13 +266,10 @@ def _floor() -> SceneObstacle:
 
 def _walls(world_model: WorldModel, base_from_map: Pose, margins: SceneMargins) -> list[SceneObstacle]:
     obstacles = []
-    for i, (x1, y1, x2, y2) in enumerate(world_model.map.walls):
-        length = math.hypot(x2 - x1, y2 - y1)
-        centre = ((x1 + x2) / 2, (y1 + y2) / 2, margins.wall_height / 2)
-        pose = base_from_map @ Pose.from_xyz_rpy(centre, (0.0, 0.0, math.atan2(y2 - y1, x2 - x1)))
-        size = (length + margins.wall_thickness, margins.wall_thickness, margins.wall_height)
-        if _distance_to_box(pose, size) < margins.reach:
-            obstacles.append(SceneObstacle(f"wall{i}", (PlacedShape(Box(size), pose),)))
+    for i, (box, placed) in enumerate(world_model.map.wall_boxes(margins.wall_height, margins.wall_thickness)):
+        pose = base_from_map @ placed
+        if _distance_to_box(pose, box.size) < margins.reach:
+            obstacles.append(SceneObstacle(f"wall{i}", (PlacedShape(box, pose),)))
     return obstacles
 
 
