@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from typing import Any
 
 import zmq
-from zmq.utils.monitor import recv_monitor_message
 
 IDENTIFIER = 0x01020304
 TIMEOUT = 60_000
@@ -28,12 +27,7 @@ class Groot2Client:
         self._breakpoints = self._context.socket(zmq.SUB)
         self._breakpoints.setsockopt(zmq.RCVTIMEO, TIMEOUT)
         self._breakpoints.setsockopt(zmq.SUBSCRIBE, b"")
-        # A publisher drops what it sends before a subscriber has connected, which connect() does not wait for.
-        connected = self._breakpoints.get_monitor_socket(zmq.Event.HANDSHAKE_SUCCEEDED)
-        connected.setsockopt(zmq.RCVTIMEO, TIMEOUT)
         self._breakpoints.connect(f"tcp://127.0.0.1:{port + 1}")
-        recv_monitor_message(connected)
-        self._breakpoints.disable_monitor()
 
     def send(self, *parts: bytes) -> list[bytes]:
         """The parts of the answer to these parts."""
