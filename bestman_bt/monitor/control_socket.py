@@ -50,11 +50,14 @@ def serve(channel: Channel, run_folder: Path | None = None) -> Iterator[Path]:
     """
     path = socket_folder() / f"{os.getpid()}-{id(channel):x}.sock"
     remove_socket(path)
+    bound = path.with_suffix(".bound")
+    bound.unlink(missing_ok=True)
     mask = os.umask(0o177)
     try:
-        server = _Server(str(path), channel)
+        server = _Server(str(bound), channel)
     finally:
         os.umask(mask)
+    bound.rename(path)  # once it listens: clients remove a socket that refuses connections
     thread = threading.Thread(target=server.serve_forever, args=(0.1,), name="control-channel", daemon=True)
     thread.start()
     if run_folder is not None:

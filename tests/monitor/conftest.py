@@ -71,8 +71,10 @@ class FakeExecutor:
         self.unanswered: set[str] = set()
         self.subscribers: list[socket.socket] = []
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._socket.bind(str(self.path))
+        bound = self.path.with_suffix(".bound")
+        self._socket.bind(str(bound))
         self._socket.listen()
+        bound.rename(self.path)
         threading.Thread(target=self._accept, daemon=True).start()
 
     def _accept(self) -> None:

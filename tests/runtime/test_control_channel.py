@@ -27,6 +27,7 @@ from py_trees.common import Access, Status
 from behaviours.failure import NodeFailure
 from bestman_bt.control.operator_speed import OperatorSpeed
 from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, build_tree, load_tree
+from bestman_bt.monitor import control_socket
 from bestman_bt.monitor.control_client import ControlError, request, running_executors, socket_folder
 from bestman_bt.monitor.control_socket import serve
 from bestman_bt.records.events import EndEvent, Event, RunEvent, StatesEvent, from_line
@@ -494,6 +495,19 @@ def test_an_executor_that_was_killed_leaves_nothing_after_the_next_command(tmp_p
         assert not (runs[0] / "control.sock").is_symlink()
         assert (runs[1] / "control.sock").resolve() == path.resolve()
     assert list(socket_folder().iterdir()) == list(runs[1].iterdir()) == []
+
+
+def test_an_executor_that_begins_while_others_are_looked_for_keeps_its_socket(monkeypatch: pytest.MonkeyPatch) -> None:
+    found: list[list[Path]] = []
+
+    def listen(server: control_socket._Server) -> None:
+        found.append(running_executors())
+        server.socket.listen()
+
+    monkeypatch.setattr(control_socket._Server, "server_activate", listen)
+    with serve(Mock(), None) as path:
+        found.append(running_executors())
+    assert found == [[], [path]]
 
 
 def test_an_executor_that_is_too_busy_to_answer_keeps_its_socket() -> None:

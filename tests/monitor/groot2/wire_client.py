@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import zmq
+from zmq.utils.monitor import recv_monitor_message
 
 IDENTIFIER = 0x01020304
 TIMEOUT = 60_000
@@ -27,10 +28,20 @@ class Groot2Client:
         self._breakpoints = self._context.socket(zmq.SUB)
         self._breakpoints.setsockopt(zmq.RCVTIMEO, TIMEOUT)
         self._breakpoints.setsockopt(zmq.SUBSCRIBE, b"")
+        self._subscribing: zmq.Socket[bytes] | None
+        self._subscribing = self._breakpoints.get_monitor_socket(zmq.Event.HANDSHAKE_SUCCEEDED)
+        self._subscribing.setsockopt(zmq.RCVTIMEO, TIMEOUT)
         self._breakpoints.connect(f"tcp://127.0.0.1:{port + 1}")
 
     def send(self, *parts: bytes) -> list[bytes]:
-        """The parts of the answer to these parts."""
+        """The parts of the answer to these parts.
+
+        The first request waits until the other socket has connected: what is published before is lost.
+        """
+        if self._subscribing is not None:
+            recv_monitor_message(self._subscribing)
+            self._breakpoints.disable_monitor()
+            self._subscribing = None
         self._requests.send_multipart(parts)
         return self._requests.recv_multipart()
 
