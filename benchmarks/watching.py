@@ -15,6 +15,7 @@ import argparse
 import json
 import os
 import platform
+import random
 import socket
 import statistics
 import subprocess
@@ -164,11 +165,16 @@ def watched(port: int) -> Iterator[Monitor]:
 
 
 def free_port() -> int:
-    """One that nobody has."""
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        port: int = found.getsockname()[1]
-        return port
+    """The first of two that nobody has, below those that the system gives to outgoing connections."""
+    while True:
+        port = random.randrange(20_000, 32_000)
+        with socket.socket() as first, socket.socket() as second:
+            try:
+                first.bind(("127.0.0.1", port))
+                second.bind(("127.0.0.1", port + 1))
+            except OSError:
+                continue
+            return port
 
 
 def losses_and_lag(seconds: float) -> Message:
@@ -199,7 +205,7 @@ def losses_and_lag(seconds: float) -> Message:
         "changes": len(changes),
         "changes_per_second": round(len(changes) / seconds),
         "lost": sum(abs(count - ticks) for count in counts),
-        "gaps": sum(line.message.startswith("a gap") for _, line in history.log),
+        "gaps": [line.message for _, line in history.log if line.message.startswith("a gap")],
         "behind_ms": {
             "median": round(1e3 * statistics.median(late), 1),
             "p95": round(1e3 * late[round(0.95 * (len(late) - 1))], 1),

@@ -35,6 +35,14 @@ class Connections:
         ),
     ] = None
     runs: Annotated[Path, typer.Option(help="Folder in which --connect creates run folders.")] = Path("runs")
+    states_only: Annotated[
+        bool,
+        typer.Option(
+            "--states-only",
+            help="Read the states of processes 20 times a second; do not let them record each change, which can end "
+            "a process of BehaviorTree.CPP 4.9 or older that changes thousands of states a second.",
+        ),
+    ] = False
 
     def watchers(self) -> list[Groot2Watcher]:
         """Return one watcher for each process, not started."""
@@ -49,7 +57,7 @@ class Connections:
         except Groot2Error as error:
             raise wrong_input("--connect", str(error)) from error
         refuse_unwritable_folder(self.runs, "--runs")
-        return [Groot2Watcher(*place, self.runs) for place in places]
+        return [Groot2Watcher(*place, self.runs, every_change=not self.states_only) for place in places]
 
 
 @grouped_options

@@ -106,12 +106,17 @@ class Groot2Client:
         """Record no longer."""
         self.ask(RequestKind.TOGGLE_RECORDING, b"stop")
 
-    def transitions(self) -> Transitions:
-        """Return the transitions since the last call; the process keeps the last 1,000."""
+    def transitions(self) -> tuple[Transitions, int]:
+        """Return the transitions since the last call, of which the process keeps 1,000, and how many it lost besides.
+
+        BehaviorTree.CPP up to 4.9 measures its answer before it locks the record: of what is recorded in between,
+        zeros are sent. No node has the uid 0.
+        """
         read = self._records(self.ask(RequestKind.TRANSITIONS), _TRANSITION)
         self._check(read["status"])
-        times = (read["time"] + read["time_high"] * 2.0**32) * 1e-6
-        return Transitions(times, read["uid"].copy(), read["status"].copy())
+        kept = read[read["uid"] != 0]
+        times = (kept["time"] + kept["time_high"] * 2.0**32) * 1e-6
+        return Transitions(times, kept["uid"].copy(), kept["status"].copy()), len(read) - len(kept)
 
     def blackboards(self, names: list[str]) -> dict[str, dict[str, Any]]:
         """Name → key → value, of those that are there."""

@@ -37,7 +37,7 @@ from bestman_bt.records.shown_value import REMOVED, show_value
 POLL = 0.02
 """Seconds between two looks at the transitions: 1,000 are kept, so that 50,000 a second could come."""
 LOOK = 0.05
-"""Seconds between two looks at the states of a process that records no transitions, as early releases do."""
+"""Seconds between two looks at the states of a process that does not record its changes."""
 BLACKBOARD_PERIOD = 1.0
 BLACKBOARD_SHARE = 20
 """The process answers nothing else while it writes its blackboards out: they are asked for so many times as rarely."""
@@ -63,11 +63,15 @@ class Groot2Watcher:
     """Watches the process at ``host``:``port`` between ``start`` and ``stop``, in a separate thread.
 
     ``runs``: the folder for run folders and for the breakpoints of each tree; None records nothing. ``log``: called
-    with each problem, once while it lasts.
+    with each problem, once while it lasts. ``every_change``: let the process record its changes of state; else its
+    states are read every ``LOOK`` seconds.
     """
 
-    def __init__(self, host: str, port: int, runs: Path | None, log: Callable[[str], None] = _print) -> None:
+    def __init__(
+        self, host: str, port: int, runs: Path | None, log: Callable[[str], None] = _print, every_change: bool = True
+    ) -> None:
         self._host, self._port, self._runs, self._log = host, port, runs, log
+        self._every_change = every_change
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._watch, name=f"groot2 {host}:{port}", daemon=True)
 
@@ -89,7 +93,7 @@ class Groot2Watcher:
             try:
                 client = Groot2Client(self._host, self._port)
                 try:
-                    _Session(client, address, self._runs, self._stopping).follow()
+                    _Session(client, address, self._runs, self._stopping, self._every_change).follow()
                 finally:
                     client.close()
             except TreeChangedError:
@@ -104,14 +108,17 @@ class Groot2Watcher:
 class _Session:
     """One execution, from the first answer of a process to its last."""
 
-    def __init__(self, client: Groot2Client, address: str, runs: Path | None, stopping: threading.Event) -> None:
+    def __init__(
+        self, client: Groot2Client, address: str, runs: Path | None, stopping: threading.Event, every_change: bool
+    ) -> None:
         self._client, self._stopping = client, stopping
         tree = read_tree(client.full_tree(), address)
-        self._recorded, started = True, time.time()
-        try:
-            started = client.record()
-        except RequestError:
-            self._recorded = False
+        self._recorded, started = every_change, time.time()
+        if every_change:
+            try:
+                started = client.record()
+            except RequestError:
+                self._recorded = False
         self._began = time.monotonic()
         self._scopes = {node.scope or tree.id: node.scope for node in tree.nodes}
         self._nodes = {node.uid: node for node in tree.nodes}
@@ -150,7 +157,9 @@ class _Session:
             self._shown.log("warning", f"breakpoints cannot be followed: {error}")
         self._points.restore(self._client.hooks())
         if not self._recorded:
-            self._shown.log("warning", "this process records no transitions: what is short is not seen")
+            self._shown.log(
+                "warning", f"changes are not recorded: a state that lasts less than {LOOK} s may not be seen"
+            )
 
     def _now(self) -> float:
         return time.monotonic() - self._began
@@ -162,14 +171,13 @@ class _Session:
         if not self._recorded:
             self._publish_states(self._client.states(), set())
             return
-        news = self._client.transitions()
-        while len(news) >= MOST_TRANSITIONS and not self._stopping.is_set():
-            self._shown.log(
-                "warning", f"a gap: {len(news)} changes at once, as many as the process keeps; some are lost"
-            )
+        news, lost = self._client.transitions()
+        while (lost or len(news) >= MOST_TRANSITIONS) and not self._stopping.is_set():
+            many = f"{len(news)} changes at once, as many as the process keeps; some are lost"
+            self._shown.log("warning", f"a gap: {f'the process lost {lost} changes' if lost else many}")
             self._publish_changes(news)
             self._standing = self._client.states()
-            news = self._client.transitions()
+            news, lost = self._client.transitions()
         if self._standing is not None:
             standing, self._standing = self._standing, None
             self._publish_states(standing, set(news.uids.tolist()))

@@ -64,8 +64,8 @@ class CppProcess:
 
 
 @contextmanager
-def watched(port: int, runs: Path | None, said: list[str] | None = None) -> Iterator[None]:
-    watcher = Groot2Watcher("127.0.0.1", port, runs, ([] if said is None else said).append)
+def watched(port: int, runs: Path | None, said: list[str] | None = None, every_change: bool = True) -> Iterator[None]:
+    watcher = Groot2Watcher("127.0.0.1", port, runs, ([] if said is None else said).append, every_change)
     watcher.start()
     try:
         yield
@@ -180,20 +180,45 @@ def test_more_changes_than_the_process_keeps_are_a_gap_after_which_all_states_ar
 
 
 @pytest.mark.slow
-def test_of_a_process_that_records_nothing_the_states_are_looked_at(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_what_a_process_loses_itself_is_a_gap_after_which_all_states_are_right(
+    begun: Tree, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """BehaviorTree.CPP up to 4.9 sends zeros in place of changes that it records while it answers."""
+    pop = ObservedStates.pop_transitions
+
+    def last_as_zeros(states: ObservedStates) -> bytes:
+        sent = pop(states)
+        return sent[:-18] + bytes(len(sent[-18:]))
+
+    begun.tick_exactly_once()
+    wait_until(lambda: len(changes_of(tmp_path)) > 1, "the first tick is recorded")
+    monkeypatch.setattr(ObservedStates, "pop_transitions", last_as_zeros)
+    begun.tick_exactly_once()
+    wait_until(lambda: gaps_of(tmp_path) == ["a gap: the process lost 2 changes"], "the gap is told")
+    standing = [node.state for node in begun.nodes]
+    wait_until(lambda: read(folders(tmp_path)[0]).states.now.states[1:].tolist() == standing, "all states are right")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("asked", [True, False], ids=["refused", "not asked for"])
+def test_of_a_process_that_records_nothing_the_states_are_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: bool
+) -> None:
+    recordings: list[None] = []
+
     def refuse(*_: object) -> None:
+        recordings.append(None)
         raise RequestError("Request not recognized")
 
     monkeypatch.setattr(ObservedStates, "start_recording", refuse)
     port, tree = free_ports(), load_tree(OURS, clock=ManualClock())
-    with Groot2Publisher(tree, port), watched(port, tmp_path):
+    with Groot2Publisher(tree, port), watched(port, tmp_path, every_change=asked):
         wait_until(lambda: tasks() == ["Main"], "the process is found")
         tree.tick_exactly_once()
         wait_until(lambda: ask("status")["root"] == "RUNNING", "its states are seen")
     (history,) = (read(folder) for folder in folders(tmp_path))
-    assert any("records no transitions" in line.message for _, line in history.log)
+    assert bool(recordings) == asked
+    assert any("changes are not recorded" in line.message for _, line in history.log)
 
 
 def changes_of(runs: Path) -> list[tuple[int, int]]:
