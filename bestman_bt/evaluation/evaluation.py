@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
@@ -17,6 +17,7 @@ from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher
 from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
 from bestman_bt.evaluation.result import Outcome, RunResult
+from bestman_bt.evaluation.seed_map import SeedMap
 from bestman_bt.evaluation.shards import ConflictingResults, KnownDurations, Shard, find_journals, merge_journals
 from bestman_bt.evaluation.suite import Suite, SuiteEntry, check_targets
 from bestman_bt.evaluation.summary import Summary
@@ -50,17 +51,14 @@ class Evaluation:
         self._folder, self._keep_old, self._shard = folder, keep_old, shard
         self._code, self._commit = code_fingerprint(), commit()
         self._configs = {entry.name: config_fingerprint(entry.config) for entry in suite.entries}
-        self._codes: dict[str, dict[int, str]] = {entry.name: {} for entry in suite.entries}
-        """Entry → seed of a finished episode → fingerprint of the code that ran it."""
+        self._codes: list[str] = []
+        self._finished = {entry.name: SeedMap() for entry in suite.entries}
+        """Entry → seed of a finished episode → index of the code that ran it."""
         self._unsaved: dict[EpisodeKey, RunResult] = {}
-        self._planned = self._round()
+        self._planned: Mapping[str, Sequence[int]] = self._round()
+        """Entry → seeds."""
         if shard is not None:
-            seconds = None
-            if balance is not None:
-                seconds = [balance.seconds(self._configs[one.name], seed) for one, seed in self._planned]
-            self._planned = shard.part(self._planned, seconds)
-        self.asked = Counter(entry.name for entry, _ in self._planned)
-        """Entry → how many episodes are planned."""
+            self._planned = self._part(shard, balance)
         self._journal: Journal | None = None
         self._stack = ExitStack()
         self._interrupted = False
@@ -95,7 +93,7 @@ class Evaluation:
                     if result.outcome is Outcome.CANCELLED:
                         raise KeyboardInterrupt
                     entry, seed = planned[place]
-                    if seed in self._codes[entry.name]:  # the launcher has yielded it twice
+                    if seed in self._finished[entry.name]:  # the launcher has yielded it twice
                         continue
                     self._finish(entry, result)
                     if on_result is not None:
@@ -113,26 +111,40 @@ class Evaluation:
             self.notes.append("the code was changed while the evaluation ran: run it again for figures that count")
         return self.document()
 
-    def _round(self) -> list[tuple[SuiteEntry, int]]:
-        """Return entry and seed of the episodes up to now: all, or as many as the results so far ask for."""
-        precision, planned = self.suite.precision, list[tuple[SuiteEntry, int]]()
+    @property
+    def asked(self) -> Counter[str]:
+        """Entry → how many episodes are planned."""
+        return Counter({name: len(seeds) for name, seeds in self._planned.items()})
+
+    def _round(self) -> dict[str, Sequence[int]]:
+        """Return the seeds of each entry up to now: all, or as many as the results so far ask for."""
+        precision, planned = self.suite.precision, dict[str, Sequence[int]]()
         for entry in self.suite.entries:
             most = entry.episodes
             if precision is not None and not entry.control:
                 failed = self.summaries[entry.name].failed_seeds
-                most = precision.episodes([seed not in failed for seed in sorted(self._codes[entry.name])], most)
+                most = precision.episodes([seed not in failed for seed in self._finished[entry.name]], most)
             first = entry.config.seed
-            planned += [(entry, seed) for seed in range(first, first + min(most, entry.episodes))]
+            planned[entry.name] = range(first, first + min(most, entry.episodes))
         return planned
+
+    def _part(self, shard: Shard, balance: KnownDurations | None) -> dict[str, Sequence[int]]:
+        every = [(name, seed) for name, seeds in self._planned.items() for seed in seeds]
+        seconds = None
+        if balance is not None:
+            seconds = [balance.seconds(self._configs[name], seed) for name, seed in every]
+        mine: dict[str, list[int]] = {name: [] for name in self._planned}
+        for name, seed in shard.part(every, seconds):
+            mine[name].append(seed)
+        return {**mine}
 
     def _plan_further(self) -> bool:
         """Plan the next round of a suite that has a precision to reach; return whether there is one."""
         if self.suite.precision is None:
             return False
-        before = len(self._planned)
+        before = self.asked.total()
         self._planned = self._round()
-        self.asked = Counter(entry.name for entry, _ in self._planned)
-        return len(self._planned) > before
+        return self.asked.total() > before
 
     def _requests(self, planned: Iterable[tuple[SuiteEntry, int]]) -> list[EpisodeRequest]:
         runs = None if self._folder is None else self._folder.resolve() / "runs"
@@ -151,12 +163,12 @@ class Evaluation:
         assert self._journal is not None
         mine = self._folder / "episodes.jsonl"
         others = {path: read_episodes(path) for path in find_journals(folders) if path.resolve() != mine.resolve()}
-        wanted: dict[str, set[int]] = {}
-        for entry, seed in self._planned:
-            wanted.setdefault(self._configs[entry.name], set()).add(seed)
+        wanted: dict[str, list[Sequence[int]]] = {}
+        for name, seeds in self._planned.items():
+            wanted.setdefault(self._configs[name], []).append(seeds)
         problems = []
         for path, keys in others.items():
-            foreign = sum(key.seed not in wanted.get(key.config, ()) for key in keys)
+            foreign = sum(not any(key.seed in seeds for seeds in wanted.get(key.config, ())) for key in keys)
             if foreign:
                 why = f"{foreign} of {len(keys)} episodes are not of this suite, its settings, its seeds or its files"
                 problems.append(Problem(str(path), None, "", why))
@@ -211,7 +223,7 @@ class Evaluation:
     def _results_of(self, entry: SuiteEntry) -> list[RunResult]:
         kept = self._unsaved if self._journal is None else self._journal.results
         config = self._configs[entry.name]
-        return [kept[EpisodeKey(config, seed, code)] for seed, code in sorted(self._codes[entry.name].items())]
+        return [kept[EpisodeKey(config, seed, self._codes[code])] for seed, code in self._finished[entry.name].items()]
 
     def entry_document(self, entry: SuiteEntry) -> dict[str, Any]:
         """Return the summary of one entry; ``met``: all its episodes are done, and its targets met or else all
@@ -232,24 +244,32 @@ class Evaluation:
         }
 
     def _missing(self) -> Iterator[tuple[SuiteEntry, int]]:
-        for entry, seed in self._planned:
-            if seed not in self._codes[entry.name]:
-                yield entry, seed
+        for entry in self.suite.entries:
+            for seed in self._planned[entry.name]:
+                if seed not in self._finished[entry.name]:
+                    yield entry, seed
 
     def _take_finished(self, journal: Journal) -> None:
-        results = journal.results
-        old = {(key.config, key.seed): key for key in results if key.code != self._code}
-        kept = 0
-        for entry, seed in self._missing():
-            key = EpisodeKey(self._configs[entry.name], seed, self._code)
-            if key not in results and (key.config, seed) in old:
-                kept += 1
-                key = old[key.config, seed] if self._keep_old else key
-            if key in results:
-                self._count(entry, key, results[key])
-        if kept:
+        old = 0
+
+        def finished(entry: SuiteEntry) -> Iterator[EpisodeKey]:
+            nonlocal old
+            config = self._configs[entry.name]
+            for seed in self._planned[entry.name]:
+                codes = [] if seed in self._finished[entry.name] else journal.results.codes(config, seed)
+                if self._code in codes:
+                    yield EpisodeKey(config, seed, self._code)
+                elif codes:
+                    old += 1
+                    if self._keep_old:
+                        yield EpisodeKey(config, seed, codes[-1])
+
+        for entry in self.suite.entries:
+            for key, result in journal.results.read(finished(entry)):
+                self._count(entry, key, result)
+        if old:
             end = "and count all the same" if self._keep_old else "and are run again; --keep-old counts them"
-            self.notes.append(f"{kept} finished episodes were run with other code {end}")
+            self.notes.append(f"{old} finished episodes were run with other code {end}")
 
     def _finish(self, entry: SuiteEntry, result: RunResult) -> None:
         key = EpisodeKey(self._configs[entry.name], result.seed, self._code)
@@ -260,5 +280,7 @@ class Evaluation:
         self._count(entry, key, result)
 
     def _count(self, entry: SuiteEntry, key: EpisodeKey, result: RunResult) -> None:
-        self._codes[entry.name][result.seed] = key.code
+        if key.code not in self._codes:
+            self._codes.append(key.code)
+        self._finished[entry.name][result.seed] = self._codes.index(key.code)
         self.summaries[entry.name].add(result)

@@ -7,6 +7,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 
 
@@ -22,10 +25,10 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def median_interval(values: Sequence[float]) -> list[float] | None:
-    """Return the 95 % interval of the median by order statistics; None of fewer than six values."""
-    count = len(values)
-    ordered = sorted(values)
+def median_interval(values: ArrayLike) -> list[float] | None:
+    """Return the 95 % interval of the median by order statistics; None of fewer than six ``values``, (N,)."""
+    ordered = np.sort(values)
+    count = len(ordered)
     rank = 0
     if count > 1000:
         rank = int(count / 2 - 0.98 * math.sqrt(count))
@@ -36,7 +39,7 @@ def median_interval(values: Sequence[float]) -> list[float] | None:
             below += math.comb(count, rank) * 0.5**count
     if rank == 0:
         return None
-    return [round(ordered[rank - 1], 3), round(ordered[count - rank], 3)]
+    return [round(float(ordered[rank - 1]), 3), round(float(ordered[count - rank]), 3)]
 
 
 def decimals_of(value: float, width: float | None) -> int:

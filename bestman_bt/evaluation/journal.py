@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import IO, Any
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.errors import Error
 from bestman_bt.evaluation.result import RunResult
+from bestman_bt.evaluation.seed_map import SeedMap
 from bestman_bt.evaluation.writer_lock import lock_for_writing
 
 SYNC_EVERY = 0.5
@@ -38,36 +38,48 @@ class EpisodeKey:
 
 
 class StoredEpisodes(Mapping[EpisodeKey, RunResult]):
-    """The episodes of a journal; in memory are only their places in the file, so that millions have room."""
+    """The episodes of a journal, sorted by configuration, code and seed.
 
-    def __init__(self, path: Path, offsets: dict[EpisodeKey, int]) -> None:
-        self._path, self._offsets = path, offsets
+    ``places``: configuration and code → seed → where its line begins; nothing else is in memory, so that millions have
+    room.
+    """
+
+    def __init__(self, path: Path, places: Mapping[tuple[str, str], SeedMap]) -> None:
+        self._path, self._places = path, places
 
     def __getitem__(self, key: EpisodeKey) -> RunResult:
-        with self._path.open("rb") as file:
-            file.seek(self._offsets[key])
-            return _result_of(json.loads(file.readline()))
+        return _result_of(json.loads(self.line(key)))
 
     def __contains__(self, key: object) -> bool:
-        return key in self._offsets
+        return isinstance(key, EpisodeKey) and key.seed in self._places.get((key.config, key.code), ())
 
     def __iter__(self) -> Iterator[EpisodeKey]:
-        return iter(self._offsets)
+        for config, code in sorted(self._places):
+            for seed in self._places[config, code]:
+                yield EpisodeKey(config, seed, code)
 
     def __len__(self) -> int:
-        return len(self._offsets)
+        return sum(map(len, self._places.values()))
 
-    def lines(self) -> Iterator[tuple[EpisodeKey, bytes]]:
-        """Yield each episode as its line in the file."""
-        with self._path.open("rb") as file:
-            for key, offset in self._offsets.items():
-                file.seek(offset)
-                yield key, file.readline()
+    def codes(self, config: str, seed: int) -> list[str]:
+        """Return the fingerprints of the codes that ran an episode, in the order in which they came into the file."""
+        return [code for (of, code), seeds in self._places.items() if of == config and seed in seeds]
 
-    def read(self) -> Iterator[tuple[EpisodeKey, RunResult]]:
-        """Yield all episodes; quicker than one by one."""
-        for key, line in self.lines():
+    def line(self, key: EpisodeKey) -> bytes:
+        """Return an episode as its line in the file."""
+        ((_, line),) = self._lines([key])
+        return line
+
+    def read(self, keys: Iterable[EpisodeKey] | None = None) -> Iterator[tuple[EpisodeKey, RunResult]]:
+        """Yield these episodes, by default all; quicker than one by one."""
+        for key, line in self._lines(self if keys is None else keys):
             yield key, _result_of(json.loads(line))
+
+    def _lines(self, keys: Iterable[EpisodeKey]) -> Iterator[tuple[EpisodeKey, bytes]]:
+        with self._path.open("rb") as file:
+            for key in keys:
+                file.seek(self._places[key.config, key.code][key.seed])
+                yield key, file.readline()
 
 
 class Journal:
@@ -81,7 +93,7 @@ class Journal:
         self.path = path
         self._file: IO[bytes] | None = None
         self._lock_file: Path | None = None
-        self._offsets: dict[EpisodeKey, int] = {}
+        self._places: dict[tuple[str, str], SeedMap] = {}
         self._end = 0
         self._synced = 0.0
         self._made_folders: list[Path] = []
@@ -118,7 +130,7 @@ class Journal:
     @property
     def results(self) -> StoredEpisodes:
         """All finished episodes."""
-        return StoredEpisodes(self.path, self._offsets)
+        return StoredEpisodes(self.path, self._places)
 
     def add(self, key: EpisodeKey, commit: str, result: RunResult) -> None:
         """Write a finished episode and flush it, so that a killed process does not lose it. Raises JournalError."""
@@ -134,7 +146,7 @@ class Journal:
             self._file.flush()
         except OSError as error:
             raise self._not_written(error) from error
-        self._offsets[key] = self._end
+        self._places.setdefault((key.config, key.code), SeedMap())[key.seed] = self._end
         self._end += len(line)
         if time.monotonic() - self._synced >= SYNC_EVERY:
             self._sync()
@@ -149,17 +161,17 @@ class Journal:
 
     def _not_written(self, error: OSError) -> JournalError:
         return JournalError(
-            f"{self.path} cannot be written any more: {error.strerror}; the {len(self._offsets)} episodes in it are "
+            f"{self.path} cannot be written any more: {error.strerror}; the {len(self.results)} episodes in it are "
             "kept: make room there and repeat the command"
         )
 
     def _read(self, file: IO[bytes]) -> None:
         file.seek(0)
-        self._offsets, damaged, self._end = _indexed(file)
+        self._places, damaged, self._end = _indexed(file)
         file.truncate(self._end)  # without the torn line
         if not damaged:
             return
-        if not self._offsets:
+        if not self._places:
             raise _damaged(self.path, damaged)
         copy = self.path.with_name(f"{self.path.name}.damaged")
         shutil.copyfile(self.path, copy)
@@ -169,7 +181,7 @@ class Journal:
         file.flush()
         os.fsync(file)
         file.seek(0)
-        self._offsets, _, self._end = _indexed(file)
+        self._places, _, self._end = _indexed(file)
         numbers = ", ".join(map(str, damaged))
         self.notes.append(f"{self.path}: damaged lines were left out ({numbers}); the original file: {copy}")
 
@@ -185,17 +197,17 @@ def read_episodes(path: Path) -> StoredEpisodes:
     """Return the finished episodes of a journal, even while it is being written. Raises OSError or
     ConfigurationError."""
     with path.open("rb") as file:
-        offsets, damaged, _ = _indexed(file)
+        places, damaged, _ = _indexed(file)
     if damaged:
         raise _damaged(path, damaged)
-    return StoredEpisodes(path, offsets)
+    return StoredEpisodes(path, places)
 
 
-def _indexed(file: IO[bytes]) -> tuple[dict[EpisodeKey, int], dict[int, Exception], int]:
+def _indexed(file: IO[bytes]) -> tuple[dict[tuple[str, str], SeedMap], dict[int, Exception], int]:
     """Return where the line of each episode begins, what is wrong with which other line, and where the last whole line
     ends.
     """
-    offsets: dict[EpisodeKey, int] = {}
+    places: dict[tuple[str, str], SeedMap] = {}
     damaged: dict[int, Exception] = {}
     end = 0
     for number, line in enumerate(file, 1):
@@ -204,11 +216,11 @@ def _indexed(file: IO[bytes]) -> tuple[dict[EpisodeKey, int], dict[int, Exceptio
         try:
             entry = json.loads(line)
             _result_of(entry)
-            offsets[EpisodeKey(sys.intern(entry["config"]), entry["seed"], sys.intern(entry["code"]))] = end
-        except (ValueError, KeyError, TypeError) as error:
+            places.setdefault((entry["config"], entry["code"]), SeedMap())[entry["seed"]] = end
+        except (ValueError, KeyError, TypeError, OverflowError) as error:
             damaged[number] = error
         end += len(line)
-    return offsets, damaged, end
+    return places, damaged, end
 
 
 def _result_of(entry: Mapping[str, Any]) -> RunResult:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import heapq
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from statistics import fmean
 from typing import Any, TypeVar
@@ -117,15 +119,30 @@ def merge_journals(journal: Journal, others: Mapping[Path, StoredEpisodes]) -> l
 
     Raises JournalError if they cannot be written.
     """
-    mine, contradictions = frozenset(journal.results), []
-    for path, episodes in others.items():
-        for key, line in episodes.lines():
-            if key not in journal.results:
-                journal.add_line(key, line)
-            elif differing := tuple(_differing(journal.results[key].to_document(), episodes[key].to_document())):
-                first = journal.path if key in mine else next(one for one in others if key in others[one])
-                contradictions.append(ConflictingResults(key, (str(first), str(path)), differing))
+    contradictions: list[ConflictingResults] = []
+    added: EpisodeKey | None = None
+    first = journal.path
+    for key, path in _sorted_keys(others):
+        line = others[path].line(key)
+        if key not in journal.results:
+            journal.add_line(key, line)
+            added, first = key, path
+        elif line != journal.results.line(key) and (
+            differing := tuple(_differing(journal.results[key].to_document(), others[path][key].to_document()))
+        ):
+            paths = (str(first if key == added else journal.path), str(path))
+            contradictions.append(ConflictingResults(key, paths, differing))
     return contradictions
+
+
+def _sorted_keys(journals: Mapping[Path, StoredEpisodes]) -> Iterator[tuple[EpisodeKey, Path]]:
+    """Yield the episodes of all journals, those of one key in the order of the journals."""
+
+    def of_one(episodes: StoredEpisodes, path: Path) -> Iterator[tuple[tuple[str, str, int], EpisodeKey, Path]]:
+        return (((key.config, key.code, key.seed), key, path) for key in episodes)
+
+    merged = heapq.merge(*(of_one(episodes, path) for path, episodes in journals.items()), key=itemgetter(0))
+    return ((key, path) for _, key, path in merged)
 
 
 def _differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:

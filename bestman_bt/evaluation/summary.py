@@ -27,7 +27,9 @@ class Summary:
         self._errors = self._false_successes = 0
         self._slowest = (-math.inf, 0)
         self._sim_time, self._wall_time = array("d"), array("d")
-        self._metrics, self._accuracy, self._durations = _Measurements(), _Measurements(), _Measurements()
+        self._accuracy, self._durations = _Measurements(), _Measurements()
+        self._of_failures = _Measurements()
+        """The metrics of the runs whose tree did not succeed."""
 
     def add(self, result: RunResult) -> None:
         """Count a result."""
@@ -43,10 +45,11 @@ class Summary:
         self._slowest = max(self._slowest, (result.sim_time_s, -result.seed))
         self._sim_time.append(result.sim_time_s)
         self._wall_time.append(result.wall_time_s)
-        self._metrics.add(result.metrics)
         if result.tree_status == "SUCCESS":
             self._accuracy.add(result.metrics)
             self._durations.add({**result.durations, "time_s": result.sim_time_s})
+        else:
+            self._of_failures.add(result.metrics)
 
     @property
     def failed_seeds(self) -> set[int]:
@@ -85,9 +88,9 @@ class Summary:
             "sim_time_s": round(sim_time, 3),
             "wall_time_s": round(busy if wall_time_s is None else wall_time_s, 3),
             "real_time_factor": round(sim_time / busy, 3) if busy > 0 else 0.0,
-            "metrics": self._metrics.spreads(),
-            "accuracy": self._accuracy.spreads(),
-            "durations": self._durations.spreads(),
+            "metrics": _spreads(self._accuracy, self._of_failures),
+            "accuracy": _spreads(self._accuracy),
+            "durations": _spreads(self._durations),
         }
 
 
@@ -103,23 +106,25 @@ class _Measurements:
     """Metric → the finite values of the runs that measured it."""
 
     def __init__(self) -> None:
-        self._values: dict[str, array[float]] = {}
+        self.values: dict[str, array[float]] = {}
 
     def add(self, metrics: Mapping[str, float]) -> None:
         for name, value in metrics.items():
             if math.isfinite(value):
-                self._values.setdefault(name, array("d")).append(value)
+                self.values.setdefault(name, array("d")).append(value)
 
-    def spreads(self) -> dict[str, dict[str, Any]]:
-        """Return metric → median, its 95 % interval, and the 95th percentile."""
-        return {
-            name: {
-                "median": round(float(np.median(values)), 3),
-                "interval": median_interval(values),
-                "p95": round(float(np.percentile(values, 95)), 3),
-            }
-            for name, values in sorted(self._values.items())
+
+def _spreads(*measured: _Measurements) -> dict[str, dict[str, Any]]:
+    """Return metric → median, its 95 % interval, and the 95th percentile."""
+    spreads: dict[str, dict[str, Any]] = {}
+    for name in sorted({name for one in measured for name in one.values}):
+        values = np.sort(np.concatenate([one.values[name] for one in measured if name in one.values]))
+        spreads[name] = {
+            "median": round(float(np.median(values)), 3),
+            "interval": median_interval(values),
+            "p95": round(float(np.percentile(values, 95)), 3),
         }
+    return spreads
 
 
 def spread_words(spread: Mapping[str, Any]) -> str:

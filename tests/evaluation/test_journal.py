@@ -126,7 +126,7 @@ def test_a_line_damaged_in_the_middle_is_left_out_and_the_file_as_it_was_is_kept
         assert mended.notes == [f"{path}: damaged lines were left out (2); the original file: {copy}"]
         assert copy.read_bytes() == broken
         mended.add(others[0], "", result(8))
-    assert list(read_episodes(path)) == [KEY, others[1], others[0]]
+    assert list(read_episodes(path)) == [KEY, *others]
 
 
 def test_the_disk_has_an_episode_half_a_second_later_and_at_the_end(

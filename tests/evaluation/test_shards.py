@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -111,6 +112,37 @@ def test_shards_make_the_document_of_one_evaluation(suite: Suite, keys: Sequence
     assert merged(suite, tmp_path / "other", *shards) == whole
     assert merged(suite, tmp_path / "out", tmp_path / "shards") == whole  # once more
     assert not any(entry["missing"] for entry in whole["entries"])
+
+
+def test_the_order_of_the_shards_does_not_change_the_journal(
+    suite: Suite, keys: Sequence[EpisodeKey], tmp_path: Path
+) -> None:
+    write(tmp_path / "one", keys[::2])
+    write(tmp_path / "two", keys[:0:-1])
+    merged(suite, tmp_path / "a", tmp_path / "one", tmp_path / "two")
+    merged(suite, tmp_path / "b", tmp_path / "two", tmp_path / "one")
+    journals = [(tmp_path / name / "episodes.jsonl").read_bytes() for name in ("a", "b")]
+    assert journals[0] == journals[1]
+
+
+@pytest.mark.slow
+def test_an_episode_that_is_merged_takes_no_more_memory_than_its_numbers(suite: Suite, tmp_path: Path) -> None:
+    entry, code = suite.entries[0], code_fingerprint()
+    config = config_fingerprint(entry.config)
+    taken = []
+    for episodes in (500, 3500):
+        shards = tmp_path / str(episodes)
+        for number in range(4):
+            mine = range(FIRST + number, FIRST + episodes, 4)
+            write(shards / str(number), [EpisodeKey(config, seed, code) for seed in mine])
+        evaluation = Evaluation(Suite("large", (replace(entry, episodes=episodes),)), tmp_path / f"{episodes}_out")
+        tracemalloc.start()
+        with evaluation:
+            assert evaluation.merge([shards])["episodes"] == episodes
+        taken.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    numbers = 2 + len({**result(0).metrics, **result(0).durations, "time_s": 0.0})
+    assert (taken[1] - taken[0]) / 3000 < 9 * numbers + 100
 
 
 def test_missing_episodes_are_named(suite: Suite, keys: Sequence[EpisodeKey], tmp_path: Path) -> None:

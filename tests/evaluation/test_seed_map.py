@@ -1,0 +1,41 @@
+"""The map from seeds to numbers is a dictionary that is sorted and small."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from bestman_bt.evaluation.seed_map import SeedMap
+
+
+def test_it_holds_what_a_dictionary_holds_sorted_by_seed() -> None:
+    rng = np.random.default_rng(3)
+    expected: dict[int, int] = {}
+    found = SeedMap()
+    for seed, number in rng.integers(0, 200, (300, 2)).tolist():
+        expected[seed] = found[seed] = number
+    assert list(found.items()) == sorted(expected.items())
+    assert [seed in found for seed in range(200)] == [seed in expected for seed in range(200)]
+    assert [found.get(seed, -1) for seed in (-1, 200)] == [-1, -1]
+
+
+def test_ten_thousand_seeds_take_twenty_bytes_each() -> None:
+    tracemalloc.start()
+    try:
+        found = SeedMap()
+        for seed in range(10_000):
+            found[seed] = 1000 * seed
+        taken, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert len(found) == 10_000
+    assert taken < 20 * len(found)
+
+
+def test_a_seed_that_does_not_fit_is_refused() -> None:
+    found = SeedMap()
+    with pytest.raises(OverflowError):
+        found[2**63] = 0
+    assert list(found) == []
