@@ -177,6 +177,8 @@ PositiveShare = Annotated[float, Field(gt=0, le=1), BeforeValidator(_reader())]
 Friction = Annotated[float, Field(ge=0), BeforeValidator(_reader())]
 WholeNumber = Annotated[int, Field(strict=True, ge=0)]
 PositiveWholeNumber = Annotated[int, Field(strict=True, gt=0)]
+Seed = Annotated[int, Field(strict=True, ge=0, lt=2**62)]
+"""A seed; those of further episodes, counted from it, fit into 64 bits, too."""
 
 Lengths3 = tuple[Length, Length, Length]
 Angles3 = tuple[Angle, Angle, Angle]

@@ -22,7 +22,7 @@ from bestman_bt.configuration.errors import (
     in_python,
     naming_python_parameters,
 )
-from bestman_bt.configuration.quantity import WholeNumber
+from bestman_bt.configuration.quantity import Seed
 from bestman_bt.configuration.secret import shown_setting
 from bestman_bt.configuration.task import TaskConfig, check_task, task_document, with_default_algorithms
 from bestman_bt.extras import DEFAULT_SIMULATOR
@@ -46,7 +46,7 @@ class RunConfig:
 
     name: str
     task: TaskConfig
-    seed: WholeNumber = 0
+    seed: Seed = 0
     driver: str = DEFAULT_SIMULATOR
     record: bool = False
     recording: str = ""
@@ -173,7 +173,7 @@ def run_of_options(asked: RunRequest, faults: list[Problem] | None = None) -> Ru
 
 @dataclass(frozen=True)
 class _Seed:
-    seed: WholeNumber
+    seed: Seed
 
 
 def parse_settings(settings: Iterable[str]) -> dict[str, Any]:

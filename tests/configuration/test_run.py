@@ -133,6 +133,7 @@ def test_another_algorithm_in_a_slot_does_not_inherit_parameters(tmp_path: Path)
         ({"task": "fetch_cup", "tree": "/nowhere/x.xml"}, "/nowhere/x.xml: no such tree file"),
         ({"task": "fetch_cup", "seed": "seven"}, "seed=seven: seed: should be a whole number, got 'seven'"),
         ({"task": "fetch_cup", "seed": -1}, "seed=-1: seed: should be greater than or equal to 0"),
+        ({"task": "fetch_cup", "seed": 2**62}, f"seed={2**62}: seed: should be less than {2**62}"),
         (
             {"task": "fetch_cup", "settings": ["tick_rat=3"]},
             "settings=['tick_rat=3']: unknown key 'tick_rat'; did you mean",
