@@ -30,7 +30,7 @@ class Contact:
 
     ``kind``: ``grasp`` and ``push``: the fingers touch the object ``thing``; ``support``: the object ``thing`` touches
     the furniture ``on``, or the ``floor``; ``handle``: the fingers touch the door or drawer ``thing``,
-    ``furniture/leaf``, or its handle. ``max_force``: newtons. ``skill``: path of the node, set by ``Skill.touching``.
+    ``furniture/name``, or its handle. ``max_force``: newtons. ``skill``: path of the node, set by ``Skill.touching``.
     """
 
     kind: Literal["grasp", "push", "support", "handle"]
@@ -52,7 +52,7 @@ class Contact:
                 self.thing, list(objects)
             )
         if self.kind == "handle" and "/" not in self.thing:
-            return f"it should name one door or drawer, 'furniture/leaf', got {self.thing!r}"
+            return f"it should name one door or drawer, 'furniture/name', got {self.thing!r}"
         if self.kind == "handle" and articulations and self.thing not in articulations:
             return f"it should name one door or drawer of the map, got {self.thing!r}; " + suggestion(
                 self.thing, list(articulations)
@@ -76,7 +76,7 @@ def push(thing: str, max_force: float = MAX_FORCE) -> Contact:
 
 
 def handle(articulation: str, max_force: float = MAX_FORCE) -> Contact:
-    """Declare that the fingers pull or push a door or drawer, ``furniture/leaf``; ``max_force``: newtons."""
+    """Declare that the fingers pull or push a door or drawer, ``furniture/name``; ``max_force``: newtons."""
     return Contact("handle", articulation, max_force)
 
 

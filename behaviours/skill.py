@@ -245,7 +245,7 @@ class Skill(ErrorReporting, StatefulAction):
         skills = self.skills
         known = [*skills.world.models, *skills.world.objects]
         pieces = skills.world.map.furniture.values()
-        articulations = [f"{piece.name}/{leaf.name}" for piece in pieces for leaf in piece.leaves]
+        articulations = [f"{piece.name}/{door.name}" for piece in pieces for door in piece.articulations]
         for contact in contacts:
             if fault := contact.fault(known, articulations):
                 raise self._mistake(self.execute, f"declares an invalid contact, {contact.kind}: {fault}")

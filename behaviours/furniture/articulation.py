@@ -28,75 +28,73 @@ MEASURED = 0.01
 """Largest position error of furniture, metres, up to which its doors count as known, for the palm too."""
 
 Touching = Literal["free", "nothing", "fingers", "hand"]
-"""Which parts of the robot may touch the furniture: the fingers its leaf, or the hand all of it.
+"""Which parts of the robot may touch the furniture: the fingers its door, or the hand all of it.
 
 ``nothing``: allowed if the pose of the furniture is known well; otherwise, and for the fingers too, its boards are
 thickened by the map's error, and the hand may be within them. ``free``: no contact is allowed.
 """
 
-LeafWorlds: TypeAlias = "dict[tuple[Pose2D | None, float, Touching], CollisionWorld]"
-"""Collision worlds at a leaf, by base placement, leaf position and allowed contacts."""
+OpeningWorlds: TypeAlias = "dict[tuple[Pose2D | None, float, Touching], CollisionWorld]"
+"""Collision worlds at a door, by base placement, door position and allowed contacts."""
 
-UNKNOWN_ARTICULATION = {"unknown_articulation": "name a door or drawer of the map, as furniture/leaf"}
+UNKNOWN_ARTICULATION = {"unknown_articulation": "name a door or drawer of the map, as furniture/name"}
 
 
 @dataclass(frozen=True, eq=False)
 class FurnitureArticulation:
-    """A door or drawer; ``articulation``: its name, ``furniture/leaf``."""
+    """A door or drawer; ``name``: ``furniture/name``."""
 
-    articulation: str
+    name: str
     furniture: MapFurniture
-    leaf: MapArticulation
+    mapped: MapArticulation
 
     def bodies(self) -> list[str]:
         """Return the names of the bodies in the planning scene that the hand works at."""
-        return [self.furniture.name, *(f"{self.furniture.name}/{leaf.name}" for leaf in self.furniture.leaves)]
+        return [self.furniture.name, *(f"{self.furniture.name}/{door.name}" for door in self.furniture.articulations)]
 
     def front(self, position: float) -> Pose:
         """Return the pose of the front board's centre in the map frame, with the furniture's axes, at an opening of
         ``position``.
         """
-        return self.furniture.pose.to_pose() @ self.leaf.moved(position) @ self.leaf.shapes[0].pose
+        return self.furniture.pose.to_pose() @ self.mapped.moved(position) @ self.mapped.shapes[0].pose
 
     def axis(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return a point on the axis and its direction, (3,) each, in the map frame; a positive motion opens the
         joint.
         """
         frame = self.furniture.pose.to_pose()
-        return frame.apply(np.array([self.leaf.origin]))[0], frame.rotation @ np.array(self.leaf.axis)
+        return frame.apply(np.array([self.mapped.origin]))[0], frame.rotation @ np.array(self.mapped.axis)
 
     def check_opening(self, port: str, opening: float) -> None:
-        """Raise SkillFailure (``bad_input``) if the leaf cannot be open by ``opening``, radians or metres."""
-        upper, unit = self.leaf.upper, "rad" if self.leaf.kind == "revolute" else "m"
+        """Raise SkillFailure (``bad_input``) if the door cannot be open by ``opening``, radians or metres."""
+        upper, unit = self.mapped.upper, "rad" if self.mapped.kind == "revolute" else "m"
         if not 0.0 <= opening <= upper:
-            raise SkillFailure(
-                "bad_input", f"{port} is {opening}; {self.articulation} opens by 0 to {upper:.2f} {unit}"
-            )
+            raise SkillFailure("bad_input", f"{port} is {opening}; {self.name} opens by 0 to {upper:.2f} {unit}")
 
     def lever(self, position: NDArray[np.float64]) -> float:
         """Return the metres that a point (3,) of the map moves per unit of the joint: the distance from the hinge, or
         1.
         """
-        if self.leaf.kind == "prismatic":
+        if self.mapped.kind == "prismatic":
             return 1.0
         point, axis = self.axis()
         return float(np.linalg.norm(np.cross(axis, position - point)))
 
 
 def find_articulation(skills: SkillContext, articulation: str) -> FurnitureArticulation:
-    """Return the door or drawer ``furniture/leaf`` of the map. Raises SkillFailure listing the known ones."""
+    """Return the door or drawer ``furniture/name`` of the map. Raises SkillFailure listing the known ones."""
     known = skills.world.map.furniture
     name, _, part = articulation.partition("/")
-    leaf = next((leaf for leaf in known[name].leaves if leaf.name == part), None) if name in known else None
-    if leaf is None:
-        there = ", ".join(f"{piece.name}/{one.name}" for piece in known.values() for one in piece.leaves)
+    door = next((door for door in known[name].articulations if door.name == part), None) if name in known else None
+    if door is None:
+        there = ", ".join(f"{piece.name}/{one.name}" for piece in known.values() for one in piece.articulations)
         raise SkillFailure("unknown_articulation", f"no door or drawer {articulation!r} in the map; known: {there}")
-    return FurnitureArticulation(articulation, known[name], leaf)
+    return FurnitureArticulation(articulation, known[name], door)
 
 
-def world_at_leaf(
+def world_at_opening(
     skills: SkillContext,
-    leaf: FurnitureArticulation,
+    door: FurnitureArticulation,
     position: float,
     touching: Touching,
     stand: Pose2D | None = None,
@@ -104,23 +102,23 @@ def world_at_leaf(
     margin: float = 0.0,
     felt: Obstacle | None = None,
 ) -> CollisionWorld:
-    """Return the arm's collision world while the leaf is open by ``position``, radians or metres.
+    """Return the arm's collision world while the door is open by ``position``, radians or metres.
 
     ``stand``: the future base pose, None for the current one. ``ignore``: names to leave out. ``margin``: uncertainty
-    of the opening. ``felt``: the leaf as measured by contact, in place of ``position``.
+    of the opening. ``felt``: the door as measured by contact, in place of ``position``.
     """
-    scene = _scene_at_leaf(skills, leaf, position, touching, stand, ignore, felt)
+    scene = _scene_at_opening(skills, door, position, touching, stand, ignore, felt)
     if margin > 0.0:
-        others = [_scene_at_leaf(skills, leaf, position + off, touching, stand, ignore) for off in (-margin, margin)]
-        may_be = [o for other in (scene, *others) for o in other.obstacles if o.name == leaf.articulation]
+        others = [_scene_at_opening(skills, door, position + off, touching, stand, ignore) for off in (-margin, margin)]
+        may_be = [o for other in (scene, *others) for o in other.obstacles if o.name == door.name]
         if may_be:
             scene = scene.adding(replace(may_be[0], shapes=tuple(s for body in may_be for s in body.shapes)))
     return skills.arm_world(scene)
 
 
-def _scene_at_leaf(
+def _scene_at_opening(
     skills: SkillContext,
-    leaf: FurnitureArticulation,
+    door: FurnitureArticulation,
     position: float,
     touching: Touching,
     stand: Pose2D | None,
@@ -132,54 +130,54 @@ def _scene_at_leaf(
         planning_scene_from_world_model,
     )
 
-    world = replace(skills.world, articulations={**skills.world.articulations, leaf.articulation: position})
+    world = replace(skills.world, articulations={**skills.world.articulations, door.name: position})
     if felt is not None:
         world = replace(world, obstacles={**world.obstacles, felt.name: felt})
     if stand is not None:
         world = replace(world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()))
     allowed: list[tuple[str, str]] = []
-    if touching == "hand" or (touching != "free" and leaf.furniture.position_error > MEASURED):
-        allowed = hand_contacts(skills, *leaf.bodies())
+    if touching == "hand" or (touching != "free" and door.furniture.position_error > MEASURED):
+        allowed = hand_contacts(skills, *door.bodies())
     elif touching == "fingers":
-        allowed = list(finger_contacts(skills.robot, leaf.articulation, skills.arm.name))
+        allowed = list(finger_contacts(skills.robot, door.name, skills.arm.name))
     return planning_scene_from_world_model(
         world,
         skills.robot,
         skills.joints.positions(),
         skills.arm.name,
         ignore=ignore,
-        hollow=[leaf.furniture.name],
-        explained=[_seen_with(skills.world, leaf, world.base.pose.to_pose().inverse())],
+        hollow=[door.furniture.name],
+        explained=[_seen_with(skills.world, door, world.base.pose.to_pose().inverse())],
     ).allowing(*allowed)
 
 
-def _seen_with(world: WorldModel, leaf: FurnitureArticulation, base_from_map: Pose) -> PlacedShape:
-    """Return a box, base frame, around the believed leaf and its contents, which move along."""
-    opened = base_from_map @ leaf.furniture.pose.to_pose() @ world.opening_of(leaf.furniture, leaf.leaf)
-    return PlacedShape(leaf.leaf.hull.shape, opened @ leaf.leaf.hull.pose)
+def _seen_with(world: WorldModel, door: FurnitureArticulation, base_from_map: Pose) -> PlacedShape:
+    """Return a box, base frame, around the believed door and its contents, which move along."""
+    opened = base_from_map @ door.furniture.pose.to_pose() @ world.opening_of(door.furniture, door.mapped)
+    return PlacedShape(door.mapped.hull.shape, opened @ door.mapped.hull.pose)
 
 
 def free_along(
     skills: SkillContext,
-    leaf: FurnitureArticulation,
+    door: FurnitureArticulation,
     positions: Sequence[float],
     touching: Touching,
     stand: Pose2D | None = None,
     skip: int = 0,
-    worlds: LeafWorlds | None = None,
+    worlds: OpeningWorlds | None = None,
 ) -> IsFreeAt:
-    """Return a check whether the arm is free at each station while the leaf is at ``positions``.
+    """Return a check whether the arm is free at each station while the door is at ``positions``.
 
     ``skip``: stations at the start that belong to the first position, such as the one before a grasp. ``worlds``: a
-    cache for other paths of this leaf in the same surroundings; new worlds are added.
+    cache for other paths of this door in the same surroundings; new worlds are added.
     """
-    known: LeafWorlds = {} if worlds is None else worlds
+    known: OpeningWorlds = {} if worlds is None else worlds
 
     def is_free(joints: NDArray[np.float64], station: int) -> bool:
         position = positions[max(0, station - skip)]
         around = known.get((stand, position, touching))
         if around is None:
-            around = known[stand, position, touching] = world_at_leaf(skills, leaf, position, touching, stand)
+            around = known[stand, position, touching] = world_at_opening(skills, door, position, touching, stand)
         return around.is_free(joints)
 
     return is_free
@@ -194,20 +192,20 @@ ACROSS = np.linspace(-0.5, 0.5, 9)
 
 
 def room_beside(
-    skills: SkillContext, leaf: FurnitureArticulation, positions: Sequence[float]
+    skills: SkillContext, door: FurnitureArticulation, positions: Sequence[float]
 ) -> Callable[[Pose2D], bool]:
-    """Return a check whether the base has room at a placement (map frame) and is clear of the leaf at ``positions``.
+    """Return a check whether the base has room at a placement (map frame) and is clear of the door at ``positions``.
 
-    Body and head may be below or above the leaf; the arm is not checked.
+    Body and head may be below or above the door; the arm is not checked.
     """
     from bestman_bt.manipulation.kinematics.link_hulls import body_between
 
-    front = leaf.leaf.shapes[0]
+    front = door.mapped.shapes[0]
     assert isinstance(front.shape, Box)
     height, thickness = front.shape.size[2], front.shape.size[0]
     low, apart = float(front.pose.position[2]) - height / 2, skills.parameters.furniture.base_clearance
     body = body_between(skills.robot, skills.joints.positions(), skills.arm.name, low - apart, low + height)
-    swept = swept_by(leaf, positions)
+    swept = swept_by(door, positions)
     clearance = skills.known_costmap(DRIVEN).clearance_at
 
     def is_free(stand: Pose2D) -> bool:
@@ -222,19 +220,19 @@ def room_beside(
     return is_free
 
 
-def swept_by(leaf: FurnitureArticulation, positions: Sequence[float]) -> NDArray[np.float64]:
+def swept_by(door: FurnitureArticulation, positions: Sequence[float]) -> NDArray[np.float64]:
     """Return the points (N, 2) of the map, metres, over which the front passes."""
-    front = leaf.leaf.shapes[0]
+    front = door.mapped.shapes[0]
     assert isinstance(front.shape, Box)
     across = np.column_stack([np.zeros(len(ACROSS)), ACROSS * front.shape.size[1], np.zeros(len(ACROSS))])
-    return np.concatenate([leaf.front(position).apply(across)[:, :2] for position in positions])
+    return np.concatenate([door.front(position).apply(across)[:, :2] for position in positions])
 
 
 @dataclass(frozen=True, eq=False)
 class ArticulationPath:
-    """One way to move a leaf: the arm follows ``stations`` from one of ``stands``, both in the map frame.
+    """One way to move a door: the arm follows ``stations`` from one of ``stands``, both in the map frame.
 
-    ``positions``: of the leaf at the stations. ``touching``, ``skip``: as in ``free_along``.
+    ``positions``: of the door at the stations. ``touching``, ``skip``: as in ``free_along``.
     """
 
     stands: Sequence[Pose2D]
@@ -245,7 +243,7 @@ class ArticulationPath:
 
 
 def find_stands(
-    skills: SkillContext, leaf: FurnitureArticulation, ways: Iterable[ArticulationPath]
+    skills: SkillContext, door: FurnitureArticulation, ways: Iterable[ArticulationPath]
 ) -> list[PathPlacement]:
     """Return the base placements from which the arm follows the whole of one of ``ways``, best first; may be empty.
 
@@ -255,7 +253,7 @@ def find_stands(
     reachability = _reachability(skills)
     found: list[PathPlacement] = []
     promising: list[ArticulationPath] = []
-    worlds: LeafWorlds = {}
+    worlds: OpeningWorlds = {}
     for batch in BATCHES:
         for way in promising or ways:
             if batch is BATCHES[0]:
@@ -265,21 +263,21 @@ def find_stands(
                 way = replace(way, stands=stands)
                 promising.append(way)
             these = replace(way, stands=way.stands[batch])
-            found += stands_along_leaf(skills, leaf, these, worlds, skills.path_placement, reachability)
+            found += stands_along_opening(skills, door, these, worlds, skills.path_placement, reachability)
             if any(stand.arc.margin >= ROOM for stand in found):
                 return sorted(found, key=lambda stand: -stand.score)
     return sorted(found, key=lambda stand: -stand.score)
 
 
-def stands_along_leaf(
+def stands_along_opening(
     skills: SkillContext,
-    leaf: FurnitureArticulation,
+    door: FurnitureArticulation,
     way: ArticulationPath,
-    worlds: LeafWorlds,
+    worlds: OpeningWorlds,
     search: PathPlacementPlanner,
     reachability: ReachabilityMap | None = None,
 ) -> tuple[PathPlacement, ...]:
-    """Return the base placements of ``way``, best first, from which the arm follows it while the leaf moves.
+    """Return the base placements of ``way``, best first, from which the arm follows it while the door moves.
 
     ``worlds``: as in ``free_along``.
     """
@@ -287,7 +285,7 @@ def stands_along_leaf(
         way.stands,
         way.stations,
         skills.reaching_arm(reachability),
-        is_free_at=lambda stand: free_along(skills, leaf, way.positions, way.touching, stand, way.skip, worlds),
+        is_free_at=lambda stand: free_along(skills, door, way.positions, way.touching, stand, way.skip, worlds),
         current=skills.world.base.pose,
     )
 

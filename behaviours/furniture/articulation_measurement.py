@@ -35,7 +35,7 @@ SAME_SIZE = 0.05
 """Metres by which a seen panel may differ from the map's front board."""
 SAME_HEIGHT = 0.05
 SLACK = 0.01
-"""Tolerance of a front beyond the map's error, metres: noise, and a leaf that is not quite shut."""
+"""Tolerance of a front beyond the map's error, metres: noise, and a door that is not quite shut."""
 POSITION_ERROR = 0.008
 HEADING_ERROR = math.radians(0.4)
 """Errors of a piece of furniture after one of its fronts was measured, metres and radians."""
@@ -50,9 +50,9 @@ def believe_place(world: WorldModel, furniture: str, handle: Handle) -> None:
     piece = world.map.furniture[furniture]
     if piece.position_error <= POSITION_ERROR:
         return
-    closed = (leaf for leaf in piece.leaves if world.articulations.get(f"{furniture}/{leaf.name}", 0.0) == 0.0)
-    for leaf in closed:
-        pose = _measured(piece, leaf, handle)
+    closed = (door for door in piece.articulations if world.articulations.get(f"{furniture}/{door.name}", 0.0) == 0.0)
+    for door in closed:
+        pose = _measured(piece, door, handle)
         if pose is not None:
             placed = replace(piece, pose=pose, position_error=POSITION_ERROR, heading_error=HEADING_ERROR)
             world.map = world.map.with_furniture(placed)
@@ -72,7 +72,8 @@ def believe_shut_fronts(
         return
     seen = list(handles)
     poses = [
-        [pose for handle in seen if (pose := _closed_pose(piece, leaf, handle)) is not None] for leaf in piece.leaves
+        [pose for handle in seen if (pose := _closed_pose(piece, door, handle)) is not None]
+        for door in piece.articulations
     ]
     agreed = [
         one
@@ -96,19 +97,19 @@ def believe_shut_fronts(
     world.map = world.map.with_furniture(placed)
 
 
-def _measured(piece: MapFurniture, leaf: MapArticulation, handle: Handle) -> Pose2D | None:
+def _measured(piece: MapFurniture, door: MapArticulation, handle: Handle) -> Pose2D | None:
     """Return the pose of the furniture if the handle is on this closed articulation, or None if the handle is
     elsewhere.
     """
-    pose = _closed_pose(piece, leaf, handle)
+    pose = _closed_pose(piece, door, handle)
     return pose if pose is not None and _explained(piece, pose) else None
 
 
-def _closed_pose(piece: MapFurniture, leaf: MapArticulation, handle: Handle) -> Pose2D | None:
+def _closed_pose(piece: MapFurniture, door: MapArticulation, handle: Handle) -> Pose2D | None:
     """Return the pose the furniture would have if the handle were on this closed articulation, or None if the panel is
     not its front.
     """
-    front = leaf.shapes[0]
+    front = door.shapes[0]
     if handle.panel is None or handle.panel_size is None or not isinstance(front.shape, Box):
         return None
     size_off = np.abs(np.array(handle.panel_size) - front.shape.size[1:])
@@ -144,14 +145,14 @@ def _same(one: Pose2D, other: Pose2D) -> bool:
 def articulation_from_motion(
     opening: Opening, before: NDArray[np.float64], after: NDArray[np.float64], angle: float, stamp: float
 ) -> Obstacle:
-    """Return the leaf with its handle, in the map frame, after the held point moved from ``before`` to ``after``, (3,)
+    """Return the door with its handle, in the map frame, after the held point moved from ``before`` to ``after``, (3,)
     each.
 
     ``angle``: radians by which the door has turned. The detected handle gives the place of the front; the extent of the
     front to both sides comes from the map, with its error.
     """
-    leaf, handle = opening.leaf, opening.handle
-    front, believed = leaf.leaf.shapes[0], leaf.front(opening.start)
+    door, handle = opening.door, opening.handle
+    front, believed = door.mapped.shapes[0], door.front(opening.start)
     assert isinstance(front.shape, Box)
     facing = math.atan2(-float(handle.outward[1]), -float(handle.outward[0]))
     outward = np.array([-math.cos(facing), -math.sin(facing), 0.0])
@@ -161,17 +162,17 @@ def articulation_from_motion(
     motion = Pose(after) @ _turn(handle.hinge_direction, angle) @ Pose(-before)
     moved = motion @ seen @ front.pose.inverse()
     boards = [
-        PlacedShape(_larger(placed.shape, (0.0, leaf.furniture.position_error, 0.0)), moved @ placed.pose)
-        for placed in leaf.leaf.shapes
+        PlacedShape(_larger(placed.shape, (0.0, door.furniture.position_error, 0.0)), moved @ placed.pose)
+        for placed in door.mapped.shapes
     ]
     bar = handle_shape(handle)
-    return Obstacle(leaf.articulation, (*boards, PlacedShape(bar.shape, motion @ bar.pose)), stamp)
+    return Obstacle(door.name, (*boards, PlacedShape(bar.shape, motion @ bar.pose)), stamp)
 
 
-def grown(leaf: Obstacle, by: float) -> Obstacle:
-    """Return the leaf with boxes enlarged by ``by`` metres on each side."""
+def grown(door: Obstacle, by: float) -> Obstacle:
+    """Return the door with boxes enlarged by ``by`` metres on each side."""
     sides = (by, by, by)
-    return replace(leaf, shapes=tuple(replace(placed, shape=_larger(placed.shape, sides)) for placed in leaf.shapes))
+    return replace(door, shapes=tuple(replace(placed, shape=_larger(placed.shape, sides)) for placed in door.shapes))
 
 
 def _larger(shape: Shape, by: tuple[float, float, float]) -> Shape:
@@ -209,61 +210,61 @@ OPENINGS, RAYS = 61, 8000
 SUPPORT = 0.01
 """Least share of the rays that end on a board; it is low because few end on an edge that is far away."""
 EXPLAINED = 0.6
-"""Least share of the points in the space that the leaf sweeps that lie on its board at the estimated opening."""
+"""Least share of the points in the space that the door sweeps that lie on its board at the estimated opening."""
 
 
-def opening_seen(leaf: FurnitureArticulation, handle: Handle) -> float | None:
-    """Return the opening of ``leaf`` if ``handle`` (map frame) is on it, radians or metres, or None if it cannot be.
+def opening_seen(door: FurnitureArticulation, handle: Handle) -> float | None:
+    """Return the opening of ``door`` if ``handle`` (map frame) is on it, radians or metres, or None if it cannot be.
 
     A door is measured by the direction of its handle, a drawer by its distance; the map's error is tolerated.
     """
-    piece, front = leaf.furniture, leaf.leaf.shapes[0]
+    piece, front = door.furniture, door.mapped.shapes[0]
     if not isinstance(front.shape, Box):
         return None
     thickness, width, height = front.shape.size
     slack = ACROSS + _place_error(piece)
     on_front = handle.pose.position - handle.standoff * handle.outward
-    position = _position(leaf, on_front, handle.outward)
+    position = _position(door, on_front, handle.outward)
     if position is None:
         return None
-    if leaf.leaf.kind == "revolute" and leaf.lever(handle.pose.position) < LEVER * width:
+    if door.mapped.kind == "revolute" and door.lever(handle.pose.position) < LEVER * width:
         return None
-    x, y, z = leaf.front(position).inverse().apply(handle.pose.position[None])[0]
+    x, y, z = door.front(position).inverse().apply(handle.pose.position[None])[0]
     before = abs(x + thickness / 2 + handle.standoff) < slack
     if not (before and abs(y) < width / 2 + slack and abs(z) < height / 2 + ACROSS / 2):
         return None
-    return _rounded(leaf, position)
+    return _rounded(door, position)
 
 
-def opening_by_board(leaf: FurnitureArticulation, plane: SupportPlane) -> float | None:
-    """Return the opening of ``leaf``, radians or metres, if ``plane`` (map frame) is a side of its board, or None.
+def opening_by_board(door: FurnitureArticulation, plane: SupportPlane) -> float | None:
+    """Return the opening of ``door``, radians or metres, if ``plane`` (map frame) is a side of its board, or None.
 
     A door seen at a flat angle shows its board where its handle is not recognised.
     """
-    front = leaf.leaf.shapes[0]
+    front = door.mapped.shapes[0]
     if not isinstance(front.shape, Box):
         return None
-    size, piece = np.array(front.shape.size), leaf.furniture
+    size, piece = np.array(front.shape.size), door.furniture
     beside = ACROSS + _place_error(piece)
     # Little deeper lies the frame that a shut door covers.
     deep = SLACK + _place_error(piece) + piece.heading_error * size[1]
     for side in (-1.0, 1.0):  # the front faces -x
         outward = -side * plane.normal
         on_front = plane.frame_from_plane.position + (side + 1.0) / 2 * size[0] * outward
-        position = _position(leaf, on_front, outward)
+        position = _position(door, on_front, outward)
         if position is None:
             continue
-        points = leaf.front(position).inverse().apply(plane.inliers)
+        points = door.front(position).inverse().apply(plane.inliers)
         inside = np.abs(points - (side * size[0] / 2, 0.0, 0.0)) < np.array([deep, *(size[1:] / 2 + beside)])
         extent = np.ptp(points[:, 1:], axis=0)
         middle = np.abs(points[:, 1:] - points[:, 1:].min(axis=0) - extent / 2) < extent / 4
         seen = (extent > BOARD_SEEN * size[1:]).all() and middle.all(axis=1).mean() > FILLED
         if seen and inside.all(axis=1).mean() > ON_BOARD:
-            return _rounded(leaf, position)
+            return _rounded(door, position)
     return None
 
 
-def bodies_around(world: WorldModel, leaf: FurnitureArticulation) -> tuple[PlacedShape, ...]:
+def bodies_around(world: WorldModel, door: FurnitureArticulation) -> tuple[PlacedShape, ...]:
     """Return the walls, the other furniture as solid boxes, and the other open doors and drawers, in the map frame.
 
     They are enlarged sideways by the map's error; heights are exact.
@@ -272,20 +273,20 @@ def bodies_around(world: WorldModel, leaf: FurnitureArticulation) -> tuple[Place
     solids = [
         Obstacle(name, (PlacedShape(Box((*piece.footprint, piece.height)), piece.pose.to_pose(piece.height / 2)),), 0.0)
         for name, piece in furniture.items()
-        if name != leaf.furniture.name
+        if name != door.furniture.name
     ]
-    leaves = [other for other in articulation_obstacles(world) if other.name != leaf.articulation]
+    doors = [other for other in articulation_obstacles(world) if other.name != door.name]
     bodies = [PlacedShape(box, pose) for box, pose in world.map.wall_boxes()]
-    for body in (*solids, *leaves):
+    for body in (*solids, *doors):
         error = _place_error(furniture[body.name.partition("/")[0]])
         bodies += [replace(placed, shape=_larger(placed.shape, (error, error, 0.0))) for placed in body.shapes]
     return tuple(bodies)
 
 
 def opening_by_rays(
-    leaf: FurnitureArticulation, believed: float, view: View, known: Sequence[PlacedShape]
+    door: FurnitureArticulation, believed: float, view: View, known: Sequence[PlacedShape]
 ) -> float | None:
-    """Return the opening of ``leaf``, radians or metres, that fits a depth image best, or None if the image does not
+    """Return the opening of ``door``, radians or metres, that fits a depth image best, or None if the image does not
     contradict the believed opening or no opening fits.
 
     Measured points on the board of an opening count for it, rays that pass through that board against it. This also
@@ -293,14 +294,14 @@ def opening_by_rays(
     error, which suffices to choose a view of the front. ``view``: in the map frame. ``known``: other bodies, in the map
     frame; points on them count for no opening.
     """
-    front, piece = leaf.leaf.shapes[0], leaf.furniture
+    front, piece = door.mapped.shapes[0], door.furniture
     if not isinstance(front.shape, Box):
         return None
     thickness, *size = front.shape.size
     beside = _place_error(piece)
     deep = thickness / 2 + SLACK + beside
-    openings = np.array([believed, *np.linspace(0.0, leaf.leaf.upper, OPENINGS)])
-    boards = [leaf.front(opening) for opening in openings]
+    openings = np.array([believed, *np.linspace(0.0, door.mapped.upper, OPENINGS)])
+    boards = [door.front(opening) for opening in openings]
     corners = np.concatenate([board.apply(bounding_corners(front.shape)) for board in boards])
     points = view.cloud(corners).points
     points = points[:: 1 + len(points) // RAYS]
@@ -317,11 +318,11 @@ def opening_by_rays(
     best = 1 + int(np.argmax(score[1:]))
     if through[0] < SEEN_THROUGH * (through[0] + on[0].sum()) or score[best] <= SUPPORT * len(points):
         return None
-    before = leaf.front(0.0).inverse().apply(points)[:, 0] < -deep
+    before = door.front(0.0).inverse().apply(points)[:, 0] < -deep
     moving = on.any(axis=0) & before
     if (on[best] & moving).sum() < EXPLAINED * moving.sum():
         return None
-    return _rounded(leaf, float(openings[best]))
+    return _rounded(door, float(openings[best]))
 
 
 def _passing(
@@ -347,55 +348,55 @@ def _place_error(piece: MapFurniture) -> float:
     return 1.5 * piece.position_error
 
 
-def _error(leaf: FurnitureArticulation) -> float:
+def _error(door: FurnitureArticulation) -> float:
     """Return the largest error of the map about the articulation's opening, radians or metres."""
-    piece = leaf.furniture
-    return piece.heading_error if leaf.leaf.kind == "revolute" else _place_error(piece)
+    piece = door.furniture
+    return piece.heading_error if door.mapped.kind == "revolute" else _place_error(piece)
 
 
-def _position(leaf: FurnitureArticulation, on_front: NDArray[np.float64], outward: NDArray[np.float64]) -> float | None:
-    """Return how far ``leaf`` is open if its front faces ``outward`` and goes through ``on_front``, (3,) each, map
+def _position(door: FurnitureArticulation, on_front: NDArray[np.float64], outward: NDArray[np.float64]) -> float | None:
+    """Return how far ``door`` is open if its front faces ``outward`` and goes through ``on_front``, (3,) each, map
     frame.
 
     None beyond where it can be.
     """
-    _, axis = leaf.axis()
-    closed = leaf.front(0.0)
+    _, axis = door.axis()
+    closed = door.front(0.0)
     facing = -closed.rotation[:, 0]
-    if leaf.leaf.kind == "prismatic":
+    if door.mapped.kind == "prismatic":
         if float(outward @ facing) < FACING:
             return None
-        front = leaf.leaf.shapes[0].shape
+        front = door.mapped.shapes[0].shape
         assert isinstance(front, Box)
         face = closed.apply(np.array([[-front.size[0] / 2, 0.0, 0.0]]))[0]
         position = float((on_front - face) @ axis)
     else:
         position = math.atan2(float(np.cross(facing, outward) @ axis), float(facing @ outward))
-    error = _error(leaf)
-    return position if -error - SHUT[leaf.leaf.kind] <= position <= leaf.leaf.upper + error else None
+    error = _error(door)
+    return position if -error - SHUT[door.mapped.kind] <= position <= door.mapped.upper + error else None
 
 
-def _rounded(leaf: FurnitureArticulation, position: float) -> float:
+def _rounded(door: FurnitureArticulation, position: float) -> float:
     """Return the opening, clipped to the articulation's range; 0 if it counts as shut."""
-    return 0.0 if position < _error(leaf) + SHUT[leaf.leaf.kind] else min(position, leaf.leaf.upper)
+    return 0.0 if position < _error(door) + SHUT[door.mapped.kind] else min(position, door.mapped.upper)
 
 
-def opening_since(leaf: FurnitureArticulation, believed: float, known: Handle, seen: Handle) -> float | None:
-    """Return the opening of ``leaf`` by the motion of its handle since it was ``known`` at opening ``believed``.
+def opening_since(door: FurnitureArticulation, believed: float, known: Handle, seen: Handle) -> float | None:
+    """Return the opening of ``door`` by the motion of its handle since it was ``known`` at opening ``believed``.
 
     Unlike ``opening_seen``, it does not depend on the mapped pose of the piece. Handles are in the map frame; radians
     or metres, or None if ``seen`` is not that handle.
     """
-    frame, (_, axis) = leaf.furniture.pose.to_pose(), leaf.axis()
-    if leaf.leaf.kind == "prismatic":
+    frame, (_, axis) = door.furniture.pose.to_pose(), door.axis()
+    if door.mapped.kind == "prismatic":
         further = float((seen.pose.position - known.pose.position) @ axis)
     else:
         further = math.atan2(float(np.cross(known.outward, seen.outward) @ axis), float(known.outward @ seen.outward))
     position = believed + further
-    moved = frame @ leaf.leaf.moved(position) @ leaf.leaf.moved(believed).inverse() @ frame.inverse()
+    moved = frame @ door.mapped.moved(position) @ door.mapped.moved(believed).inverse() @ frame.inverse()
     apart = seen.pose.position - moved.apply(known.pose.position[None])[0]
     along = float(apart @ seen.axis)
     beside = float(np.linalg.norm(apart - along * seen.axis))
-    if beside > ACROSS + _place_error(leaf.furniture) or abs(along) > max(ACROSS, (known.length + seen.length) / 2):
+    if beside > ACROSS + _place_error(door.furniture) or abs(along) > max(ACROSS, (known.length + seen.length) / 2):
         return None
-    return 0.0 if position < SHUT[leaf.leaf.kind] else min(position, leaf.leaf.upper)
+    return 0.0 if position < SHUT[door.mapped.kind] else min(position, door.mapped.upper)

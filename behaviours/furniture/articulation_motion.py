@@ -10,7 +10,7 @@ import numpy as np
 from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
 from behaviours.computation import Until
 from behaviours.context import SkillContext
-from behaviours.furniture.articulation import UNKNOWN_ARTICULATION, FurnitureArticulation, world_at_leaf
+from behaviours.furniture.articulation import UNKNOWN_ARTICULATION, FurnitureArticulation, world_at_opening
 from behaviours.furniture.articulation_measurement import grown
 from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.messages import Pose
@@ -34,26 +34,26 @@ def tare_wrist(skill: Skill) -> SkillCoroutine[None]:
 
 
 FELT = 0.012
-"""Position error of the boards of a leaf that is measured by contact, metres."""
+"""Position error of the boards of a door that is measured by contact, metres."""
 UNSURE = {"revolute": 0.06, "prismatic": 0.015}
 """Uncertainty of an opening that was measured by the hand's path, radians or metres."""
 
 
 def retreat(
-    skill: Skill, leaf: FurnitureArticulation, posture: str, felt: Obstacle | None = None
+    skill: Skill, door: FurnitureArticulation, posture: str, felt: Obstacle | None = None
 ) -> SkillCoroutine[None]:
     """Retreat straight back, then move the arm to the named posture.
 
-    ``felt``: the leaf as measured by contact; without it the map counts. The hand may start closer to the leaf than the
+    ``felt``: the door as measured by contact; without it the map counts. The hand may start closer to the door than the
     map's error allows; the arm only if it is that close already.
     """
     from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
     from bestman_bt.manipulation.motion_planning.base import MotionPlanningError
 
     skills = skill.skills
-    position = skills.world.articulations.get(leaf.articulation, 0.0)
-    for bodies in ([], leaf.bodies()):
-        world = world_at_leaf(skills, leaf, position, "hand", ignore=bodies, felt=felt)
+    position = skills.world.articulations.get(door.name, 0.0)
+    for bodies in ([], door.bodies()):
+        world = world_at_opening(skills, door, position, "hand", ignore=bodies, felt=felt)
         if world.is_free(skills.arm_positions()):
             break
     back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -skills.parameters.furniture.retreat]))
@@ -62,11 +62,11 @@ def retreat(
         yield from follow_path(skill, line.path, world, skills.parameters.arm_motion.retreat_speed)
     goals = [skills.robot.posture(posture, skills.arm_model.joint_names)]
     refusal: MotionPlanningError | None = None
-    for around in _around(skills, leaf, position, felt):
+    for around in _around(skills, door, position, felt):
         try:
             yield from move_free(skill, goals, around)
         except MotionPlanningError as error:
-            refusal = refusal or error  # close to the leaf there may be a way with less margin
+            refusal = refusal or error  # close to the door there may be a way with less margin
         else:
             return
     assert refusal is not None
@@ -74,35 +74,35 @@ def retreat(
 
 
 def _around(
-    skills: SkillContext, leaf: FurnitureArticulation, position: float, felt: Obstacle | None
+    skills: SkillContext, door: FurnitureArticulation, position: float, felt: Obstacle | None
 ) -> Iterator[CollisionWorld]:
-    """Yield collision worlds for the arm's retreat that it is clear of, the leaf with ever less margin.
+    """Yield collision worlds for the arm's retreat that it is clear of, the door with ever less margin.
 
-    They include the leaf as felt, so as not to push it. If the arm is already inside that leaf, the leaf is left out:
+    They include the door as felt, so as not to push it. If the arm is already inside that door, the door is left out:
     the grip was lost earlier, and the hand moved on alone. Other contacts of the arm, such as with itself, are no
     evidence.
     """
-    mapped: list[dict[str, Any]] = [{"margin": UNSURE[leaf.leaf.kind]}, {"margin": 0.0}]
+    mapped: list[dict[str, Any]] = [{"margin": UNSURE[door.mapped.kind]}, {"margin": 0.0}]
     measured: list[dict[str, Any]] = [] if felt is None else [{"felt": grown(felt, FELT)}, {"felt": felt}]
     positions = skills.arm_positions()
-    for leaves in (measured, mapped):
+    for doors in (measured, mapped):
         clear = False
-        for included in leaves:
-            world = world_at_leaf(skills, leaf, position, "free", **included)
-            if not any(leaf.articulation in pair for pair in world.colliding_pairs(positions)):
+        for included in doors:
+            world = world_at_opening(skills, door, position, "free", **included)
+            if not any(door.name in pair for pair in world.colliding_pairs(positions)):
                 clear = True
                 yield world
         if clear:
             return
-    yield world_at_leaf(skills, leaf, position, "free", ignore=(leaf.articulation,))
+    yield world_at_opening(skills, door, position, "free", ignore=(door.name,))
 
 
 def retreat_after_failure(
-    skill: Skill, leaf: FurnitureArticulation, posture: str, failure: Exception, felt: Obstacle | None = None
+    skill: Skill, door: FurnitureArticulation, posture: str, failure: Exception, felt: Obstacle | None = None
 ) -> SkillCoroutine[None]:
     """Retreat after a failure; if that fails as well, raise the first failure."""
     try:
-        yield from retreat(skill, leaf, posture, felt)
+        yield from retreat(skill, door, posture, felt)
     except (SkillFailure, *ALGORITHM_ERRORS) as second:
         skill.explain("not_withdrawn", f"the hand could not be withdrawn: {second}")
         raise failure from second

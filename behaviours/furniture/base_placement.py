@@ -37,13 +37,13 @@ TURNS = (0.0, -0.5, 0.5)
 class _FindStandAtArticulation(FindBasePlacement):
     """Base class of skills that place the base for the arm to move a door or drawer."""
 
-    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    articulation = In[str](ArticulationName, "furniture/name of the map")
 
     def _along(
-        self, leaf: FurnitureArticulation, ways: Iterator[ArticulationPath], work: str
+        self, door: FurnitureArticulation, ways: Iterator[ArticulationPath], work: str
     ) -> SkillCoroutine[Sequence[PathPlacement]]:
         """Return placements from which the arm follows one of ``ways``; ``work``: what for, for the failure."""
-        stands: Sequence[PathPlacement] = yield self.compute("stand_planning", find_stands, self.skills, leaf, ways)
+        stands: Sequence[PathPlacement] = yield self.compute("stand_planning", find_stands, self.skills, door, ways)
         if not stands:
             raise SkillFailure("no_stand", f"no free base placement lets the arm {work}")
         return stands
@@ -63,16 +63,16 @@ class FindCloseStand(_FindStandAtArticulation):
 
     def _ranked(self) -> SkillCoroutine[Sequence[PathPlacement]]:
         """Search the ways to push in turn for base placements."""
-        leaf = find_articulation(self.skills, self.articulation)
-        return self._along(leaf, self._ways(leaf), f"push {leaf.articulation} shut")
+        door = find_articulation(self.skills, self.articulation)
+        return self._along(door, self._ways(door), f"push {door.name} shut")
 
-    def _ways(self, leaf: FurnitureArticulation) -> Iterator[ArticulationPath]:
+    def _ways(self, door: FurnitureArticulation) -> Iterator[ArticulationPath]:
         skills = self.skills
         is_base_free = None
         around: dict[tuple[float, ...], list[Pose2D]] = {}
-        for push in pushes(skills, leaf):
+        for push in pushes(skills, door):
             positions, point = push.positions(), tuple(push.point)
-            is_base_free = is_base_free or room_beside(skills, leaf, positions)
+            is_base_free = is_base_free or room_beside(skills, door, positions)
             if point not in around:  # however the hand is held there
                 around[point] = [stand for stand in _around(push) if self._is_new(stand) and is_base_free(stand)]
             before = push.stations(push.parameters.standoff)[0]
@@ -83,7 +83,7 @@ def _around(push: FrontPush) -> tuple[Pose2D, ...]:
     from bestman_bt.manipulation.base_placement import placements_around
 
     middle = push.start / 2
-    outward = -push.leaf.front(middle).rotation[:, 0]
+    outward = -push.door.front(middle).rotation[:, 0]
     front = math.atan2(outward[1], outward[0])
     return placements_around(
         push.at(middle)[:2], CLOSE_DISTANCES, [front + bearing for bearing in CLOSE_BEARINGS], TURNS
@@ -103,7 +103,7 @@ class FindLookStand(Skill):
     """Choose a base pose that sees the front of a mapped door or drawer, and a point to look at."""
 
     REQUIRES = ("base", "lidar")
-    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    articulation = In[str](ArticulationName, "furniture/name of the map")
     stand = Out(Pose2D, "where to stand, in the map frame", required=True)
     front = Out(Pose, "the middle of its front as it is believed, in the map frame", required=True)
     FAILS: ClassVar = {
@@ -124,11 +124,11 @@ class FindLookStand(Skill):
         from bestman_bt.manipulation.base_placement import placements_around
 
         articulation: str = self.articulation
-        leaf = find_articulation(self.skills, articulation)
+        door = find_articulation(self.skills, articulation)
         position = self.skills.world.articulations.get(articulation, 0.0)
         if not abs(position - self._position) <= MOVED:
             self._asked, self._position = 0, position
-        front = leaf.front(position)
+        front = door.front(position)
         facing = math.atan2(-float(front.rotation[1, 0]), -float(front.rotation[0, 0]))
         clearance = yield self.compute("stand_planning", lambda: self.skills.known_costmap(DRIVEN).clearance_at)
         first = self._asked % len(LOOK_BEARINGS)
@@ -154,7 +154,7 @@ class FindOpenStand(_FindStandAtArticulation):
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,
         "handle_not_found": "DetectHandle first",
-        "no_stand": "ask for less opening, or another leaf",
+        "no_stand": "ask for less opening, or another door",
     }
     DECLARATION = Declaration(pre=("handle_known({handle})",), effects=("stand_known({articulation})",))
 
@@ -164,7 +164,7 @@ class FindOpenStand(_FindStandAtArticulation):
         if belief is None:
             raise SkillFailure("handle_not_found", f"the handle {self.handle} has not been seen; detect it first")
         opening = plan_opening(self.skills, self.articulation, belief, self.opening)
-        return self._along(opening.leaf, self._ways(opening, belief), f"open {self.articulation} as far as asked")
+        return self._along(opening.door, self._ways(opening, belief), f"open {self.articulation} as far as asked")
 
     def _ways(self, opening: Opening, belief: HandleBelief) -> Iterator[ArticulationPath]:
         from bestman_bt.manipulation.base_placement import placements_around
@@ -172,7 +172,7 @@ class FindOpenStand(_FindStandAtArticulation):
         skills = self.skills
         position, outward = opening.handle.pose.position, opening.handle.outward
         front = math.atan2(outward[1], outward[0])
-        is_base_free = room_beside(skills, opening.leaf, opening.positions())
+        is_base_free = room_beside(skills, opening.door, opening.positions())
         stands = [
             stand
             for stand in placements_around(position[:2], DISTANCES, [front + bearing for bearing in BEARINGS], TURNS)

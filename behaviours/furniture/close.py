@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from behaviours.arm_motion import move_free, unreached
 from behaviours.contacts import handle, stopping_at
 from behaviours.context import SkillContext
-from behaviours.furniture.articulation import FurnitureArticulation, find_articulation, free_along, world_at_leaf
+from behaviours.furniture.articulation import FurnitureArticulation, find_articulation, free_along, world_at_opening
 from behaviours.furniture.articulation_motion import (
     LEAF_FAILS,
     error_code,
@@ -63,7 +63,7 @@ PITCHES = tuple(math.radians(degrees) for degrees in (0, 35, 65))
 TILTS = tuple(math.radians(degrees) for degrees in range(-50, 51, 10))
 """Turns of the hand about a hinge, from straight at a door."""
 SHUT = 0.005
-"""Least opening, metres or radians, from which a leaf is pushed: one that is believed shut may be open by as much."""
+"""Least opening, metres or radians, from which a door is pushed: one that is believed shut may be open by as much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class FrontPush:
     palm in the tool frame. ``handles``: protruding parts of the front, in the front board's frame.
     """
 
-    leaf: FurnitureArticulation
+    door: FurnitureArticulation
     start: float
     point: NDArray[np.float64]
     roll: float
@@ -87,31 +87,31 @@ class FrontPush:
     @property
     def lever(self) -> float:
         """Metres that the pushed point moves per unit of the joint."""
-        return self.leaf.lever(self.at(0.0))
+        return self.door.lever(self.at(0.0))
 
     @cached_property
     def tilts(self) -> tuple[float, ...]:
-        """Extra rotations of the hand about the hinge with which only the fingers touch the leaf, radians.
+        """Extra rotations of the hand about the hinge with which only the fingers touch the door, radians.
 
         A drawer has only 0. Empty if the palm would touch the front or a handle in each of them.
         """
         return tuple(
-            tilt for tilt in ((0.0,) if self.leaf.leaf.kind == "prismatic" else TILTS) if self._palm_is_free(tilt)
+            tilt for tilt in ((0.0,) if self.door.mapped.kind == "prismatic" else TILTS) if self._palm_is_free(tilt)
         )
 
     def at(self, position: float) -> NDArray[np.float64]:
-        """Return the pushed point in the map, (3,) metres, when the leaf is open by ``position``."""
-        point: NDArray[np.float64] = self.leaf.front(position).apply(self.point[None])[0]
+        """Return the pushed point in the map, (3,) metres, when the door is open by ``position``."""
+        point: NDArray[np.float64] = self.door.front(position).apply(self.point[None])[0]
         return point
 
     def positions(self) -> list[float]:
-        """Return the leaf positions at the stations, from the believed one to closed."""
+        """Return the door positions at the stations, from the believed one to closed."""
         count = 1 + max(1, math.ceil(self.start * self.lever / STEP))
         return [float(position) for position in np.linspace(self.start, 0.0, count)]
 
     def stations(self, back: float = 0.0) -> list[list[Pose]]:
         """Return the tool poses in the map frame, per station one for each tilt; ``back``: metres in front of the
-        leaf.
+        door.
         """
         return [[self._tool(position, tilt, back) for tilt in self.tilts] for position in self.positions()]
 
@@ -119,8 +119,8 @@ class FrontPush:
         """Return the joint's axis in the map frame; it closes in the positive sense."""
         from bestman_bt.control.arm.joint_axis import JointAxis
 
-        point, direction = self.leaf.axis()
-        if self.leaf.leaf.kind == "prismatic":
+        point, direction = self.door.axis()
+        if self.door.mapped.kind == "prismatic":
             return JointAxis("prismatic", self.at(self.start), -direction, 0.0, 0.0)
         return JointAxis("revolute", point, -direction, self.lever, 0.0)
 
@@ -137,20 +137,20 @@ class FrontPush:
 
         closed_by = self.start - np.array(self.positions()[: len(arc.path)])
         tilts = np.array([self.tilts[option] for option in arc.options])
-        door = np.zeros(len(tilts)) if self.leaf.leaf.kind == "prismatic" else closed_by
+        door = np.zeros(len(tilts)) if self.door.mapped.kind == "prismatic" else closed_by
         return FollowGuide(self.lever * closed_by, door - (tilts - tilts[0]), arc.path, np.array([0.0, 0.0, self.tip]))
 
     def _palm_is_free(self, tilt: float) -> bool:
-        """Return whether the palm is clear of the leaf while the finger tips are at the pushed point.
+        """Return whether the palm is clear of the door while the finger tips are at the pushed point.
 
         The contact defines the position of the front; its orientation and the contact point on it have the error of the
         map.
         """
-        board, piece = self.leaf.leaf.shapes[0].shape, self.leaf.furniture
+        board, piece = self.door.mapped.shapes[0].shape, self.door.furniture
         assert isinstance(board, Box)
         palm = self._front_from_tool(tilt).apply(self.palm)
         room = -palm[:, 0] - board.size[0] / 2 - self.parameters.palm_gap
-        if self.leaf.leaf.kind == "revolute":
+        if self.door.mapped.kind == "revolute":
             from_hinge = np.cross(self._hinge, [1.0, 0.0, 0.0])
             turned = piece.position_error / self.lever + piece.heading_error
             room -= turned * np.abs((palm - self.point) @ from_hinge)
@@ -162,7 +162,7 @@ class FrontPush:
 
     def _tool(self, position: float, tilt: float, back: float) -> Pose:
         """Return the finger tips at the pushed point, or ``back`` metres before it, in the map frame."""
-        return self.leaf.front(position) @ self._front_from_tool(tilt, back)
+        return self.door.front(position) @ self._front_from_tool(tilt, back)
 
     def _front_from_tool(self, tilt: float, back: float = 0.0) -> Pose:
         """Return the hand beside the front board: z of the tool into it, turned by pitch, roll and tilt."""
@@ -173,7 +173,7 @@ class FrontPush:
     @cached_property
     def _hinge(self) -> NDArray[np.float64]:
         """Return the joint's axis, (3,) unit, in the front board's frame; it does not depend on the opening."""
-        axis: NDArray[np.float64] = self.leaf.front(self.start).rotation.T @ self.leaf.axis()[1]
+        axis: NDArray[np.float64] = self.door.front(self.start).rotation.T @ self.door.axis()[1]
         return axis
 
 
@@ -186,20 +186,20 @@ def _about(axis: object, angle: float) -> Pose:
     return Pose(np.zeros(3), np.append(math.sin(angle / 2) * direction, math.cos(angle / 2)))
 
 
-def pushes(skills: SkillContext, leaf: FurnitureArticulation) -> Iterator[FrontPush]:
-    """Yield ways to push a leaf shut, best points first: far from its hinge, or in the middle of a drawer; away from
+def pushes(skills: SkillContext, door: FurnitureArticulation) -> Iterator[FrontPush]:
+    """Yield ways to push a door shut, best points first: far from its hinge, or in the middle of a drawer; away from
     handles.
     """
     parameters = skills.parameters.close
-    start = max(SHUT, skills.world.articulations.get(leaf.articulation, 0.0))
+    start = max(SHUT, skills.world.articulations.get(door.name, 0.0))
     tip, palm = skills.gripper_model.part.pad_size[1] / 2, _palm(skills.gripper_model)
-    map_from_front = leaf.front(start)
-    seen = [handle_shape(belief.handle) for belief in skills.world.handles_of(leaf.furniture, leaf.leaf)]
+    map_from_front = door.front(start)
+    seen = [handle_shape(belief.handle) for belief in skills.world.handles_of(door.furniture, door.mapped)]
     handles = tuple(PlacedShape(bar.shape, map_from_front.inverse() @ bar.pose) for bar in seen)
-    points = _points(leaf, handles, parameters)
+    points = _points(door, handles, parameters)
     for pitch in PITCHES:
         here = (
-            [FrontPush(leaf, start, point, roll, pitch, tip, palm, handles, parameters) for roll in ROLLS]
+            [FrontPush(door, start, point, roll, pitch, tip, palm, handles, parameters) for roll in ROLLS]
             for point in points
         )
         free = ([push for push in held if push.tilts] for held in here)
@@ -227,9 +227,9 @@ def _distance(placed: PlacedShape, points: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def _points(
-    leaf: FurnitureArticulation, handles: Sequence[PlacedShape], parameters: CloseParameters
+    door: FurnitureArticulation, handles: Sequence[PlacedShape], parameters: CloseParameters
 ) -> list[NDArray[np.float64]]:
-    front = leaf.leaf.shapes[0]
+    front = door.mapped.shapes[0]
     assert isinstance(front.shape, Box)
     thickness, width, height = front.shape.size
     grid = np.array([[-thickness / 2, y * width, z * height] for y in ACROSS for z in UP])
@@ -237,10 +237,10 @@ def _points(
     for bar in handles:
         free &= _distance(bar, grid) > parameters.handle_clearance
     aside = np.linalg.norm(grid[:, 1:] / (width, height), axis=1)
-    if leaf.leaf.kind == "prismatic":
+    if door.mapped.kind == "prismatic":
         order = np.argsort(aside, kind="stable")
     else:
-        levers = np.array([leaf.lever(point) for point in leaf.front(0.0).apply(grid)])
+        levers = np.array([door.lever(point) for point in door.front(0.0).apply(grid)])
         free &= levers > parameters.least_lever * levers.max()
         order = np.argsort(np.abs(levers / levers.max() - 0.8) + 0.5 * np.abs(grid[:, 2] / height), kind="stable")
     return [grid[index] for index in order if free[index]]
@@ -263,7 +263,7 @@ class Close(ArmNode, Skill):
 
     REQUIRES = ("arm", "gripper")
     USES = ("force_torque",)
-    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    articulation = In[str](ArticulationName, "furniture/name of the map")
     opening = In[float](NonNegative, "how far it may stay open: metres or radians", default=0.02)
     max_push = In[float](Positive, "newtons", default=40.0)
     posture = In[str](PostureName, "final posture of the arm", default="carry")
@@ -282,41 +282,41 @@ class Close(ArmNode, Skill):
         skills = self.skills
         if skills.held is not None:
             raise SkillFailure("hand_not_empty", f"the hand holds the {skills.held.name}")
-        leaf, posture = find_articulation(skills, self.articulation), self.posture
-        leaf.check_opening("opening", self.opening)
-        plan: _Plan | None = yield self.compute("grasp_planning", self._plan, leaf)
+        door, posture = find_articulation(skills, self.articulation), self.posture
+        door.check_opening("opening", self.opening)
+        plan: _Plan | None = yield self.compute("grasp_planning", self._plan, door)
         if plan is None:
             raise unreached(
                 skills,
-                SkillFailure("no_push", f"the arm cannot push {leaf.articulation} shut from here"),
-                (skills.map_from_base.inverse() @ at for push in pushes(skills, leaf) for at in push.stations()[0]),
-                world_at_leaf(skills, leaf, skills.world.articulations.get(leaf.articulation, 0.0), "fingers"),
+                SkillFailure("no_push", f"the arm cannot push {door.name} shut from here"),
+                (skills.map_from_base.inverse() @ at for push in pushes(skills, door) for at in push.stations()[0]),
+                world_at_opening(skills, door, skills.world.articulations.get(door.name, 0.0), "fingers"),
             )
         yield skills.gripper.close(skills.parameters.close.finger_force)
-        yield from move_free(self, [plan.approach.pre], world_at_leaf(skills, leaf, plan.push.start, "free"))
+        yield from move_free(self, [plan.approach.pre], world_at_opening(skills, door, plan.push.start, "free"))
         yield from tare_wrist(self)
-        with self.touching(handle(leaf.articulation, stopping_at(self.max_push))):
+        with self.touching(handle(door.name, stopping_at(self.max_push))):
             try:
                 start = yield from self._touch(plan.push)
                 left = yield from self._push(plan, start)
             except (SkillFailure, *ALGORITHM_ERRORS) as failure:
-                yield from retreat_after_failure(self, leaf, posture, failure)
+                yield from retreat_after_failure(self, door, posture, failure)
                 raise
-            yield from retreat(self, leaf, posture)
+            yield from retreat(self, door, posture)
         self.left = left
-        self.feedback_message = f"{leaf.articulation} closed, to {left:.3f} by the map"
+        self.feedback_message = f"{door.name} closed, to {left:.3f} by the map"
 
-    def _plan(self, leaf: FurnitureArticulation) -> _Plan | None:
+    def _plan(self, door: FurnitureArticulation) -> _Plan | None:
         from bestman_bt.manipulation.kinematics.arc_path import ArcSearch
         from bestman_bt.manipulation.motion_planning.approach import ApproachPoses, approaches
 
         skills = self.skills
         kinematics, base_from_map = skills.kinematics, skills.map_from_base.inverse()
         plans: list[_Plan] = []
-        for push in pushes(skills, leaf):
+        for push in pushes(skills, door):
             positions = push.positions()
-            free = world_at_leaf(skills, leaf, push.start, "free")
-            contact = world_at_leaf(skills, leaf, push.start, "fingers")
+            free = world_at_opening(skills, door, push.start, "free")
+            contact = world_at_opening(skills, door, push.start, "fingers")
             way = [[base_from_map @ pose for pose in poses] for poses in push.stations()]
             for option, before in enumerate(push.stations(skills.parameters.close.standoff)[0]):
                 for approach in approaches(
@@ -327,7 +327,7 @@ class Close(ArmNode, Skill):
                     contact,
                     skills.rng,
                 ):
-                    is_free = free_along(skills, leaf, positions, "fingers")
+                    is_free = free_along(skills, door, positions, "fingers")
                     arc = ArcSearch().path_through(
                         kinematics, way, 0, option, approach.into[-1], skills.arm_model, is_free
                     )
@@ -352,7 +352,7 @@ class Close(ArmNode, Skill):
         )
         position = push.opening(self._tip(push, touch.tool).position)
         if not touch.touched:
-            why = f"the front of {push.leaf.articulation} is not at its believed opening of {push.start:.2f}"
+            why = f"the front of {push.door.name} is not at its believed opening of {push.start:.2f}"
             raise SkillFailure("not_found", f"{why}: nothing is there up to {position:.2f}")
         return position
 
@@ -360,7 +360,7 @@ class Close(ArmNode, Skill):
         """Push until something resists; how far it may be open then."""
         from bestman_bt.control.arm.constraint_following import FollowEnd, FollowGoal
 
-        skills, push, leaf = self.skills, plan.push, plan.push.leaf
+        skills, push, door = self.skills, plan.push, plan.push.door
         base_from_map = skills.map_from_base.inverse()
         axis, base = push.axis(), base_from_map.rotation
         tip = self._tip(push, skills.base_from_tool()).position
@@ -381,20 +381,20 @@ class Close(ArmNode, Skill):
         left = max(0.0, push.opening(self._tip(push, motion.tool).position))
         resisted = motion.end in (FollowEnd.JAMMED, FollowEnd.LOCKED)
         if resisted and left <= self._uncertainty(push):
-            skills.world.believe_articulation(leaf.articulation, 0.0)
+            skills.world.believe_articulation(door.name, 0.0)
             return left
         if failure is None:
-            raise SkillFailure("lost_contact", f"no resistance up to the closed position of {leaf.articulation}")
-        skills.world.believe_articulation(leaf.articulation, min(left, leaf.leaf.upper))
+            raise SkillFailure("lost_contact", f"no resistance up to the closed position of {door.name}")
+        skills.world.believe_articulation(door.name, min(left, door.mapped.upper))
         if left > self.opening:
             self.left = left
             code = "jammed" if resisted else error_code(motion.end)
-            raise SkillFailure(code, f"{leaf.articulation} is still open by {left:.2f}: {failure}", failure.failure)
+            raise SkillFailure(code, f"{door.name} is still open by {left:.2f}: {failure}", failure.failure)
         return left
 
     def _uncertainty(self, push: FrontPush) -> float:
         """Return how far from shut, by the map, the end stop may be felt, metres or radians."""
-        piece = push.leaf.furniture
-        turned = piece.heading_error * (1.0 if push.leaf.leaf.kind == "revolute" else 0.0)
+        piece = push.door.furniture
+        turned = piece.heading_error * (1.0 if push.door.mapped.kind == "revolute" else 0.0)
         tolerance = self.skills.parameters.close.end_stop_tolerance
         return (tolerance + 1.5 * piece.position_error) / push.lever + turned

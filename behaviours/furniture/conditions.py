@@ -25,9 +25,9 @@ class TakeContainer(_OfContainer):
 
     def act(self) -> None:
         """Read the map."""
-        leaf = find_articulation(self.skills, self.container)
-        openness = openness_of(leaf.leaf)
-        self.furniture = leaf.furniture.name
+        door = find_articulation(self.skills, self.container)
+        openness = openness_of(door.mapped)
+        self.furniture = door.furniture.name
         self.opening = openness.asked
         self.shut = openness.shut
 
@@ -37,7 +37,7 @@ class BelieveLocked(_OfContainer):
 
     def act(self) -> None:
         """Set the belief; no motion."""
-        self.skills.world.locked.add(find_articulation(self.skills, self.container).articulation)
+        self.skills.world.locked.add(find_articulation(self.skills, self.container).name)
 
 
 class BelieveStuck(_OfContainer):
@@ -48,13 +48,13 @@ class BelieveStuck(_OfContainer):
 
     def act(self) -> None:
         """Set the belief; no motion."""
-        self.skills.world.blocked.add(find_articulation(self.skills, self.container).articulation)
+        self.skills.world.blocked.add(find_articulation(self.skills, self.container).name)
 
 
 class IsOpen(SkillCondition):
     """Check whether the believed opening of a door or drawer is at least, or at most, a given value."""
 
-    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    articulation = In[str](ArticulationName, "furniture/name of the map")
     at_least = In[float](NonNegative, "metres or radians", default=0.0)
     at_most = In[float | None](NonNegative, "metres or radians; any without it", required=False)
     FAILS: ClassVar = {
@@ -67,9 +67,9 @@ class IsOpen(SkillCondition):
         """Check the belief, without an image."""
         name: str = self.articulation
         at_least, at_most = self.at_least, self.at_most
-        leaf = find_articulation(self.skills, name).leaf
+        door = find_articulation(self.skills, name).mapped
         position = self.skills.world.articulations.get(name, 0.0)
-        unit = "rad" if leaf.kind == "revolute" else "m"
+        unit = "rad" if door.kind == "revolute" else "m"
         if not position >= at_least:  # nor if the belief is not a number
             return "not_open", f"{name} is open by {position:.2f} {unit} only"
         if at_most is not None and not position <= at_most:

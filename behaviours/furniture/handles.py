@@ -48,7 +48,7 @@ class DetectHandle(Skill):
 
     REQUIRES = ("camera",)
     furniture = In[str | None](FurnitureName, "furniture of the map, such as fridge", required=False)
-    articulation = In[str | None](ArticulationName, "only on this door or drawer, furniture/leaf", required=False)
+    articulation = In[str | None](ArticulationName, "only on this door or drawer, furniture/name", required=False)
     near = In(Pose, "choose the handle nearest to this, map frame", required=False)
     joint = In[str | None](JointKind, "only handles of a revolute or a prismatic joint", required=False)
     min_confidence = In[float](Fraction, "of the handle", default=0.5)
@@ -72,14 +72,14 @@ class DetectHandle(Skill):
         seen = [handle.seen_from(view.map_from_base) for handle in scene.handles]
         articulation: str = self.articulation or ""
         if articulation:
-            # Neighbouring fronts show better than an unmeasured map whether a leaf is shut.
+            # Neighbouring fronts show better than an unmeasured map whether a door is shut.
             closed = skills.world.articulations.get(articulation) == 0.0
             believe_shut_fronts(skills.world, find_articulation(skills, articulation).furniture.name, seen, closed)
-            leaf = find_articulation(skills, articulation)
-            seen = self._on_leaf(leaf, seen)
+            door = find_articulation(skills, articulation)
+            seen = self._on_door(door, seen)
             if not seen:
                 fronts = [front.seen_from(view.map_from_base) for front in scene.fronts]
-                yield from self._believe_board(leaf, fronts, view.in_map)
+                yield from self._believe_board(door, fronts, view.in_map)
         names = [self._believe(handle, view.stamp) for handle in seen]
         chosen = [name for name in dict.fromkeys(names) if self._wanted(skills.world.handles[name], furniture)]
         for name in chosen:
@@ -96,41 +96,41 @@ class DetectHandle(Skill):
         self.pose = skills.world.handles[best].handle.pose
         self.feedback_message = f"{best}: {skills.world.handles[best].handle.kind}, {len(chosen)} in all"
 
-    def _on_leaf(self, leaf: FurnitureArticulation, seen: list[Handle]) -> list[Handle]:
+    def _on_door(self, door: FurnitureArticulation, seen: list[Handle]) -> list[Handle]:
         """Return the handles on a door or drawer; its opening is estimated from the one of the highest confidence."""
         skills = self.skills
-        openings = [(handle, opening_seen(leaf, handle)) for handle in seen]
+        openings = [(handle, opening_seen(door, handle)) for handle in seen]
         found = [(handle, opening) for handle, opening in openings if opening is not None]
         if found:
             handle, opening = max(found, key=lambda entry: entry[0].confidence)
-            believed = skills.world.articulations.get(leaf.articulation, 0.0)
+            believed = skills.world.articulations.get(door.name, 0.0)
             # A handle that was pushed shut unseen has its place from the map, and is no further evidence.
-            for known in skills.world.handles_of(leaf.furniture, leaf.leaf) if believed > 0.0 else ():
-                since = opening_since(leaf, believed, known.handle, handle)
+            for known in skills.world.handles_of(door.furniture, door.mapped) if believed > 0.0 else ():
+                since = opening_since(door, believed, known.handle, handle)
                 opening = opening if since is None else since
-            skills.world.believe_articulation(leaf.articulation, opening)
+            skills.world.believe_articulation(door.name, opening)
             self.opening = opening
         return [handle for handle, _ in found]
 
     def _believe_board(
-        self, leaf: FurnitureArticulation, fronts: list[SupportPlane], view: View
+        self, door: FurnitureArticulation, fronts: list[SupportPlane], view: View
     ) -> SkillCoroutine[None]:
         """Believe that an articulation is open if its front is farther from closed than the map's error explains."""
         world = self.skills.world
-        believed = world.articulations.get(leaf.articulation, 0.0)
-        openings = [opening for front in fronts if (opening := opening_by_board(leaf, front)) is not None]
+        believed = world.articulations.get(door.name, 0.0)
+        openings = [opening for front in fronts if (opening := opening_by_board(door, front)) is not None]
         if openings:
             opening = openings[0]  # the largest plane goes first
         else:
-            known = bodies_around(world, leaf)
+            known = bodies_around(world, door)
             explaining: float | None = yield self.compute(
-                "opening_by_rays", opening_by_rays, leaf, believed, view, known
+                "opening_by_rays", opening_by_rays, door, believed, view, known
             )
             if explaining is None:
                 return
             opening = explaining
-        if abs(opening - believed) > SHUT[leaf.leaf.kind]:
-            world.believe_articulation(leaf.articulation, opening)
+        if abs(opening - believed) > SHUT[door.mapped.kind]:
+            world.believe_articulation(door.name, opening)
         self.opening = opening
 
     def _furniture(self) -> MapFurniture | None:
@@ -183,8 +183,10 @@ def _belongs(handle: Handle, furniture: MapFurniture) -> bool:
     low_enough = float(handle.pose.position[2]) < furniture.height + MAP_MARGIN
     if low_enough and furniture.covers(handle.pose.position[:2], MAP_MARGIN):
         return True
-    leaves = (FurnitureArticulation(f"{furniture.name}/{leaf.name}", furniture, leaf) for leaf in furniture.leaves)
-    return any(opening_seen(leaf, handle) is not None for leaf in leaves)
+    doors = (
+        FurnitureArticulation(f"{furniture.name}/{door.name}", furniture, door) for door in furniture.articulations
+    )
+    return any(opening_seen(door, handle) is not None for door in doors)
 
 
 def _area(furniture: MapFurniture) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from behaviours.arm_motion import approach_object, move_free, unreached
 from behaviours.contacts import handle, stopping_at
-from behaviours.furniture.articulation import world_at_leaf
+from behaviours.furniture.articulation import world_at_opening
 from behaviours.furniture.articulation_measurement import articulation_from_motion
 from behaviours.furniture.articulation_motion import (
     LEAF_FAILS,
@@ -47,7 +47,7 @@ class Open(ArmNode, Skill):
 
     REQUIRES = ("arm", "gripper")
     USES = ("force_torque",)
-    articulation = In[str](ArticulationName, "furniture/leaf of the map")
+    articulation = In[str](ArticulationName, "furniture/name of the map")
     handle = In(str, "a believed handle")
     opening = In[float](NonNegative, "target opening: metres for a drawer, radians for a door")
     force = In[float](Positive, "closing force, newtons", default=40.0)
@@ -82,21 +82,21 @@ class Open(ArmNode, Skill):
                 skills,
                 SkillFailure("no_grasp", f"no grasp of {name} is free and within reach from here"),
                 (candidate.grasp for candidate in pull_grasps(skills, opening, belief)),
-                world_at_leaf(skills, opening.leaf, opening.start, "fingers"),
+                world_at_opening(skills, opening.door, opening.start, "fingers"),
             )
-        leaf, posture = opening.leaf, self.posture
+        door, posture = opening.door, self.posture
         yield skills.gripper.open(plan.fingers)
-        yield from move_free(self, [plan.into[0]], world_at_leaf(skills, leaf, opening.start, "free"))
+        yield from move_free(self, [plan.into[0]], world_at_opening(skills, door, opening.start, "free"))
         yield from tare_wrist(self)
-        with self.touching(handle(leaf.articulation, stopping_at(self.force + self.max_pull))):
+        with self.touching(handle(door.name, stopping_at(self.force + self.max_pull))):
             opened = yield from self._pull_open(opening, plan, posture)
         self.opened = opened
-        self.feedback_message = f"{leaf.articulation} open by {opened:.2f}"
+        self.feedback_message = f"{door.name} open by {opened:.2f}"
 
     def _pull_open(self, opening: Opening, plan: HandlePull, posture: str) -> SkillCoroutine[float]:
         """Grasp the handle, follow the articulation, release, retreat; return the opening reached."""
-        skills, leaf = self.skills, opening.leaf
-        contact = world_at_leaf(skills, leaf, opening.start, "hand")
+        skills, door = self.skills, opening.door
+        contact = world_at_opening(skills, door, opening.start, "hand")
         yield from approach_object(self, plan.into, contact, monitored=opening.touching == "nothing")
         self._felt: Obstacle | None = None
         try:
@@ -108,10 +108,10 @@ class Open(ArmNode, Skill):
             raise
         except (SkillFailure, *ALGORITHM_ERRORS) as failure:
             yield skills.gripper.open()
-            yield from retreat_after_failure(self, leaf, posture, failure, self._felt)
+            yield from retreat_after_failure(self, door, posture, failure, self._felt)
             raise
         yield skills.gripper.open()
-        yield from retreat(self, leaf, posture, self._felt)
+        yield from retreat(self, door, posture, self._felt)
         return opened
 
     def _check_held(self) -> None:
@@ -133,7 +133,7 @@ class Open(ArmNode, Skill):
         """
         from bestman_bt.control.arm.constraint_following import FollowGoal
 
-        skills, leaf, share = self.skills, opening.leaf, plan.planned
+        skills, door, share = self.skills, opening.door, plan.planned
         held_before = self._held(plan, skills.base_from_tool())
         following = skills.arm.follow_constraint(
             skills.map_from_base.inverse().rotation @ opening.handle.opening_direction,
@@ -145,16 +145,16 @@ class Open(ArmNode, Skill):
                 axis=opening.axis(skills.map_from_base.inverse()),
             ),
             grip=skills.gripper.watch_slip(HELD_WIDTH.slip_turning if opening.bar_turns else HELD_WIDTH.slip),
-            hint=leaf.leaf.kind,
+            hint=door.mapped.kind,
         )
         motion, failure = yield from followed(following)
         held_after = self._held(plan, motion.tool)
         self._felt = articulation_from_motion(opening, held_before, held_after, motion.angle, skills.clock.now())
         opened = opening.start + (motion.angle if opening.angle is not None else motion.distance)
-        # Where the grip was lost, too: the leaf is left about there, and the base has to keep clear of it.
-        skills.world.believe_articulation(leaf.articulation, max(0.0, min(opened, leaf.leaf.upper)))
+        # Where the grip was lost, too: the door is left about there, and the base has to keep clear of it.
+        skills.world.believe_articulation(door.name, max(0.0, min(opened, door.mapped.upper)))
         if opened < opening.asked:
-            why = f"{leaf.articulation} is open by {opened:.2f} of {opening.asked:.2f} only"
+            why = f"{door.name} is open by {opened:.2f} of {opening.asked:.2f} only"
             if failure is None and share < 1.0:
                 raise SkillFailure("out_of_reach", f"{why}: the arm cannot open it any further from this base pose")
             code = error_code(motion.end, reached="not_open")

@@ -14,11 +14,11 @@ from behaviours.furniture.articulation import (
     MEASURED,
     ArticulationPath,
     FurnitureArticulation,
-    LeafWorlds,
+    OpeningWorlds,
     Touching,
     find_articulation,
-    stands_along_leaf,
-    world_at_leaf,
+    stands_along_opening,
+    world_at_opening,
 )
 from behaviours.manipulation.grasp_candidates import handle_grasp_candidates
 from behaviours.parameters import OpenParameters
@@ -42,13 +42,13 @@ TILTS = tuple(math.radians(degrees) for degrees in range(-50, 51, 10))
 
 @dataclass(frozen=True, eq=False)
 class Opening:
-    """A leaf to open: its handle in the map frame, and the ``distance`` of the handle along its path, metres.
+    """A door to open: its handle in the map frame, and the ``distance`` of the handle along its path, metres.
 
     ``angle``: radians, for a door; None for a drawer. ``asked``: the target opening, radians or metres. ``start``: the
     believed opening. ``most_tilt``: largest rotation of the hand relative to the door, radians.
     """
 
-    leaf: FurnitureArticulation
+    door: FurnitureArticulation
     handle: Handle
     asked: float
     start: float
@@ -62,7 +62,7 @@ class Opening:
         return np.linspace(0.0, self.distance, 1 + max(1, math.ceil(self.distance / STEP)))
 
     def positions(self) -> list[float]:
-        """Return the leaf positions at the stations, radians or metres from closed."""
+        """Return the door positions at the stations, radians or metres from closed."""
         further = self.distance if self.angle is None else self.angle
         return [self.start + share * further for share in np.linspace(0.0, 1.0, len(self.way()))]
 
@@ -118,26 +118,26 @@ def plan_opening(skills: SkillContext, articulation: str, belief: HandleBelief, 
     """Return the opening to plan for; the map's joint has priority over the handle's appearance, and contact refines
     it.
 
-    Raises SkillFailure (``bad_input``) if the leaf cannot be open as far as requested.
+    Raises SkillFailure (``bad_input``) if the door cannot be open as far as requested.
     """
-    leaf = find_articulation(skills, articulation)
-    leaf.check_opening("opening", asked)
+    door = find_articulation(skills, articulation)
+    door.check_opening("opening", asked)
     start = skills.world.articulations.get(articulation, 0.0)
     parameters = skills.parameters.open
-    margin = parameters.drawer_margin if leaf.leaf.kind == "prismatic" else parameters.door_margin
-    end = min(asked + margin, parameters.max_opening * leaf.leaf.upper)
+    margin = parameters.drawer_margin if door.mapped.kind == "prismatic" else parameters.door_margin
+    end = min(asked + margin, parameters.max_opening * door.mapped.upper)
     further = max(end - start, STEP)
     handle = belief.handle
-    if leaf.leaf.kind == "prismatic":
-        _, direction = leaf.axis()
+    if door.mapped.kind == "prismatic":
+        _, direction = door.axis()
         handle = replace(handle, joint="prismatic", opening_direction=direction)
-        return Opening(leaf, handle, asked, start, further, None, parameters=parameters)
-    hinge, axis = leaf.axis()
+        return Opening(door, handle, asked, start, further, None, parameters=parameters)
+    hinge, axis = door.axis()
     opening = np.cross(axis, handle.pose.position - hinge)
     opening = opening / np.linalg.norm(opening)
     handle = replace(handle, joint="revolute", hinge=hinge, hinge_direction=axis, opening_direction=opening)
-    most_tilt = TILTS[-1] if leaf.furniture.position_error <= MEASURED else _palm_limit(skills, handle)
-    return Opening(leaf, handle, asked, start, further * _radius(handle), further, most_tilt, parameters)
+    most_tilt = TILTS[-1] if door.furniture.position_error <= MEASURED else _palm_limit(skills, handle)
+    return Opening(door, handle, asked, start, further * _radius(handle), further, most_tilt, parameters)
 
 
 def _palm_limit(skills: SkillContext, handle: Handle) -> float:
@@ -231,17 +231,17 @@ def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> H
     from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 
     base_from_map, here = skills.map_from_base.inverse(), [skills.world.base.pose]
-    free = world_at_leaf(skills, opening.leaf, opening.start, "free")
-    contact = world_at_leaf(skills, opening.leaf, opening.start, "fingers")
+    free = world_at_opening(skills, opening.door, opening.start, "free")
+    contact = world_at_opening(skills, opening.door, opening.start, "fingers")
     from_here = skills.path_placement.from_fixed_base()
     plans: list[HandlePull] = []
-    worlds: LeafWorlds = {}
+    worlds: OpeningWorlds = {}
     for candidate in pull_grasps(skills, opening, belief):
         grasp, pre_grasp = skills.map_from_base @ candidate.grasp, skills.map_from_base @ candidate.pre_grasp
         tilts = opening.tilts(grasp)
         way = [before(opening, grasp, pre_grasp, tilts), *stations(opening, grasp, tilts)]
-        along_leaf = ArticulationPath(here, way, opening.positions(), opening.touching, skip=1)
-        for stand in stands_along_leaf(skills, opening.leaf, along_leaf, worlds, from_here):
+        along_door = ArticulationPath(here, way, opening.positions(), opening.touching, skip=1)
+        for stand in stands_along_opening(skills, opening.door, along_door, worlds, from_here):
             arc = replace(stand.arc, path=stand.arc.path[1:], options=stand.arc.options[1:])
             if len(arc.path) < 2 or not free.is_free(stand.arc.path[0]):
                 continue

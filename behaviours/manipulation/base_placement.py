@@ -205,7 +205,7 @@ class FindStandPose(FindStandAtFurniture):
         furniture, surface = find_surface(skills, self.surface)
         height = self._middle()[2] + HAND_ABOVE
         points = goal.position[None, :2] if goal is not None else self._parts(furniture, surface)
-        within = furniture.is_inside(surface) and surface.leaf is None
+        within = furniture.is_inside(surface) and surface.drawer is None
         hands = partial(_from_front, heading=furniture.pose.theta) if within else _top_down
         return [StandTarget(hands(np.array([*point, height])), point) for point in points]
 

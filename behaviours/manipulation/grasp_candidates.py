@@ -78,12 +78,12 @@ def _from_the_open_side(
     furniture, surface = known.surface(belief.surface) if belief.surface else (None, None)
     if furniture is None or surface is None or not furniture.is_inside(surface):
         return candidates
-    if surface.leaf is not None:
+    if surface.drawer is not None:
         inwards = np.array([0.0, 0.0, -1.0])
     else:
         inwards = skills.map_from_base.inverse().rotation @ furniture.pose.to_pose().rotation[:, 0]
     straight = tuple(one for one in candidates if float(one.grasp.rotation[:, 2] @ inwards) > OBLIQUE)
-    return straight if surface.leaf is not None else _camera_above(skills, straight)
+    return straight if surface.drawer is not None else _camera_above(skills, straight)
 
 
 def _camera_above(skills: SkillContext, candidates: tuple[GraspCandidate, ...]) -> tuple[GraspCandidate, ...]:

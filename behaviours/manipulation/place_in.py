@@ -122,8 +122,8 @@ class GoalOnSurface(ErrorReporting, SyncAction):
             furniture, surface = find_surface(self.skills, self.surface)
         except SkillFailure as failure:
             return self.explain_error(failure)
-        if surface.leaf is not None:
-            opened = self.skills.world.opening_of(furniture, furniture.leaf(surface.leaf))
+        if surface.drawer is not None:
+            opened = self.skills.world.opening_of(furniture, furniture.articulation(surface.drawer))
             frame = furniture.pose.to_pose()
             goal = frame @ opened @ frame.inverse() @ goal
         self.now = goal
@@ -142,8 +142,8 @@ class PlaceIn(PlaceOn):
         """Return the height at which no part of the object is below the rim."""
         pose: Pose = self.pose
         furniture, surface = self._drawer(pose)
-        assert surface.leaf is not None
-        shapes = articulation_shapes(self.skills.world, furniture, furniture.leaf(surface.leaf))
+        assert surface.drawer is not None
+        shapes = articulation_shapes(self.skills.world, furniture, furniture.articulation(surface.drawer))
         rim = max(_top(placed) for placed in shapes)
         return rim + self.skills.parameters.place.rim_clearance - float(pose.position[2] + held.model.bounds()[0, 2])
 
@@ -152,7 +152,7 @@ class PlaceIn(PlaceOn):
         world = self.skills.world
         below: list[tuple[float, MapFurniture, MapSurface]] = []
         for piece in world.map.furniture.values():
-            for drawer in (mapped for mapped in piece.surfaces if mapped.leaf is not None):
+            for drawer in (mapped for mapped in piece.surfaces if mapped.drawer is not None):
                 _, surface = world.surface(f"{piece.name}/{drawer.name}")
                 x, y, z = ((piece.pose.to_pose() @ surface.pose).inverse() @ pose).position
                 if abs(x) <= surface.size[0] / 2 and abs(y) <= surface.size[1] / 2 and z > 0.0:

@@ -41,9 +41,9 @@ class BelieveBlocked(InstantSkill):
         furniture, surface = find_surface(self.skills, self.surface)
         place = f"{furniture.name}/{surface.name}"
         world.blocked.add(place)
-        leaves = {f"{furniture.name}/{leaf.name}" for leaf in furniture.leaves}
-        leaves.difference_update(containers_before(furniture, surface))
-        world.in_the_way |= {(leaf, place) for leaf in leaves if not is_shut(world, leaf)}
+        doors = {f"{furniture.name}/{door.name}" for door in furniture.articulations}
+        doors.difference_update(containers_before(furniture, surface))
+        world.in_the_way |= {(door, place) for door in doors if not is_shut(world, door)}
 
 
 class ForgetBlocked(InstantSkill):

@@ -96,7 +96,7 @@ class LookInto(ArmNode, Skill):
             return (base_from_map @ belief.pose).position
         furniture, surface = find_surface(skills, self.surface)
         x, y, z = (float(value) for value in surface.pose.position)
-        if surface.leaf is not None:
+        if surface.drawer is not None:
             half = surface.size[0] / 2
             x = (x - half + min(x + half, -furniture.footprint[0] / 2)) / 2
         return (base_from_furniture @ Pose(np.array([x, y, z]))).position

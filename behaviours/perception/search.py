@@ -47,7 +47,7 @@ def hidden_part(skills: SkillContext, name: str, surface_name: str) -> float:
 
     furniture, surface = find_surface(skills, surface_name)
     grid, model = skills.world.occupancy, skills.world.models.get(name)
-    if grid is None or surface.leaf is not None:
+    if grid is None or surface.drawer is not None:
         return 0.0
     width = THING if model is None else float(model.size[:2].min())
     return hidden_share(grid, furniture.pose.to_pose() @ surface.pose, surface.size, width)

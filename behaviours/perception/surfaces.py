@@ -51,10 +51,10 @@ def with_open_drawers(skills: SkillContext, furniture: MapFurniture) -> MapFurni
     frame = furniture.pose.to_pose().inverse()
     front = -furniture.footprint[0] / 2
     reach = front
-    for leaf in furniture.leaves:
-        if leaf.kind == "prismatic" and skills.world.articulations.get(f"{furniture.name}/{leaf.name}", 0.0) > 0.0:
-            handles = [belief.handle.pose for belief in skills.world.handles_of(furniture, leaf)]
-            boards = [placed.pose for placed in articulation_shapes(skills.world, furniture, leaf)]
+    for door in furniture.articulations:
+        if door.kind == "prismatic" and skills.world.articulations.get(f"{furniture.name}/{door.name}", 0.0) > 0.0:
+            handles = [belief.handle.pose for belief in skills.world.handles_of(furniture, door)]
+            boards = [placed.pose for placed in articulation_shapes(skills.world, furniture, door)]
             reach = min(
                 [reach, *(float((frame @ p).position[0]) for p in handles), *(float(p.position[0]) for p in boards)]
             )
@@ -125,7 +125,7 @@ def _support(
     Of furniture that opens it is the slab alone, within it a thin one: the map knows the boards below and around it,
     and a drawer goes through where a solid body would be.
     """
-    if furniture.is_inside(surface) or furniture.leaves:
+    if furniture.is_inside(surface) or furniture.articulations:
         return Obstacle(f"{name}/surface", (slab,), stamp)
     top = height - BOARD_OUTSIDE / 2
     body = PlacedShape(

@@ -23,9 +23,9 @@ class TrueSurfaces:
         segments = [semantic_map(world).walls]
         for piece in world.furniture:
             shapes = list(piece.model.parts)
-            for leaf in piece.model.articulations:
-                moved = leaf.moved(piece.open.get(leaf.name, 0.0))
-                shapes += [PlacedShape(part.shape, moved @ part.pose) for part in leaf.parts]
+            for door in piece.model.articulations:
+                moved = door.moved(piece.open.get(door.name, 0.0))
+                shapes += [PlacedShape(part.shape, moved @ part.pose) for part in door.parts]
             segments.extend(_slice(placed.shape, piece.pose @ placed.pose, height) for placed in shapes)
         self.segments = np.concatenate(segments)
         lengths = np.linalg.norm(self.segments[:, 2:] - self.segments[:, :2], axis=1)

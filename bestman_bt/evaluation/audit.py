@@ -132,7 +132,7 @@ def audit(
     """Return the audit of a simulation record.
 
     ``allowed_contacts``: pairs of names, in any order: an object, a piece of furniture, a door or drawer
-    (``furniture/leaf``), ``fingers``, a link of the robot, or ``robot`` for all its links. ``declared``: contacts that
+    (``furniture/name``), ``fingers``, a link of the robot, or ``robot`` for all its links. ``declared``: contacts that
     skills declared; only these are allowed, and if ``allowed_contacts`` is given, only those in both. Without skills,
     those in ``allowed_contacts``. ``models``: object of the scene → model. ``script``: the evaluation's own changes of
     the world; any other exemption in the record is tampering. ``began``: start of the run on the monitor's clock,
@@ -151,7 +151,7 @@ def audit(
         elif declared is not None:
             why = judged.objection(contact)
             if why:
-                second = contact.leaf or contact.second
+                second = contact.articulation or contact.second
                 collisions.append(Collision(contact.first, second, contact.start, contact.end, contact.peak_force, why))
         elif not _is_allowed(contact, pairs or set()):
             collisions.append(_collision(contact))
@@ -233,7 +233,7 @@ def _collision_document(collision: Collision) -> dict[str, Any]:
 
 def _is_allowed(contact: ContactIncident, allowed: set[frozenset[str]]) -> bool:
     names = {"fingers": ["fingers", "robot"], "robot": ["robot"]}.get(contact.kinds[0], [])
-    others = {contact.second, contact.leaf} - {""}
+    others = {contact.second, contact.articulation} - {""}
     return not {frozenset((name, other)) for name in (contact.first, *names) for other in others}.isdisjoint(allowed)
 
 

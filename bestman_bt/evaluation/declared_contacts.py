@@ -76,7 +76,7 @@ class _Use:
         """Return whether it is the declared contact, by kinds, names and time."""
         contact, kinds = self.declared.contact, incident.kinds
         if contact.kind == "handle":
-            fits = kinds == ("fingers", "furniture") and incident.leaf == contact.thing != ""
+            fits = kinds == ("fingers", "furniture") and incident.articulation == contact.thing != ""
         elif contact.kind == "support":
             on = kinds[1] in ("furniture", "floor") and incident.second == contact.on
             fits = on and kinds[0] == "object" and self._is(incident.first, models)
@@ -138,7 +138,7 @@ def _contact_document(contact: Contact, incidents: Sequence[ContactIncident]) ->
     return {
         "skill": contact.skill,
         "kind": contact.kind,
-        "pair": [first.first if contact.kind == "support" else "fingers", first.leaf or first.second],
+        "pair": [first.first if contact.kind == "support" else "fingers", first.articulation or first.second],
         "start_s": round(min(one.start for one in incidents), 3),
         "end_s": round(max(one.end for one in incidents), 3),
         "peak_force_n": round(max(one.peak_force for one in incidents), 2),

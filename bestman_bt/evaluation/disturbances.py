@@ -219,8 +219,8 @@ class Disturbances:
         if not is_open(world, name) or opened < openness_of(articulation_called(world, name)).shut:
             return False
         piece = next(p for p in self._session.setup.world.furniture if p.name == name.partition("/")[0])
-        leaf = next(a for a in piece.model.articulations if a.name == name.partition("/")[2])
-        handle = piece.pose @ leaf.moved(opened) @ leaf.handle.pose
+        door = next(a for a in piece.model.articulations if a.name == name.partition("/")[2])
+        handle = piece.pose @ door.moved(opened) @ door.handle.pose
         return script.asked.object not in self._was_held and math.dist(self._hand(), handle.position) > HAND_OUT
 
     def _move_on_surface(self, script: _Script) -> _Event:

@@ -411,7 +411,7 @@ def moved_by_others(setup: ResolvedConfig, script: Collection[DisturbanceEvent],
     touched.
     """
     moved = {event.name for event in script}
-    touched = {name for contact in record.contacts for name in (contact.first, contact.second, contact.leaf)}
+    touched = {name for contact in record.contacts for name in (contact.first, contact.second, contact.articulation)}
     return [name for name in setup.subjects if name in moved - touched]
 
 

@@ -71,7 +71,7 @@ def robot_snapshot(seen: SceneSnapshot, tick: int, believed: Pose | None = None)
         map_from_base=seen.base_pose,
         joint_positions=seen.joint_positions,
         believed_map_from_base=believed,
-        body_poses={**seen.object_poses, **seen.leaf_poses, **seen.walker_poses},
+        body_poses={**seen.object_poses, **seen.articulation_poses, **seen.walker_poses},
     )
 
 

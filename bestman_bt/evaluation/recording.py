@@ -216,7 +216,7 @@ def recorded_bodies(world: World) -> list[RecordedBody]:
     for furniture in world.furniture:
         model = furniture.model
         bodies.append(RecordedBody(furniture.name, model.parts, model.colors, furniture.pose))
-        bodies += [_leaf(furniture, articulation) for articulation in model.articulations]
+        bodies += [_door(furniture, articulation) for articulation in model.articulations]
     for thing in world.objects:
         shapes, colors = zip(*thing.model.appearance, strict=True)
         bodies.append(RecordedBody(thing.name, shapes, tuple((*color, 1.0) for color in colors), thing.pose))
@@ -231,7 +231,7 @@ def _person(walker: Walker) -> RecordedBody:
     return RecordedBody(walker.name, (shape,), (WALKER_COLOR,), Pose(np.array([x, y, 0.0])))
 
 
-def _leaf(furniture: PlacedFurniture, articulation: Articulation) -> RecordedBody:
+def _door(furniture: PlacedFurniture, articulation: Articulation) -> RecordedBody:
     """Return a door or drawer in a frame at its joint, the frame of ``hal.simulation.scene_recorder.SceneSnapshot``."""
     joint = Pose(np.array(articulation.origin))
     shapes = tuple(PlacedShape(part.shape, joint.inverse() @ part.pose) for part in articulation.parts)

@@ -43,5 +43,5 @@ DRAWER = Predicate(
     "drawer",
     {"place": "place"},
     "the {place} moves with a drawer",
-    lambda beliefs, place: beliefs.world.map.surface(place)[1].leaf is not None,
+    lambda beliefs, place: beliefs.world.map.surface(place)[1].drawer is not None,
 )

@@ -30,7 +30,7 @@ def _why_not(evidence: Evidence, name: str, place: str) -> str:
         return f"there is no {name} in the scene"
     faults = [] if is_over(evidence, name, place) else [f"not on {place}"]
     faults += rest_faults(evidence, name, place)
-    if evidence.task.world_model.map.surface(place)[1].leaf is None:
+    if evidence.task.world_model.map.surface(place)[1].drawer is None:
         faults += tilt_fault(evidence, evidence.truth.object_pose(name))
     return f"the {name} is " + ", ".join(faults) if faults else ""
 

@@ -67,8 +67,8 @@ def drawer_displacement(evidence: Evidence, name: str) -> Pose:
     """Return the displacement of a surface's drawer, in the furniture frame; identity for other surfaces."""
     wanted, _, part = name.partition("/")
     piece = next(p for p in evidence.task.world.furniture if p.name == wanted)
-    leaf = piece.model.drawer_of(part)
-    if leaf is None:
+    door = piece.model.drawer_of(part)
+    if door is None:
         return Pose()
-    opened = evidence.truth.articulation_position(f"{wanted}/{leaf.name}")
-    return Pose(opened * np.array(leaf.axis))
+    opened = evidence.truth.articulation_position(f"{wanted}/{door.name}")
+    return Pose(opened * np.array(door.axis))

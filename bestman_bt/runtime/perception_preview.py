@@ -61,7 +61,7 @@ def look_at(furniture: MapFurniture, stand: RunConfig | ResolvedConfig, views: i
         seen: list[RGBDView] = []
         if session.skills.has("camera"):  # else the tree is refused, with the reason
             session.skills.camera.subscribe(seen.append)
-        still = [surface for surface in furniture.surfaces if surface.leaf is None]
+        still = [surface for surface in furniture.surfaces if surface.drawer is None]
         heights = {f"{furniture.name}/{s.name}": float(s.pose.position[2]) for s in still}
         highest = max(heights.values(), default=0.0)
         session.entries |= {
@@ -91,7 +91,7 @@ def run_in_front_of(furniture: MapFurniture, asked: RunRequest) -> RunConfig:
     obstacles = [wall_rectangle(wall) for wall in world.walls]
     obstacles += [rectangle(piece.actual, piece.model.footprint) for piece in world.furniture]
     front = furniture.pose @ Pose2D(-furniture.footprint[0] / 2, 0.0, 0.0)
-    distances = STAND_OFFS if furniture.leaves or len(furniture.surfaces) > 1 else STAND_OFFS_AT_TABLES
+    distances = STAND_OFFS if furniture.articulations or len(furniture.surfaces) > 1 else STAND_OFFS_AT_TABLES
     for distance in distances:
         stand = front @ Pose2D(-distance, 0.0, 0.0)
         if any(_apart(wall, stand, front) for wall in world.walls):

@@ -420,13 +420,13 @@ def _tolerance_problems(config: RunConfig, world: World) -> Iterator[Problem]:
 def _disturbance_problems(
     config: RunConfig, path: FieldPath, asked: DisturbanceConfig, known: WorldModel, absent: Collection[str]
 ) -> Iterator[Problem]:
-    leaves = [f"{name}/{leaf.name}" for name, piece in known.map.furniture.items() for leaf in piece.leaves]
+    doors = [f"{name}/{door.name}" for name, piece in known.map.furniture.items() for door in piece.articulations]
     if asked.object is not None:
         there = [*known.models, *absent]
         yield from unknown(config, (*path, "object"), asked.object, there, "the scene has no object")
     if asked.articulation is not None:
         what = "the map has no door or drawer"
-        yield from unknown(config, (*path, "articulation"), asked.articulation, leaves, what)
+        yield from unknown(config, (*path, "articulation"), asked.articulation, doors, what)
     if asked.surface is not None:
         what = "the map has no surface outside doors and drawers called"
         yield from unknown(config, (*path, "surface"), asked.surface, surface_names(known, inside=False), what)

@@ -45,7 +45,7 @@ def known_names(world: WorldModel, absent: Iterable[str] = ()) -> dict[str, list
         "object": [*world.models, *absent],
         "furniture": list(pieces),
         "surface": [*pieces, *(f"{name}/{one.name}" for name, piece in pieces.items() for one in piece.surfaces)],
-        "articulation": [f"{name}/{leaf.name}" for name, piece in pieces.items() for leaf in piece.leaves],
+        "articulation": [f"{name}/{door.name}" for name, piece in pieces.items() for door in piece.articulations],
     }
 
 

@@ -315,7 +315,7 @@ def _changed(
 
 def _moving_doors(scene: SceneConfig, furniture: Iterable[PlacedFurniture]) -> tuple[MovingDoor, ...]:
     """Return the moving doors whose furniture is present: an unmapped piece may be absent."""
-    there = {f"{piece.name}/{leaf.name}": leaf for piece in furniture for leaf in piece.model.articulations}
+    there = {f"{piece.name}/{door.name}": door for piece in furniture for door in piece.model.articulations}
     return tuple(
         MovingDoor(name, min(asked.to, there[name].upper), asked.within, asked.speed, asked.torque)
         for name, asked in scene.file.moving_doors.items()

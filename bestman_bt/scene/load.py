@@ -230,7 +230,7 @@ def _depth(a: _Prism, b: _Prism) -> float:
 def _prisms(piece: PlacedFurniture) -> Iterator[_Prism]:
     frame = piece.nominal.to_pose(piece.elevation)
     bodies = [(frame, piece.model.parts)]
-    bodies += [(frame @ leaf.moved(piece.open.get(leaf.name, 0.0)), leaf.parts) for leaf in piece.model.articulations]
+    bodies += [(frame @ door.moved(piece.open.get(door.name, 0.0)), door.parts) for door in piece.model.articulations]
     for body, parts in bodies:
         for part in parts:
             yield _prism(part.shape, body @ part.pose)
@@ -310,7 +310,7 @@ def _opening_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]
         for name, why in _misopened(piece, opened, models[piece]) if piece in models else ():
             yield document.problem((kind, piece, "open", name), why)
     every = {**scene.furniture, **scene.unmapped}
-    doors = [f"{piece}/{leaf.name}" for piece, model in every.items() for leaf in model.articulations]
+    doors = [f"{piece}/{door.name}" for piece, model in every.items() for door in model.articulations]
     for name in scene.file.moving_doors if scene.file.generator is None else ():
         if name not in doors and _can_be_judged(name, scene, document):
             yield document.problem(("moving_doors", name), f"is not a door here; {suggestion(name, doors)}")
@@ -403,11 +403,11 @@ def _object_overlaps(scene: SceneConfig, document: Document) -> Iterator[Problem
 
 def _misopened(piece: str, opened: Mapping[str, float], model: FurnitureModel) -> Iterator[tuple[str, str]]:
     """Yield names of doors and drawers that cannot be open as requested, and why."""
-    leaves = {leaf.name: leaf for leaf in model.articulations}
+    doors = {door.name: door for door in model.articulations}
     for name, position in opened.items():
-        if name not in leaves:
-            yield name, f"{piece!r} has no door or drawer {name!r}; {suggestion(name, list(leaves))}"
-        elif not 0.0 <= position <= leaves[name].upper:
-            scale, unit = (math.degrees(1.0), " deg") if leaves[name].kind == "revolute" else (100.0, " cm")
-            upper, asked = scale * leaves[name].upper, scale * position
+        if name not in doors:
+            yield name, f"{piece!r} has no door or drawer {name!r}; {suggestion(name, list(doors))}"
+        elif not 0.0 <= position <= doors[name].upper:
+            scale, unit = (math.degrees(1.0), " deg") if doors[name].kind == "revolute" else (100.0, " cm")
+            upper, asked = scale * doors[name].upper, scale * position
             yield name, f"opens from 0 to {upper:.4g}{unit}, got {asked:.4g}{unit}"

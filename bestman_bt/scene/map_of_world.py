@@ -21,30 +21,30 @@ def boards(model: FurnitureModel, elevation: float) -> tuple[PlacedShape, ...]:
     return _raised(_boxes(model.parts), elevation) if model.articulations else ()
 
 
-def leaves(model: FurnitureModel, elevation: float, opened: Mapping[str, float]) -> tuple[MapArticulation, ...]:
+def doors(model: FurnitureModel, elevation: float, opened: Mapping[str, float]) -> tuple[MapArticulation, ...]:
     """Return doors and drawers as slabs, drawers with their inner boards, without grooves; of handles only the depth.
 
     ``opened``: their mapped openings, by name.
     """
     return tuple(
         MapArticulation(
-            name=leaf.name,
-            kind=leaf.kind,
-            origin=(leaf.origin[0], leaf.origin[1], leaf.origin[2] + elevation),
-            axis=leaf.axis,
-            upper=leaf.upper,
-            shapes=_raised(_plain_boards(leaf), elevation),
-            position=opened.get(leaf.name, 0.0),
-            handle_depth=0.0 if leaf.handle.kind == "edge" else leaf.handle.standoff + leaf.handle.radius,
+            name=door.name,
+            kind=door.kind,
+            origin=(door.origin[0], door.origin[1], door.origin[2] + elevation),
+            axis=door.axis,
+            upper=door.upper,
+            shapes=_raised(_plain_boards(door), elevation),
+            position=opened.get(door.name, 0.0),
+            handle_depth=0.0 if door.handle.kind == "edge" else door.handle.standoff + door.handle.radius,
         )
-        for leaf in model.articulations
+        for door in model.articulations
     )
 
 
-def _plain_boards(leaf: Articulation) -> list[PlacedShape]:
+def _plain_boards(door: Articulation) -> list[PlacedShape]:
     """Return the front as one slab as large as its panel, and what lies behind it."""
-    boxes = _boxes(leaf.parts)
-    panel = leaf.handle.panel
+    boxes = _boxes(door.parts)
+    panel = door.handle.panel
     if panel is None or not boxes:
         return boxes
     face = float(panel.position[0])
@@ -93,12 +93,12 @@ def semantic_map(world: World) -> SemanticMap:
             footprint=piece.model.footprint,
             height=piece.elevation + _height(piece.model),
             surfaces=tuple(
-                MapSurface(s.name, Pose.from_xyz_rpy((0.0, 0.0, piece.elevation)) @ s.pose, s.size, leaf)
-                for leaf, s in _surfaces(piece.model)
+                MapSurface(s.name, Pose.from_xyz_rpy((0.0, 0.0, piece.elevation)) @ s.pose, s.size, door)
+                for door, s in _surfaces(piece.model)
             ),
             solid_at_lidar=piece.elevation == 0.0 and _fills_scan_band(piece.model),
             shapes=boards(piece.model, piece.elevation),
-            leaves=leaves(piece.model, piece.elevation, piece.mapped_open),
+            articulations=doors(piece.model, piece.elevation, piece.mapped_open),
             is_passage=piece.model.is_passage,
             # doors stand in walls, which are exact
             position_error=0.0 if piece.model.is_passage else MapFurniture.position_error,
@@ -113,8 +113,8 @@ def semantic_map(world: World) -> SemanticMap:
 def _surfaces(model: FurnitureModel) -> Iterator[tuple[str | None, Surface]]:
     """Yield surfaces and the drawers that they move with; fixed ones come first."""
     for surface in model.all_surfaces:
-        leaf = model.drawer_of(surface.name)
-        yield (leaf.name if leaf is not None else None), surface
+        door = model.drawer_of(surface.name)
+        yield (door.name if door is not None else None), surface
 
 
 def _wall_faces(world: World) -> NDArray[np.float64]:

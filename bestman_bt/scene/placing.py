@@ -43,10 +43,10 @@ def body_outlines(piece: PlacedFurniture) -> list[Points]:
 
 def articulation_outlines(piece: PlacedFurniture) -> Iterator[Points]:
     """Yield the outlines of open doors and drawers; of room doors also if closed."""
-    for leaf in piece.model.articulations:
-        position = piece.open.get(leaf.name, 0.0)
+    for door in piece.model.articulations:
+        position = piece.open.get(door.name, 0.0)
         if position > 0.0 or piece.model.is_passage:
-            yield from _outlines(leaf.parts, piece.pose @ leaf.moved(position))
+            yield from _outlines(door.parts, piece.pose @ door.moved(position))
 
 
 def _outlines(parts: Iterable[PlacedShape], map_from_parts: Pose) -> Iterator[Points]:

@@ -11,13 +11,13 @@ from bestman_bt.messages import Box, Handle, JointKind, ObjectModel, PlacedShape
 
 @dataclass(frozen=True)
 class MovingDoor:
-    """``leaf``: ``furniture/name``. It moves ``to``, radians open, once the robot's middle is ``within`` metres of it.
+    """``articulation``: ``furniture/name``. It moves ``to``, radians open, when the robot is within ``within`` metres.
 
     That is measured from the middle of the frame. ``speed``: rad/s. ``torque``: N m that it is pushed with at most,
     beyond the friction of its hinge.
     """
 
-    leaf: str
+    articulation: str
     to: float
     within: float
     speed: float
@@ -112,11 +112,11 @@ class FurnitureModel:
     @property
     def all_surfaces(self) -> tuple[Surface, ...]:
         """The surfaces of the body, then those of its closed drawers."""
-        return (*self.surfaces, *(s for leaf in self.articulations for s in leaf.surfaces))
+        return (*self.surfaces, *(s for door in self.articulations for s in door.surfaces))
 
     def drawer_of(self, surface: str) -> Articulation | None:
         """Return the drawer that a surface moves with, or None."""
-        return next((leaf for leaf in self.articulations if surface in {s.name for s in leaf.surfaces}), None)
+        return next((door for door in self.articulations if surface in {s.name for s in door.surfaces}), None)
 
 
 @dataclass(frozen=True)
@@ -145,8 +145,8 @@ class PlacedFurniture:
 
     def surface_pose(self, surface: Surface) -> Pose:
         """Return the initial pose of one of its surfaces, map_from_surface."""
-        leaf = self.model.drawer_of(surface.name)
-        moved = Pose() if leaf is None else leaf.moved(self.open.get(leaf.name, 0.0))
+        door = self.model.drawer_of(surface.name)
+        moved = Pose() if door is None else door.moved(self.open.get(door.name, 0.0))
         return self.pose @ moved @ surface.pose
 
 

@@ -40,8 +40,8 @@ def things(world: WorldModel) -> dict[str, str]:
     found = dict.fromkeys([*world.models, *world.objects, *held], "object")
     found |= dict.fromkeys(surfaces(world), "place")
     for piece in world.map.furniture.values():
-        for leaf in piece.leaves if not piece.is_passage else ():
-            name = f"{piece.name}/{leaf.name}"
+        for door in piece.articulations if not piece.is_passage else ():
+            name = f"{piece.name}/{door.name}"
             found[name] = "drawer" if found.get(name) == "place" else "container"
     return found
 

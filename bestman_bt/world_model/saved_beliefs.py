@@ -115,7 +115,7 @@ class SavedPiece:
 class SavedBeliefs:
     """The saved part of a world model.
 
-    ``hands``: arm → held object. ``openings``: ``furniture/leaf`` → metres or radians. ``searched``: object → surface →
+    ``hands``: arm → held object. ``openings``: ``furniture/name`` → metres or radians. ``searched``: object → surface →
     time of the last search in vain. ``told``: object → surface, as given by the user. ``locked``: doors and drawers
     that did not open. ``blocked``: surfaces that were unreachable, and doors and drawers that could not be opened for
     now. ``in_the_way``: door or drawer → surfaces that were unreachable while it was open. ``brought_about``: effects
@@ -162,8 +162,8 @@ def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
     }
     if world.in_the_way:
         document["in_the_way"] = {
-            leaf: sorted(place for one, place in world.in_the_way if one == leaf)
-            for leaf in sorted({leaf for leaf, _ in world.in_the_way})
+            door: sorted(place for one, place in world.in_the_way if one == door)
+            for door in sorted({door for door, _ in world.in_the_way})
         }
     if world.brought_about:
         document["brought_about"] = list(world.brought_about)
@@ -201,7 +201,7 @@ def restored(beliefs: SavedBeliefs, document: Document, start: WorldModel) -> Wo
     base = beliefs.base
     world = WorldModel(known, dict(start.models), start.base, given_places=dict(beliefs.told))
     world.locked, world.blocked = set(beliefs.locked), set(beliefs.blocked)
-    world.in_the_way = {(leaf, place) for leaf, places in beliefs.in_the_way.items() for place in places}
+    world.in_the_way = {(door, place) for door, places in beliefs.in_the_way.items() for place in places}
     world.brought_about = list(beliefs.brought_about)
     if base is not None:
         world.base = BasePose(Pose2D(base.x, base.y, base.theta), base.position_std, base.heading_std, base.stamp)
@@ -236,7 +236,7 @@ def _unknown_names(beliefs: SavedBeliefs, document: Document, start: WorldModel)
         *start.map.furniture,
         *(f"{piece.name}/{surface.name}" for piece in pieces for surface in piece.surfaces),
     ]
-    leaves = [f"{piece.name}/{leaf.name}" for piece in pieces for leaf in piece.leaves]
+    doors = [f"{piece.name}/{door.name}" for piece in pieces for door in piece.articulations]
     models = [*start.models, *(model.name for model in start.models.values())]
     things = [*start.models, *beliefs.objects]
     asked: list[tuple[tuple[str | int, ...], str, str | None, list[str]]] = []
@@ -245,14 +245,14 @@ def _unknown_names(beliefs: SavedBeliefs, document: Document, start: WorldModel)
         asked.append((("objects", name, "what", "model"), "model", one.what.model, models))
     for arm, held in beliefs.hands.items():
         asked.append((("hands", arm, "what", "model"), "model", held.what.model, models))
-    asked += [(("openings", name), "door or drawer", name, leaves) for name in beliefs.openings]
-    asked += [(("locked", at), "door or drawer", name, leaves) for at, name in enumerate(beliefs.locked)]
+    asked += [(("openings", name), "door or drawer", name, doors) for name in beliefs.openings]
+    asked += [(("locked", at), "door or drawer", name, doors) for at, name in enumerate(beliefs.locked)]
     asked += [
-        (("blocked", at), "surface, door or drawer", name, [*surfaces, *leaves])
+        (("blocked", at), "surface, door or drawer", name, [*surfaces, *doors])
         for at, name in enumerate(beliefs.blocked)
     ]
     for name, hidden in beliefs.in_the_way.items():
-        asked.append((("in_the_way", name), "door or drawer", name, leaves))
+        asked.append((("in_the_way", name), "door or drawer", name, doors))
         asked += [(("in_the_way", name, at), "surface", place, surfaces) for at, place in enumerate(hidden)]
     asked += [(("furniture", name), "furniture", name, list(start.map.furniture)) for name in beliefs.furniture]
     for name, place in beliefs.told.items():

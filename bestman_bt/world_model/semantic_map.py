@@ -21,13 +21,13 @@ _SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
 class MapSurface:
     """A surface to put things on; ``pose``: of its centre in the furniture frame; ``size``: (x, y) metres.
 
-    ``leaf``: the drawer that it moves with, if any; ``pose`` is then that of the closed drawer.
+    ``drawer``: the one that it moves with, if any; ``pose`` is then that of the closed drawer.
     """
 
     name: str
     pose: Pose
     size: tuple[float, float]
-    leaf: str | None = None
+    drawer: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +79,8 @@ class MapFurniture:
     """A piece of furniture, believed at ``pose``; its front faces -x.
 
     ``footprint``: (x, y) extents in metres. ``height``: metres. ``solid_at_lidar``: whether a lidar sees its footprint
-    (a counter) or only legs (a table). ``shapes``: its boards in the furniture frame, and ``leaves``: its doors and
-    drawers; empty if the map has the outline alone. ``position_error`` (metres, each way) and ``heading_error``
+    (a counter) or only legs (a table). ``shapes``: its boards in the furniture frame, and ``articulations``: its doors
+    and drawers; empty if the map has the outline alone. ``position_error`` (metres, each way) and ``heading_error``
     (radians): bounds of the error of ``pose``, reduced by measurements. ``is_passage``: whether the robot drives
     through it: a door between rooms.
     """
@@ -92,7 +92,7 @@ class MapFurniture:
     surfaces: tuple[MapSurface, ...]
     solid_at_lidar: bool
     shapes: tuple[PlacedShape, ...] = ()
-    leaves: tuple[MapArticulation, ...] = ()
+    articulations: tuple[MapArticulation, ...] = ()
     position_error: float = 0.03
     heading_error: float = math.radians(2.0)
     is_passage: bool = False
@@ -102,17 +102,17 @@ class MapFurniture:
         frame = self.pose.to_pose()
         return tuple(PlacedShape(placed.shape, frame @ placed.pose) for placed in self.shapes)
 
-    def leaf(self, name: str) -> MapArticulation:
+    def articulation(self, name: str) -> MapArticulation:
         """Return the door or drawer of this name. Raises KeyError if there is none."""
-        for leaf in self.leaves:
-            if leaf.name == name:
-                return leaf
+        for door in self.articulations:
+            if door.name == name:
+                return door
         raise KeyError(f"{self.name} has no door or drawer {name!r}")
 
     def is_inside(self, surface: MapSurface) -> bool:
         """Return whether a surface lies inside this piece: in a drawer, or behind a door."""
         highest = max(float(other.pose.position[2]) for other in self.surfaces)
-        return bool(self.leaves) and float(surface.pose.position[2]) < highest
+        return bool(self.articulations) and float(surface.pose.position[2]) < highest
 
     def covers(self, point: NDArray[np.float64], margin: float = 0.0) -> bool:
         """Return whether a point (2,) of the map, metres, lies on the footprint, grown by ``margin`` metres on each

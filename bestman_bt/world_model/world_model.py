@@ -116,7 +116,7 @@ class WorldModel:
 
     ``models``: known objects, by name. ``base``: its pose on the map. ``hands``: arm → held object, only for hands that
     hold something. ``changes``: detected changes of objects, oldest first. ``articulations``: openings of doors and
-    drawers, ``furniture/leaf``, radians or metres; those not listed are closed; initially from the map. ``occupancy``:
+    drawers, ``furniture/name``, radians or metres; those not listed are closed; initially from the map. ``occupancy``:
     free and occupied space in the map frame, or None before any scan. ``searched``: (object, surface) → seconds of the
     last search in vain; ``searched_in_part``: searches during which a part of the surface was hidden.
     ``given_places``: object → surface, as given by the user. ``locked``: doors and drawers that did not open.
@@ -145,9 +145,9 @@ class WorldModel:
 
     def __post_init__(self) -> None:
         for piece in self.map.furniture.values():
-            for leaf in piece.leaves:
-                if leaf.position > 0.0:
-                    self.articulations.setdefault(f"{piece.name}/{leaf.name}", leaf.position)
+            for door in piece.articulations:
+                if door.position > 0.0:
+                    self.articulations.setdefault(f"{piece.name}/{door.name}", door.position)
 
     def initial_beliefs(self) -> WorldModel:
         """Return the knowledge before any observation: map, models, given places and the initial base pose."""
@@ -181,32 +181,32 @@ class WorldModel:
     def surface(self, name: str) -> tuple[MapFurniture, MapSurface]:
         """Return the surface as ``SemanticMap.surface`` does, a drawer's at its believed opening."""
         furniture, surface = self.map.surface(name)
-        if surface.leaf is None:
+        if surface.drawer is None:
             return furniture, surface
-        opened = self.opening_of(furniture, furniture.leaf(surface.leaf))
+        opened = self.opening_of(furniture, furniture.articulation(surface.drawer))
         return furniture, replace(surface, pose=opened @ surface.pose)
 
-    def opening_of(self, furniture: MapFurniture, leaf: MapArticulation) -> Pose:
-        """Return furniture_from_closed of the leaf at its believed opening."""
-        return leaf.moved(self.articulations.get(f"{furniture.name}/{leaf.name}", 0.0))
+    def opening_of(self, furniture: MapFurniture, door: MapArticulation) -> Pose:
+        """Return furniture_from_closed of the door at its believed opening."""
+        return door.moved(self.articulations.get(f"{furniture.name}/{door.name}", 0.0))
 
     def believe_articulation(self, name: str, position: float) -> tuple[str, ...]:
-        """Set the believed opening of the door or drawer ``furniture/leaf`` to ``position``, radians or metres.
+        """Set the believed opening of the door or drawer ``furniture/name`` to ``position``, radians or metres.
 
         Its handle, the contents of a drawer and the measured board move along. Returns the names of the moved objects.
         """
         piece_name, _, part = name.partition("/")
         piece = self.map.furniture[piece_name]
-        leaf, frame = piece.leaf(part), piece.pose.to_pose()
-        before, handles = self.opening_of(piece, leaf), self.handles_of(piece, leaf)
+        door, frame = piece.articulation(part), piece.pose.to_pose()
+        before, handles = self.opening_of(piece, door), self.handles_of(piece, door)
         if abs(position - self.articulations.get(name, 0.0)) > MOVED:
             self.blocked.clear()
-            self._free(PlacedShape(leaf.hull.shape, frame @ before @ leaf.hull.pose))
+            self._free(PlacedShape(door.hull.shape, frame @ before @ door.hull.pose))
         self.articulations[name] = position
-        moved = frame @ self.opening_of(piece, leaf) @ before.inverse() @ frame.inverse()
-        boards = {f"{piece_name}/{surface.name}" for surface in piece.surfaces if surface.leaf == part}
-        for on_leaf in handles:
-            self.handles[on_leaf.name] = replace(on_leaf, handle=on_leaf.handle.seen_from(moved))
+        moved = frame @ self.opening_of(piece, door) @ before.inverse() @ frame.inverse()
+        boards = {f"{piece_name}/{surface.name}" for surface in piece.surfaces if surface.drawer == part}
+        for on_door in handles:
+            self.handles[on_door.name] = replace(on_door, handle=on_door.handle.seen_from(moved))
         carried = [belief for belief in self.objects.values() if belief.surface in boards]
         for belief in carried:
             self.objects[belief.name] = belief.moved(moved)
@@ -229,12 +229,12 @@ class WorldModel:
         states[tuple(occupied[inside.all(axis=1)].T)] = VOXEL_FREE
         self.occupancy = replace(grid, states=states)
 
-    def handles_of(self, furniture: MapFurniture, leaf: MapArticulation) -> tuple[HandleBelief, ...]:
+    def handles_of(self, furniture: MapFurniture, door: MapArticulation) -> tuple[HandleBelief, ...]:
         """Return the believed handles on the front of a door or drawer."""
-        front = leaf.shapes[0]
+        front = door.shapes[0]
         if not isinstance(front.shape, Box):
             return ()
-        map_from_front = furniture.pose.to_pose() @ self.opening_of(furniture, leaf) @ front.pose
+        map_from_front = furniture.pose.to_pose() @ self.opening_of(furniture, door) @ front.pose
         room = np.array(front.shape.size) / 2 + (HANDLE_STANDOFF, 0.0, 0.0)
         return tuple(
             belief

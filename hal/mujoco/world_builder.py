@@ -226,9 +226,9 @@ class WorldBuilder(Shapes):
         root_or = {**numbers, links.root: -1}
         objects = {placed.name: number(placed.name) for placed in self.scene.objects}
         articulations = {
-            f"{piece.name}/{leaf.name}": (number(piece.name), number(f"{piece.name}/{leaf.name}"))
+            f"{piece.name}/{door.name}": (number(piece.name), number(f"{piece.name}/{door.name}"))
             for piece in self.scene.furniture
-            for leaf in piece.model.articulations
+            for door in piece.model.articulations
         }
         walkers = {
             walker.name: (number(f"{walker.name}/track"), (number(f"{walker.name}/carrier"), number(walker.name)))
@@ -270,22 +270,22 @@ class WorldBuilder(Shapes):
         contact = _Contact(model.friction)
         body = self.body(self.spec.worldbody, piece.name, piece.pose)
         self.geoms(body, model.parts, model.colors, contact)
-        leaves = []
-        for leaf in model.articulations:
-            name = f"{piece.name}/{leaf.name}"
-            origin = Pose(np.array(leaf.origin))
+        doors = []
+        for door in model.articulations:
+            name = f"{piece.name}/{door.name}"
+            origin = Pose(np.array(door.origin))
             child = self.body(body, name, origin)
-            parts = [PlacedShape(part.shape, origin.inverse() @ part.pose) for part in leaf.parts]
-            self.geoms(child, parts, leaf.colors, contact)
-            centre, inertia = mass_distribution(parts, leaf.mass)
-            _set_inertia(child, leaf.mass, centre, inertia)
-            self._joint(child, name, leaf.kind, leaf.axis, (0.0, leaf.upper))
+            parts = [PlacedShape(part.shape, origin.inverse() @ part.pose) for part in door.parts]
+            self.geoms(child, parts, door.colors, contact)
+            centre, inertia = mass_distribution(parts, door.mass)
+            _set_inertia(child, door.mass, centre, inertia)
+            self._joint(child, name, door.kind, door.axis, (0.0, door.upper))
             joint = self.spec.joint(name)
-            joint.frictionloss = leaf.friction
+            joint.frictionloss = door.friction
             joint.solref_friction, joint.solimp_friction = [2.0 * self.parameters.time_step, 1.0], STIFF
-            self.starts[name] = piece.open.get(leaf.name, 0.0)
-            leaves.append(name)
-        for first, second in combinations([piece.name, *leaves], 2):
+            self.starts[name] = piece.open.get(door.name, 0.0)
+            doors.append(name)
+        for first, second in combinations([piece.name, *doors], 2):
             self.spec.add_exclude(bodyname1=first, bodyname2=second)
 
     def _object(self, placed: PlacedObject) -> None:

@@ -154,7 +154,7 @@ def furniture_urdf(name: str, model: FurnitureModel) -> str:
     colored = list(zip(model.parts, model.colors, strict=True))
     robot = ElementTree.fromstring(body_urdf(name, 0.0, model.parts, colored))
     for articulation in model.articulations:
-        robot.append(_leaf(name, articulation))
+        robot.append(_door(name, articulation))
         joint = ElementTree.SubElement(robot, "joint", name=joint_name(articulation), type=articulation.kind)
         ElementTree.SubElement(joint, "parent", link=name)
         ElementTree.SubElement(joint, "child", link=_link_name(name, articulation))
@@ -166,7 +166,7 @@ def furniture_urdf(name: str, model: FurnitureModel) -> str:
     return ElementTree.tostring(robot, encoding="unicode")
 
 
-def _leaf(name: str, articulation: Articulation) -> ElementTree.Element:
+def _door(name: str, articulation: Articulation) -> ElementTree.Element:
     """Return the link of a door or drawer; its frame lies at the joint, turned as the furniture's."""
     from_furniture = Pose(-np.array(articulation.origin))
     parts = [PlacedShape(part.shape, from_furniture @ part.pose) for part in articulation.parts]

@@ -16,10 +16,10 @@ class ContactIncident:
     """A contact of two bodies with more than 1 N and gaps of less than a quarter of a second.
 
     ``first``: the robot's link, or the object that it held. ``second``: the other body, or a link of another arm of the
-    robot. ``kinds``: of both bodies. ``leaf``: the door or drawer, ``furniture/name``, if the second body is one. Times
-    in simulated seconds, ``peak_force`` in newtons. ``by_walker``: a walker, or a door moved by a script, moved into
-    the robot, whose body did not move towards it faster than 2 cm/s just before the contact, nor by more than 1 cm
-    during it; all other contacts are attributed to the robot.
+    robot. ``kinds``: of both bodies. ``articulation``: the door or drawer, ``furniture/name``, if the second body is
+    one. Times in simulated seconds, ``peak_force`` in newtons. ``by_walker``: a walker, or a door moved by a script,
+    moved into the robot, whose body did not move towards it faster than 2 cm/s just before the contact, nor by more
+    than 1 cm during it; all other contacts are attributed to the robot.
     """
 
     first: str
@@ -29,7 +29,7 @@ class ContactIncident:
     end: float
     peak_force: float
     by_walker: bool = False
-    leaf: str = ""
+    articulation: str = ""
 
 
 @dataclass(frozen=True)

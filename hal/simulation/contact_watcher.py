@@ -37,7 +37,7 @@ class ContactWatcher:
             "walker": [body for body, _ in built.walkers.values()],
         }
         self._kinds = {body: kind for kind, bodies in kinds.items() for body in bodies}
-        self._leaves = {place: name for name, place in built.articulations.items()}
+        self._doors = {place: name for name, place in built.articulations.items()}
         self._link_names = {index: name for name, index in built.links.items()}
         self._fingers = frozenset(
             built.links[link] for hand in model.of(GripperModel).values() for link in hand.part.finger_links
@@ -131,14 +131,14 @@ class ContactWatcher:
                     stamp,
                     force,
                     by_walker,
-                    self._leaves.get((body_b, link_b), ""),
+                    self._doors.get((body_b, link_b), ""),
                 )
                 self._note_incident(seen)
         for pair in [pair for pair, incident in self._running.items() if stamp - incident.end > GAP]:
             self._ended.append(self._running.pop(pair))
 
     def _note_incident(self, seen: ContactIncident) -> None:
-        pair = seen.first, seen.second, seen.leaf
+        pair = seen.first, seen.second, seen.articulation
         running = self._running.get(pair)
         if running is not None:
             seen = replace(

@@ -68,8 +68,8 @@ class DisturbanceInjector:
         self._log = robot.disturbance_log()
         self._engine = simulation.actor()
         self._hand = Hand(self._engine)
-        self._leaves = {
-            f"{piece.name}/{leaf.name}": leaf for piece in robot.world.furniture for leaf in piece.model.articulations
+        self._doors = {
+            f"{piece.name}/{door.name}": door for piece in robot.world.furniture for door in piece.model.articulations
         }
         self._pushes: list[_Push] = []
         self._slips: dict[int, _Slip] = {}
@@ -102,10 +102,10 @@ class DisturbanceInjector:
         Returns None, without an effect, while the robot is near. If it comes near later, the hand waits.
         """
         place = among(self._simulation.built.articulations, articulation, "door or drawer")
-        leaf = self._leaves[articulation]
+        door = self._doors[articulation]
         if any(running.push.place == place for running in self._pushes) or self._near_robot(*place):
             return None
-        push = DoorPush(place, leaf, 0.0, speed, PUSH_EFFORT[leaf.kind])
+        push = DoorPush(place, door, 0.0, speed, PUSH_EFFORT[door.kind])
         until, text = self._now + PUSH_TIME, f"a person pushes {articulation} shut"
         event = DisturbanceEvent(self._now, until + ENDS_WITHIN, "push", articulation, text)
         self._pushes.append(_Push(event, push, until))

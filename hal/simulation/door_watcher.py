@@ -16,7 +16,7 @@ from hal.simulation.guards import Reader
 from hal.simulation.joint_motors import mass_distribution
 from hal.simulation.simulation import Simulation
 
-# Radians or metres, seconds, N m or N. Honest leaves keep to their velocity within 1e-15; in a hand that trembles the
+# Radians or metres, seconds, N m or N. Honest doors keep to their velocity within 1e-15; in a hand that trembles the
 # solver leaves efforts of any size and sense at up to 0.01 per second, free ones slide against their friction exactly.
 DRIFT = 1e-5
 DRIFT_DECAY = 0.99
@@ -66,15 +66,15 @@ class DoorWatcher:
             built.links[link] for hand in hands if hand.part.kind == "suction" for link in hand.part.finger_links
         }
         self._pieces: list[tuple[int, list[int], list[WatchedArticulation]]] = []
-        scripted = {door.leaf for door in world.moving_doors}
+        scripted = {door.articulation for door in world.moving_doors}
         for piece in world.furniture:
-            leaves = []
+            doors = []
             for articulation in piece.model.articulations:
                 name = f"{piece.name}/{articulation.name}"
                 if name in scripted:  # what moves it is told as a disturbance
                     continue
                 body, joint = built.articulations[name]
-                leaf = WatchedArticulation(
+                door = WatchedArticulation(
                     name=name,
                     body=body,
                     joint=joint,
@@ -86,64 +86,64 @@ class DoorWatcher:
                     position=reader.joint_states(body, [joint])[0][0],
                     velocity=0.0,
                 )
-                leaves.append(leaf)
-            if leaves:
-                self._pieces.append((leaves[0].body, [leaf.joint for leaf in leaves], leaves))
+                doors.append(door)
+            if doors:
+                self._pieces.append((doors[0].body, [door.joint for door in doors], doors))
         self.jumps: list[Finding] = []
         self.unexplained_forces: list[Finding] = []
 
     def watch_step(self, pushed: Collection[str] = ()) -> None:
         """Process the joints after one physics step. ``pushed``: doors and drawers that an intervention holds."""
-        for body, joints, leaves in self._pieces:
-            for leaf, position, velocity, effort in zip(leaves, *self._states(body, joints), strict=True):
-                if velocity != leaf.velocity or position != leaf.position:  # else it rests as it did
-                    self._watch(leaf, position, velocity, effort, leaf.name in pushed)
+        for body, joints, doors in self._pieces:
+            for door, position, velocity, effort in zip(doors, *self._states(body, joints), strict=True):
+                if velocity != door.velocity or position != door.position:  # else it rests as it did
+                    self._watch(door, position, velocity, effort, door.name in pushed)
 
-    def _watch(self, leaf: WatchedArticulation, position: float, velocity: float, effort: float, pushed: bool) -> None:
-        leaf.drift = DRIFT_DECAY * leaf.drift + position - leaf.position - velocity * self._time_step
-        if abs(leaf.drift) > DRIFT:
-            self.jumps.append(Finding(self._stamp, f"{leaf.name} moved by {leaf.drift:.5f} without a velocity"))
-            leaf.drift = 0.0
+    def _watch(self, door: WatchedArticulation, position: float, velocity: float, effort: float, pushed: bool) -> None:
+        door.drift = DRIFT_DECAY * door.drift + position - door.position - velocity * self._time_step
+        if abs(door.drift) > DRIFT:
+            self.jumps.append(Finding(self._stamp, f"{door.name} moved by {door.drift:.5f} without a velocity"))
+            door.drift = 0.0
         fault = ""
         if not pushed:  # that is told as a disturbance
-            fault = self.motor_fault(leaf, velocity, effort) or self._fault_of_speed(leaf, velocity)
-        if fault and not leaf.accused:
-            self.unexplained_forces.append(Finding(self._stamp, f"{leaf.name} {fault}"))
-        leaf.accused = bool(fault) or (leaf.accused and abs(velocity) > MOVING)
-        leaf.position, leaf.velocity = position, velocity
+            fault = self.motor_fault(door, velocity, effort) or self._fault_of_speed(door, velocity)
+        if fault and not door.accused:
+            self.unexplained_forces.append(Finding(self._stamp, f"{door.name} {fault}"))
+        door.accused = bool(fault) or (door.accused and abs(velocity) > MOVING)
+        door.position, door.velocity = position, velocity
 
-    def motor_fault(self, leaf: WatchedArticulation, velocity: float, effort: float) -> str:
+    def motor_fault(self, door: WatchedArticulation, velocity: float, effort: float) -> str:
         """Return as text how the effort of a joint's motor differs from friction and latch; empty if it does not."""
-        owed = leaf.latched if abs(leaf.position) < leaf.travel else leaf.friction
+        owed = door.latched if abs(door.position) < door.travel else door.friction
         slack = EFFORT_TOLERANCE[0] * owed + EFFORT_TOLERANCE[1]
         if abs(effort) > owed + slack:
             return f"is driven by its joint with {abs(effort):.2f}, its friction is {owed:.2f}"
         if abs(velocity) < MOVING or (effort * velocity < 0.0 and abs(effort) > owed - slack):
             return ""
-        slides = min(velocity * leaf.velocity, velocity**2) > SLIDING**2
-        if not slides and (self._leaves_stop(leaf, velocity) or self._is_pressed(leaf)):
+        slides = min(velocity * door.velocity, velocity**2) > SLIDING**2
+        if not slides and (self._leaves_stop(door, velocity) or self._is_pressed(door)):
             return ""
         if effort * velocity > 0.0:
             return f"is driven by its joint with {abs(effort):.2f}"
         return f"slides against {abs(effort):.2f}, its friction is {owed:.2f}"
 
-    def _fault_of_speed(self, leaf: WatchedArticulation, velocity: float) -> str:
-        gained = abs(velocity) - max(0.0, math.copysign(leaf.velocity, velocity * leaf.velocity))
-        if gained <= GAIN + leaf.falling:
+    def _fault_of_speed(self, door: WatchedArticulation, velocity: float) -> str:
+        gained = abs(velocity) - max(0.0, math.copysign(door.velocity, velocity * door.velocity))
+        if gained <= GAIN + door.falling:
             return ""
-        if self._leaves_stop(leaf, velocity) or self._is_pressed(leaf):
+        if self._leaves_stop(door, velocity) or self._is_pressed(door):
             return ""
         return f"gained {gained:.4f} per second in a step, and nothing pressed on it"
 
-    def _leaves_stop(self, leaf: WatchedArticulation, velocity: float) -> bool:
+    def _leaves_stop(self, door: WatchedArticulation, velocity: float) -> bool:
         """Return whether an end stop that it was pressed into pushes it back, no further than out of the stop."""
-        beyond = max(-leaf.position, leaf.position - leaf.upper)
-        return (velocity > 0.0) is (leaf.position < 0.0) and abs(velocity) * self._time_step < beyond
+        beyond = max(-door.position, door.position - door.upper)
+        return (velocity > 0.0) is (door.position < 0.0) and abs(velocity) * self._time_step < beyond
 
-    def _is_pressed(self, leaf: WatchedArticulation) -> bool:
+    def _is_pressed(self, door: WatchedArticulation) -> bool:
         return any(
             touch.pressure > 0.0 or (touch.second == self._robot and touch.second_link in self._cups)
-            for touch in self._contacts(leaf.body, leaf.joint)
+            for touch in self._contacts(door.body, door.joint)
         )
 
     @property
@@ -151,15 +151,15 @@ class DoorWatcher:
         return self._simulation.elapsed
 
 
-def _acceleration_by_weight(piece: PlacedFurniture, leaf: Articulation) -> float:
+def _acceleration_by_weight(piece: PlacedFurniture, door: Articulation) -> float:
     """Return the most that the weight of a door or drawer can speed it up along or about its axis, m/s² or rad/s²."""
-    axis = np.array(leaf.axis)
+    axis = np.array(door.axis)
     upright = abs(float((piece.pose.rotation @ axis)[2]))
-    if leaf.kind == "prismatic":
+    if door.kind == "prismatic":
         return GRAVITY * upright
     tilt = math.sqrt(max(0.0, 1.0 - upright**2))
     if tilt < 1e-6:
         return 0.0
-    centre, inertia = mass_distribution(leaf.parts, leaf.mass)
-    arm = float(np.linalg.norm(np.cross(axis, centre - np.array(leaf.origin))))
-    return leaf.mass * GRAVITY * arm * tilt / (float(axis @ inertia @ axis) + leaf.mass * arm**2)
+    centre, inertia = mass_distribution(door.parts, door.mass)
+    arm = float(np.linalg.norm(np.cross(axis, centre - np.array(door.origin))))
+    return door.mass * GRAVITY * arm * tilt / (float(axis @ inertia @ axis) + door.mass * arm**2)

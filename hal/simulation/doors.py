@@ -35,14 +35,14 @@ class Latches:
         self._engine = engine
         self._latches = [
             _Latch(
-                *engine.built.articulations[f"{piece.name}/{leaf.name}"],
-                leaf.friction,
-                leaf.friction + leaf.latch,
-                LATCH_TRAVEL[leaf.kind],
+                *engine.built.articulations[f"{piece.name}/{door.name}"],
+                door.friction,
+                door.friction + door.latch,
+                LATCH_TRAVEL[door.kind],
             )
             for piece in world.furniture
-            for leaf in piece.model.articulations
-            if leaf.latch > 0.0
+            for door in piece.model.articulations
+            if door.latch > 0.0
         ]
         for latch in self._latches:
             self._apply(latch)
@@ -76,7 +76,7 @@ class DoorPush:
     """
 
     place: tuple[int, int]
-    leaf: Articulation
+    door: Articulation
     to: float
     speed: float
     effort: float
@@ -91,17 +91,17 @@ class Hand:
     def push(self, push: DoorPush) -> bool:
         """Push for one control period. Returns True, and releases, at the target."""
         left = push.to - _position(self._engine, push.place)
-        if abs(left) < ARRIVED[push.leaf.kind]:
+        if abs(left) < ARRIVED[push.door.kind]:
             self.rest(push)
             return True
-        self._turn(push, math.copysign(push.speed, left), push.leaf.friction + push.effort)
+        self._turn(push, math.copysign(push.speed, left), push.door.friction + push.effort)
         return False
 
     def rest(self, push: DoorPush) -> None:
         """Release it: it is held by its friction, and by its latch near the closed position."""
-        leaf = push.leaf
-        caught = abs(_position(self._engine, push.place)) < LATCH_TRAVEL[leaf.kind]
-        self._turn(push, 0.0, leaf.friction + leaf.latch if caught else leaf.friction)
+        door = push.door
+        caught = abs(_position(self._engine, push.place)) < LATCH_TRAVEL[door.kind]
+        self._turn(push, 0.0, door.friction + door.latch if caught else door.friction)
 
     def _turn(self, push: DoorPush, speed: float, effort: float) -> None:
         body, joint = push.place
@@ -131,10 +131,11 @@ class MovingDoors:
         self._engine, self._hand = engine, Hand(engine)
         self._scripts = []
         for door in world.moving_doors:
-            piece = next(p for p in world.furniture if p.name == door.leaf.partition("/")[0])
-            leaf = next(a for a in piece.model.articulations if a.name == door.leaf.partition("/")[2])
+            name, _, part = door.articulation.partition("/")
+            piece = next(p for p in world.furniture if p.name == name)
+            moved = next(a for a in piece.model.articulations if a.name == part)
             middle = (piece.actual.x, piece.actual.y)
-            push = DoorPush(engine.built.articulations[door.leaf], leaf, door.to, door.speed, door.torque)
+            push = DoorPush(engine.built.articulations[door.articulation], moved, door.to, door.speed, door.torque)
             self._scripts.append(_Script(door, push, middle))
         self.log: list[Finding] = []
 
@@ -153,7 +154,7 @@ class MovingDoors:
             door = script.door
             if script.phase == 0 and math.dist(robot[:2], script.middle) < door.within:
                 script.phase = 1
-                self.log.append(Finding(now, f"a person moves {door.leaf} to {math.degrees(door.to):.0f}°"))
+                self.log.append(Finding(now, f"a person moves {door.articulation} to {math.degrees(door.to):.0f}°"))
             if script.phase == 1 and self._hand.push(script.push):
                 script.phase = 2
-                self.log.append(Finding(now, f"{door.leaf} has come to {math.degrees(door.to):.0f}°"))
+                self.log.append(Finding(now, f"{door.articulation} has come to {math.degrees(door.to):.0f}°"))

@@ -20,7 +20,7 @@ from hal.simulation.motion_watcher import MotionWatcher
 from hal.simulation.observation import Observer, SimulationState
 from hal.simulation.simulation import Simulation
 
-Leaf = tuple[int, int]
+Door = tuple[int, int]
 """Body and link of a door or drawer."""
 
 WINDOW = 0.5
@@ -43,11 +43,11 @@ class AttachmentCheck:
         self._names = {body: name for name, body in built.objects.items()}
         self._link_names = {index: name for name, index in built.links.items()}
         self._weights = {body: GRAVITY * mass for body, mass in built.object_masses.items()}
-        self._leaves = set(built.articulations.values())
+        self._doors = set(built.articulations.values())
         self._joint_states = reader.joint_states
         length = max(2, round(WINDOW * parameters.step_rate / parameters.monitor_every))
         self._history: deque[tuple[SimulationState, dict[int, float]]] = deque(maxlen=length)
-        self._drawers: deque[dict[int, tuple[Leaf, float]]] = deque(maxlen=length)
+        self._drawers: deque[dict[int, tuple[Door, float]]] = deque(maxlen=length)
         self._following: set[int] = set()
         self._looks = 0
         self.findings: list[Finding] = []
@@ -96,20 +96,20 @@ class AttachmentCheck:
         mean = sum(forces.get(body, 0.0) for _, forces in self._history) / len(self._history)
         return bool(mean > PRESSING_SHARE * self._weights[body])
 
-    def _drawers_below(self, observation: SimulationState) -> dict[int, tuple[Leaf, float]]:
+    def _drawers_below(self, observation: SimulationState) -> dict[int, tuple[Door, float]]:
         """Return, for objects that touch a door or drawer, which it is and how far it is open."""
-        below: dict[int, tuple[Leaf, float]] = {}
-        if not self._leaves:
+        below: dict[int, tuple[Door, float]] = {}
+        if not self._doors:
             return below
         for contact in observation.contacts:
             first, second, first_link, second_link, *_ = contact
-            for body, leaf in ((first, (second, second_link)), (second, (first, first_link))):
-                if body in self._names and leaf in self._leaves:
-                    below[body] = (leaf, self._joint_states(leaf[0], leaf[1:])[0][0])
+            for body, door in ((first, (second, second_link)), (second, (first, first_link))):
+                if body in self._names and door in self._doors:
+                    below[body] = (door, self._joint_states(door[0], door[1:])[0][0])
         return below
 
     def _is_in_moving_drawer(self, body: int) -> bool:
-        """Return whether it touched the same leaf then and now, and that has moved meanwhile."""
+        """Return whether it touched the same door then and now, and that has moved meanwhile."""
         seen = [drawers[body] for drawers in self._drawers if body in drawers]
         return len(seen) > 1 and seen[0][0] == seen[-1][0] and abs(seen[-1][1] - seen[0][1]) > MOVED / 2
 
@@ -185,7 +185,7 @@ class AuditMonitor:
         self._observer = Observer(simulation, reader)
         self._contacts = ContactWatcher(simulation)
         self._motions = MotionWatcher(simulation, reader)
-        self._leaves = DoorWatcher(simulation, world, reader)
+        self._doors = DoorWatcher(simulation, world, reader)
         self._open_hand = AttachmentCheck(simulation, reader)
         self._integrity = IntegrityCheck(simulation, reader)
         self.disturbance_log = DisturbanceLog()
@@ -197,7 +197,7 @@ class AuditMonitor:
 
     def record(self) -> AuditRecord:
         """Return the record so far."""
-        simulation, motions, leaves, integrity = self._simulation, self._motions, self._leaves, self._integrity
+        simulation, motions, doors, integrity = self._simulation, self._motions, self._doors, self._integrity
         stamp, counts = simulation.elapsed, simulation.ledger.counts
         self._take_in_events()
         integrity.watch_everything(stamp, self._forgiven("slip", stamp))
@@ -208,10 +208,10 @@ class AuditMonitor:
             truth_reads=counts["truth_reads"],
             tampering=counts["tampering"],
             calls=dict(simulation.ledger.calls),
-            jumps=tuple(sorted([*motions.jumps, *leaves.jumps, *integrity.jumps], key=lambda finding: finding.stamp)),
+            jumps=tuple(sorted([*motions.jumps, *doors.jumps, *integrity.jumps], key=lambda finding: finding.stamp)),
             hidden_constraints=tuple(integrity.hidden_constraints),
             changes=tuple(integrity.changes),
-            unexplained_forces=(*motions.unexplained_forces, *leaves.unexplained_forces),
+            unexplained_forces=(*motions.unexplained_forces, *doors.unexplained_forces),
             joint_limits=tuple(motions.joint_limits),
             velocity_limits=tuple(motions.velocity_limits),
             open_hand=tuple(self._open_hand.findings),
@@ -236,7 +236,7 @@ class AuditMonitor:
     def _after_step(self) -> None:
         self._take_in_events()
         self._motions.integrate()
-        self._leaves.watch_step(self._forgiven("push", self._simulation.elapsed))
+        self._doors.watch_step(self._forgiven("push", self._simulation.elapsed))
         self._steps += 1
 
     def _look(self) -> None:

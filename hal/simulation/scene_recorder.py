@@ -16,15 +16,15 @@ from hal.simulation.robot import SimulatedRobot
 class SceneSnapshot:
     """Where everything is at ``stamp``: poses in the map frame, joint positions by name.
 
-    ``leaf_poses``: of doors and drawers, ``furniture/name`` → map_from_leaf, a frame at the joint that is turned as the
-    furniture's while closed. ``walker_poses``: of people, on the floor, upright.
+    ``articulation_poses``: of doors and drawers, ``furniture/name`` → map_from_articulation, a frame at the joint that
+    is turned as the furniture's while closed. ``walker_poses``: of people, on the floor, upright.
     """
 
     stamp: float
     base_pose: Pose
     joint_positions: Mapping[str, float]
     object_poses: Mapping[str, Pose]
-    leaf_poses: Mapping[str, Pose]
+    articulation_poses: Mapping[str, Pose]
     walker_poses: Mapping[str, Pose] = field(default_factory=dict)
 
 
@@ -44,15 +44,15 @@ class SceneRecorder:
         for name, body in simulation.built.objects.items():
             position, quaternion = self._reader.body_pose(body)
             poses[name] = Pose(np.array(position), np.array(quaternion))
-        leaves = {}
+        doors = {}
         for name, (body, link) in simulation.built.articulations.items():
-            leaves[name] = self._reader.link_pose(body, link)
+            doors[name] = self._reader.link_pose(body, link)
         return SceneSnapshot(
             stamp=self._robot.clock.now(),
             base_pose=simulation.link_pose(self._reader, simulation.model.base_frame),
             joint_positions=dict(zip(simulation.joint_names, map(float, simulation.joint_states()[0]), strict=True)),
             object_poses=poses,
-            leaf_poses=leaves,
+            articulation_poses=doors,
             walker_poses={name: self._walker_pose(*walker) for name, walker in simulation.built.walkers.items()},
         )
 

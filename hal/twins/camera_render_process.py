@@ -45,7 +45,7 @@ class WorldState:
     robot: RawPose
     joints: dict[str, float]
     objects: dict[str, RawPose]
-    leaves: dict[str, float]
+    articulations: dict[str, float]
 
 
 class WorldStateReader:
@@ -60,7 +60,7 @@ class WorldStateReader:
 
     def read(self) -> WorldState:
         """Return the present state; a few hundred microseconds."""
-        built, reader, leaves = self._built, self._reader, self._built.articulations.items()
+        built, reader, articulations = self._built, self._reader, self._built.articulations.items()
         pose, robot = reader.body_pose, built.robot
         indices = [built.joints[joint] for joint in self._joints]
         return WorldState(
@@ -69,7 +69,7 @@ class WorldStateReader:
             robot=pose(robot),
             joints=dict(zip(self._joints, reader.joint_states(robot, indices)[0], strict=True)),
             objects={name: pose(body) for name, body in built.objects.items()},
-            leaves={name: reader.joint_states(body, [leaf])[0][0] for name, (body, leaf) in leaves},
+            articulations={name: reader.joint_states(body, [joint])[0][0] for name, (body, joint) in articulations},
         )
 
 
@@ -152,5 +152,5 @@ def _put(robot: SimulatedRobot, state: WorldState) -> None:
         engine.set_joint(built.robot, built.joints[name], position)
     for name, pose in state.objects.items():
         engine.put(built.objects[name], *pose)
-    for name, position in state.leaves.items():
+    for name, position in state.articulations.items():
         engine.set_joint(*built.articulations[name], position)

@@ -148,7 +148,7 @@ def test_of_a_container_its_furniture_and_what_open_and_shut_mean_are_reported(
     status, failures, tree = ticked(skills, library, f'<TakeContainer container="{container}" {ports}/>')
     assert (status, failures) == (SUCCESS, [])
     furniture, leaf = container.split("/")
-    openness = openness_of(MAP.furniture[furniture].leaf(leaf))
+    openness = openness_of(MAP.furniture[furniture].articulation(leaf))
     assert [tree.blackboard.get(port) for port in ("furniture", "opening", "shut")] == [
         furniture,
         openness.asked,

@@ -1,4 +1,4 @@
-"""Closing doors and drawers by pushing: what the skill says, and where the leaf really is."""
+"""Closing doors and drawers by pushing: what the skill says, and where the door really is."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ LOOK = (
 CLOSE = f'<Sequence>{LOOK}<Close articulation="{{articulation}}" left="{{left}}"/></Sequence>'
 
 
-def standing_open(task: str, leaf: str, written: str, stand: tuple[float, float, float], *more: str):
-    """A robot at ``stand`` (x, y, degrees) before furniture of which one leaf is open."""
-    furniture, _, part = leaf.partition("/")
+def standing_open(task: str, door: str, written: str, stand: tuple[float, float, float], *more: str):
+    """A robot at ``stand`` (x, y, degrees) before furniture of which one door is open."""
+    furniture, _, part = door.partition("/")
     at = [f"scene.robot_start.{axis}=[{value}, {value}]" for axis, value in zip(("x", "y"), stand, strict=False)]
     turn = f"scene.robot_start.yaw=[{math.radians(stand[2])}, {math.radians(stand[2])}]"
     opened = f"scene.furniture.{furniture}.open={{{part}: {written}}}"
@@ -33,28 +33,28 @@ def standing_open(task: str, leaf: str, written: str, stand: tuple[float, float,
 
 
 @pytest.mark.parametrize(
-    ("task", "leaf", "written", "position", "stand"),
+    ("task", "door", "written", "position", "stand"),
     [
         ("open_drawer", DRAWER, "22 cm", 0.22, (0.36, 0.33, -16.0)),
         ("open_fridge", DOOR, "55 deg", 0.96, (0.52, -0.53, 44.0)),
     ],
 )
 def test_what_is_believed_to_stand_open_is_pushed_shut_by_the_fingers_alone(
-    task: str, leaf: str, written: str, position: float, stand: tuple[float, float, float]
+    task: str, door: str, written: str, position: float, stand: tuple[float, float, float]
 ) -> None:
-    with standing_open(task, leaf, written, stand) as (session, truth):
-        session.skills.world.articulations[leaf] = position
+    with standing_open(task, door, written, stand) as (session, truth):
+        session.skills.world.articulations[door] = position
         session.skills.contacts = contacts = DeclaredContacts()
         assert succeeds(session, CLOSE)
         (declared,) = contacts.declared
-        assert (declared.thing, declared.max_force) == (leaf, 140.0)
-        pressed = [c.peak_force for c in session.robot.audit_record().contacts if c.leaf == leaf]
+        assert (declared.thing, declared.max_force) == (door, 140.0)
+        pressed = [c.peak_force for c in session.robot.audit_record().contacts if c.door == door]
         assert 10.0 < max(pressed) < 90.0  # at its end stop, too
-        assert truth.articulation_position(leaf) < 0.005
-        assert session.skills.world.articulations[leaf] == 0.0
+        assert truth.articulation_position(door) < 0.005
+        assert session.skills.world.articulations[door] == 0.0
         assert audited(session).honest
         touched = {body for contact in audited(session).collisions for body in (contact.first, contact.second)}
-        assert touched <= {"panda_leftfinger", "panda_rightfinger", leaf.partition("/")[0]}
+        assert touched <= {"panda_leftfinger", "panda_rightfinger", door.partition("/")[0]}
 
 
 def test_a_drawer_that_jams_on_its_way_is_reported_with_how_far_it_is_open() -> None:

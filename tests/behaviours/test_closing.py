@@ -1,4 +1,4 @@
-"""Ways to push a leaf shut: the fingers alone touch it, whatever the map is wrong by."""
+"""Ways to push a door shut: the fingers alone touch it, whatever the map is wrong by."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ CLOSED_FINGERS = np.zeros(1)
 def standing_open(
     task: str, articulation: str, position: float, handle_seen: bool = True
 ) -> tuple[Any, FurnitureArticulation]:
-    """Skills that believe a leaf to be open by ``position``, with its handle where it truly is on it."""
+    """Skills that believe a door to be open by ``position``, with its handle where it truly is on it."""
     skills = scripted_skills(task)
-    leaf = find_articulation(skills, articulation)
+    door = find_articulation(skills, articulation)
     if handle_seen:
-        model = read_furniture(leaf.furniture.name)
-        part = next(one for one in model.articulations if one.name == leaf.leaf.name)
-        name = f"{leaf.furniture.name}/handle_1"
-        true = part.handle.seen_from(leaf.furniture.pose.to_pose())
-        skills.world.handles[name] = HandleBelief(name, true, 50.0, leaf.furniture.name)
+        model = read_furniture(door.furniture.name)
+        part = next(one for one in model.articulations if one.name == door.mapped.name)
+        name = f"{door.furniture.name}/handle_1"
+        true = part.handle.seen_from(door.furniture.pose.to_pose())
+        skills.world.handles[name] = HandleBelief(name, true, 50.0, door.furniture.name)
     skills.world.believe_articulation(articulation, position)
-    return skills, leaf
+    return skills, door
 
 
 def in_palm(skills: Any, points: np.ndarray, map_from_tool: Pose, grown: float) -> bool:
@@ -53,15 +53,15 @@ def surface(box: Box, pose: Pose) -> np.ndarray:
 
 
 def hands_of(push: FrontPush) -> list[Pose]:
-    """The hand in the map frame with each tilt, with the leaf where it is first."""
+    """The hand in the map frame with each tilt, with the door where it is first."""
     return push.stations()[0]
 
 
 def tilts_of_level_hands(
-    skills: Any, leaf: FurnitureArticulation
+    skills: Any, door: FurnitureArticulation
 ) -> dict[tuple[tuple[float, ...], float], tuple[float, ...]]:
     """By pushed point and roll of the hand."""
-    level = takewhile(lambda push: push.pitch == 0.0, pushes(skills, leaf))
+    level = takewhile(lambda push: push.pitch == 0.0, pushes(skills, door))
     return {(tuple(push.point), push.roll): push.tilts for push in level}
 
 
@@ -73,26 +73,26 @@ DRAWER = ("close_drawer", "drawer_chest/drawer_3", 0.22)
 def test_the_palm_stays_clear_of_the_handle_by_what_the_map_is_wrong_by(
     task: str, articulation: str, position: float
 ) -> None:
-    skills, leaf = standing_open(task, articulation, position)
-    (seen,) = skills.world.handles_of(leaf.furniture, leaf.leaf)
+    skills, door = standing_open(task, articulation, position)
+    (seen,) = skills.world.handles_of(door.furniture, door.mapped)
     placed = handle_shape(seen.handle)
     assert isinstance(placed.shape, Box)
     handle = surface(placed.shape, placed.pose)
-    ways = list(islice(pushes(skills, leaf), 12))
+    ways = list(islice(pushes(skills, door), 12))
     assert ways
-    assert leaf.furniture.position_error == pytest.approx(0.03)
+    assert door.furniture.position_error == pytest.approx(0.03)
     for push in ways:
         assert not any(in_palm(skills, handle, hand, 0.03) for hand in hands_of(push))
 
 
 def test_the_palm_stays_clear_of_a_door_that_is_turned_by_what_the_map_is_wrong_by() -> None:
-    skills, leaf = standing_open(*DOOR)
-    front = leaf.leaf.shapes[0].shape
+    skills, door = standing_open(*DOOR)
+    front = door.mapped.shapes[0].shape
     assert isinstance(front, Box)
-    for push in islice(pushes(skills, leaf), 4):
+    for push in islice(pushes(skills, door), 4):
         for off in (-0.08, 0.08):  # 3 cm at the lever, and 2°
             turned = Pose(push.at(push.start)) @ Pose.from_xyz_rpy((0, 0, 0), (0, 0, off)) @ Pose(-push.at(push.start))
-            board = surface(front, turned @ leaf.front(push.start))
+            board = surface(front, turned @ door.front(push.start))
             assert not any(in_palm(skills, board, hand, 0.0) for hand in hands_of(push))
 
 
@@ -107,17 +107,17 @@ def test_beside_a_handle_the_hand_is_held_along_it_and_tilted_less_where_it_is_b
     assert any(len(tilts) < len(without[way]) for way, tilts in with_handle.items() if way in without)
 
 
-def test_a_piece_that_was_measured_leaves_the_hand_more_room() -> None:
-    skills, leaf = standing_open(*DOOR)
-    vague = next(pushes(skills, leaf)).tilts
-    known = replace(leaf, furniture=replace(leaf.furniture, position_error=0.0, heading_error=0.0))
+def test_a_piece_that_was_measured_doors_the_hand_more_room() -> None:
+    skills, door = standing_open(*DOOR)
+    vague = next(pushes(skills, door)).tilts
+    known = replace(door, furniture=replace(door.furniture, position_error=0.0, heading_error=0.0))
     assert set(vague) < set(next(pushes(skills, known)).tilts)
 
 
 @pytest.mark.parametrize(("task", "articulation", "position"), [DOOR, DRAWER])
 def test_what_is_believed_shut_is_felt_for_and_pushed(task: str, articulation: str, position: float) -> None:
-    skills, leaf = standing_open(task, articulation, 0.0)
-    push = next(pushes(skills, leaf))
+    skills, door = standing_open(task, articulation, 0.0)
+    push = next(pushes(skills, door))
     count = len(push.positions())
     assert count > 1
     guide = push.guide(ArcPath(np.zeros((count, 7)), (0,) * count, count, "", 0.5))

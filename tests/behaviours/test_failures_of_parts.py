@@ -67,9 +67,9 @@ class Hand:
 
 def test_open_tells_part_and_vendor_code(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("behaviours.furniture.open.articulation_from_motion", lambda *_: None)
-    leaf = SimpleNamespace(articulation="fridge/door", leaf=SimpleNamespace(kind="revolute", upper=1.5))
+    door = SimpleNamespace(name="fridge/door", mapped=SimpleNamespace(kind="revolute", upper=1.5))
     opening = SimpleNamespace(
-        leaf=leaf,
+        door=door,
         handle=SimpleNamespace(opening_direction=np.array([1.0, 0.0, 0.0])),
         angle=1.2,
         distance=0.4,
@@ -85,9 +85,9 @@ def test_open_tells_part_and_vendor_code(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_close_tells_part_and_vendor_code() -> None:
-    leaf = SimpleNamespace(articulation="fridge/door", leaf=SimpleNamespace(upper=1.5))
+    door = SimpleNamespace(name="fridge/door", mapped=SimpleNamespace(upper=1.5))
     axis = JointAxis("revolute", np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.4, 0.0)
-    push = SimpleNamespace(leaf=leaf, axis=lambda: axis, lever=0.4, opening=lambda _: 0.8)
+    push = SimpleNamespace(door=door, axis=lambda: axis, lever=0.4, opening=lambda _: 0.8)
     hand = Hand()
     skill = SimpleNamespace(
         skills=hand,

@@ -16,7 +16,7 @@ from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.runtime.robot_session import RobotSession
 from hal.simulation.sensor_pipeline import SensorFault
 from tests.behaviours.at_the_table import PERIOD, failures_of, tick, tree_of
-from tests.behaviours.test_leaf_seen import leaf_and_handle
+from tests.behaviours.test_doors_seen import door_and_handle
 
 
 class Think(Skill):
@@ -239,7 +239,7 @@ def test_contacts_are_declared_as_long_as_the_work_lasts_however_it_ends(bystand
         (grasp("*"), "grasp: it should name one object that the robot knows, got '*'; known: "),
         (push("cupp"), "got 'cupp'; did you mean 'cup'?"),
         (support("", "table"), "got ''"),
-        (handle("*"), "it should name one door or drawer, 'furniture/leaf', got '*'"),
+        (handle("*"), "it should name one door or drawer, 'furniture/name', got '*'"),
         (grasp("cup", 601.0), "max_force should be more than 0 and at most 600 N, got 601"),
         (grasp("cup", math.nan), "max_force should be more than 0"),
     ],
@@ -267,7 +267,7 @@ def test_a_handle_is_one_of_the_map_where_the_map_has_doors_or_drawers(
     reach.declared = handle("fridge/uper_door")
     assert tree.tick_once() == RUNNING, "the kitchen has neither, as a world that is explored"
     tree.halt()
-    fridge = leaf_and_handle("fridge", "upper_door", 0.0)[0].furniture
+    fridge = door_and_handle("fridge", "upper_door", 0.0)[0].furniture
     monkeypatch.setattr(bystander.skills.world, "map", bystander.skills.world.map.with_furniture(fridge))
     with pytest.raises(NodeError, match="map, got 'fridge/uper_door'; did you mean 'fridge/upper_door'"):
         tree.tick_once()

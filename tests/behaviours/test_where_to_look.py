@@ -166,7 +166,7 @@ def before_the_open_fridge(*beside: PlacedShape) -> Any:
     """
     skills = scripted_skills("close_fridge")
     piece = skills.world.map.furniture["fridge"]
-    frame, leaf, model = piece.pose.to_pose(), piece.leaf("upper_door"), read_furniture("fridge")
+    frame, leaf, model = piece.pose.to_pose(), piece.articulation("upper_door"), read_furniture("fridge")
     moved = {"upper_door": frame @ leaf.moved(math.radians(40.0))}
     boards = [PlacedShape(part.shape, frame @ part.pose) for part in (*model.parts, *beside)]
     boards += [
@@ -215,7 +215,7 @@ def test_the_open_door_of_other_furniture_is_not_taken_for_the_one_that_is_looke
         (PlacedShape(BOARD, Pose.from_xyz_rpy((0, 0, 1.1))),),
     )
     place = skills.world.map.furniture["fridge"].pose @ Pose2D(1.4, -0.39, 0.0)
-    cupboard = MapFurniture("cupboard", place, BOARD.size[:2], 2.2, (), False, leaves=(door,))
+    cupboard = MapFurniture("cupboard", place, BOARD.size[:2], 2.2, (), False, articulations=(door,))
     skills.world.map = skills.world.map.with_furniture(cupboard)
     skills.world.believe_articulation("cupboard/door", 2.0)
     assert detect_upper_door(skills) == pytest.approx(math.radians(40.0), abs=0.06)

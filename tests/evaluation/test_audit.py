@@ -60,8 +60,10 @@ def test_a_robot_that_presses_on_itself_collides_whatever_is_allowed(kind: str, 
 
 
 def test_a_door_that_may_be_touched_is_not_its_cupboard() -> None:
-    door = ContactIncident("panda_leftfinger", "fridge", ("fingers", "furniture"), 1.0, 1.5, 9.0, leaf="fridge/door")
-    body = replace(door, leaf="", start=2.0, end=3.0)
+    door = ContactIncident(
+        "panda_leftfinger", "fridge", ("fingers", "furniture"), 1.0, 1.5, 9.0, articulation="fridge/door"
+    )
+    body = replace(door, articulation="", start=2.0, end=3.0)
     record = replace(NOTHING, contacts=(door, body))
     assert [one.start for one in audit(record, [("fingers", "fridge/door")]).collisions] == [2.0]
     assert audit(record, [("fingers", "fridge")]).collisions == ()

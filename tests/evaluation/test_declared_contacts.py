@@ -16,7 +16,7 @@ MODELS = {"cup": "cup", "can": "can", "counter_can": "can", "box": "box"}
 FINGERS_ON_CUP = ContactIncident("left_finger", "cup", ("fingers", "object"), 1.0, 2.0, 40.0)
 CUP_ON_TABLE = ContactIncident("cup", "table", ("object", "furniture"), 1.0, 1.5, 5.0)
 FINGERS_ON_DRAWER = ContactIncident(
-    "left_finger", "chest", ("fingers", "furniture"), 1.0, 2.0, 40.0, leaf="chest/drawer_1"
+    "left_finger", "chest", ("fingers", "furniture"), 1.0, 2.0, 40.0, articulation="chest/drawer_1"
 )
 
 
@@ -56,7 +56,7 @@ def test_a_declared_contact_is_no_collision_and_is_reported_with_its_skill_time_
     assert (told["skill"], told["kind"], told["peak_force_n"]) == ("Main/Take", declared.kind, contact.peak_force)
     assert (told["start_s"], told["end_s"], told["max_force_n"]) == (contact.start, contact.end, declared.max_force)
     first = contact.first if declared.kind == "support" else "fingers"
-    assert told["pair"] == [first, contact.leaf or contact.second]
+    assert told["pair"] == [first, contact.articulation or contact.second]
 
 
 UNDECLARED = "no skill declared it"
@@ -73,11 +73,11 @@ UNDECLARED = "no skill declared it"
         (grasp("walker_1"), replace(FINGERS_ON_CUP, second="walker_1", kinds=("fingers", "walker"))),
         (grasp("floor"), replace(FINGERS_ON_CUP, second="floor", kinds=("fingers", "floor"))),
         (grasp("wall_1"), replace(FINGERS_ON_CUP, second="wall_1", kinds=("fingers", "wall"))),
-        (handle("chest/drawer_1"), replace(FINGERS_ON_DRAWER, leaf="")),
-        (handle("chest/drawer_1"), replace(FINGERS_ON_DRAWER, leaf="chest/drawer_2")),
+        (handle("chest/drawer_1"), replace(FINGERS_ON_DRAWER, articulation="")),
+        (handle("chest/drawer_1"), replace(FINGERS_ON_DRAWER, articulation="chest/drawer_2")),
         (handle("chest/drawer_1"), replace(FINGERS_ON_DRAWER, kinds=("robot", "furniture"))),
         (handle("chest"), FINGERS_ON_DRAWER),
-        (handle(""), replace(FINGERS_ON_DRAWER, leaf="")),
+        (handle(""), replace(FINGERS_ON_DRAWER, articulation="")),
         (support("cup", "table"), replace(CUP_ON_TABLE, second="shelf")),
         (support("cup", "table"), replace(CUP_ON_TABLE, first="can")),
         (support("cup", "can"), replace(CUP_ON_TABLE, second="can", kinds=("object", "object"))),

@@ -202,10 +202,10 @@ def test_what_was_opened_is_pushed_shut_once_the_hand_is_out_of_it(
         asked = f"[{{kind: shut, articulation: {name}, after: [0, 0]}}]"
         stage = Stage(task, asked, *settings)
         piece = next(piece for piece in stage.setup.world.furniture if piece.name == name.split("/")[0])
-        leaf = next(leaf for leaf in piece.model.articulations if leaf.name == name.split("/")[1])
+        door = next(door for door in piece.model.articulations if door.name == name.split("/")[1])
         stage.world.articulations[name] = believed
         stage.truth.opened[name] = true
-        handle = piece.pose @ leaf.moved(true) @ leaf.handle.pose
+        handle = piece.pose @ door.moved(true) @ door.handle.pose
         stage.hand_at(handle.position + np.array([0.0, 0.0, hand]))
         return stage
 

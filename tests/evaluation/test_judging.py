@@ -177,8 +177,8 @@ def prepared(task: str) -> ResolvedConfig:
         ("fetch_cup", FINGERS, ["cup"]),
         ("fetch_cup", replace(FINGERS, second="cup"), []),
         ("fetch_cup", replace(FINGERS, first="cup", second="table", kinds=("object", "furniture")), []),  # in the hand
-        ("open_drawer", replace(ON_THE_CHEST, leaf="drawer_chest/drawer_1"), [DRAWER]),
-        ("open_drawer", replace(ON_THE_CHEST, leaf=DRAWER), []),
+        ("open_drawer", replace(ON_THE_CHEST, articulation="drawer_chest/drawer_1"), [DRAWER]),
+        ("open_drawer", replace(ON_THE_CHEST, articulation=DRAWER), []),
     ],
 )
 def test_what_somebody_else_moved_and_the_robot_or_what_it_held_never_touched_is_reported(

@@ -54,11 +54,11 @@ def test_a_surface_is_where_its_drawer_is_and_goes_as_far_up_as_the_next_one(
     name = f"drawer_chest/{surface}"
     piece, pose, size, room = surface_pose(chest.evidence(), name)
     shut = chest.surface(name)
-    leaf = piece.model.drawer_of(surface)
+    door = piece.model.drawer_of(surface)
     way = pose.position - shut.position
     assert np.linalg.norm(way) == pytest.approx(opened, abs=1e-9)
-    if leaf is not None:
-        np.testing.assert_allclose(way, opened * piece.pose.rotation @ np.array(leaf.axis), atol=1e-9)
+    if door is not None:
+        np.testing.assert_allclose(way, opened * piece.pose.rotation @ np.array(door.axis), atol=1e-9)
         out = piece.pose.rotation[:, 0]  # the front of a piece looks against its x axis
         assert way @ out == pytest.approx(-opened)
     above = sorted(

@@ -176,8 +176,8 @@ def test_a_door_that_was_hung_stands_half_open_and_the_robot_does_not_start_in_i
         (door,) = (piece for piece in world.furniture if not piece.mapped)
         assert door.open == {"door": pytest.approx(math.radians(75.0))}
         assert "new_door" not in semantic_map(world).furniture
-        leaf = door.model.articulations[0]
-        ends = (door.pose @ leaf.moved(door.open["door"])).apply(np.array([leaf.origin, (-0.07, 0.65, 1.0)]))[:, :2]
+        panel = door.model.articulations[0]
+        ends = (door.pose @ panel.moved(door.open["door"])).apply(np.array([panel.origin, (-0.07, 0.65, 1.0)]))[:, :2]
         along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
         off = world.robot_start.xy - ends[0]
         nearest = ends[0] + np.clip(off @ along, 0.0, np.linalg.norm(ends[1] - ends[0])) * along

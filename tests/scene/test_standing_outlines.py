@@ -19,7 +19,7 @@ def chest() -> PlacedFurniture:
     return next(p for p in draw_world(load_scene("chest_room"), 0).furniture if p.model.articulations)
 
 
-def test_leaves_stand_in_the_way_where_they_are_open_and_those_between_rooms_also_while_closed(
+def test_doors_stand_in_the_way_where_they_are_open_and_those_between_rooms_also_while_closed(
     chest: PlacedFurniture,
 ) -> None:
     drawer = chest.model.articulations[0]

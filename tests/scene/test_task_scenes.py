@@ -101,7 +101,7 @@ def test_what_lies_in_a_drawer_that_is_open_at_the_start_has_gone_out_with_it_an
     way = pulled.objects[0].pose.position - closed.objects[0].pose.position
     (chest,) = (piece for piece in pulled.furniture if piece.name == "drawer_chest")
     np.testing.assert_allclose(way, chest.pose.rotation @ [-0.2, 0.0, 0.0], atol=1e-9)
-    in_maps = [semantic_map(world).furniture["drawer_chest"].leaves for world in (closed, pulled)]
+    in_maps = [semantic_map(world).furniture["drawer_chest"].articulations for world in (closed, pulled)]
     for before, after in zip(*in_maps, strict=True):
         assert [shape.pose.position.tolist() for shape in before.shapes] == [
             shape.pose.position.tolist() for shape in after.shapes
@@ -116,8 +116,8 @@ def test_the_robot_does_not_start_where_an_open_door_stands() -> None:
         """Metres from the start to the middle of the door that stands open."""
         world = draw_world(scene, seed)
         (fridge,) = world.furniture
-        (leaf,) = (leaf for leaf in fridge.model.articulations if leaf.name == "lower_door")
-        middle = (fridge.pose @ leaf.moved(np.radians(85)) @ leaf.parts[0].pose).position[:2]
+        (door,) = (door for door in fridge.model.articulations if door.name == "lower_door")
+        middle = (fridge.pose @ door.moved(np.radians(85)) @ door.parts[0].pose).position[:2]
         return float(np.linalg.norm(middle - world.robot_start.xy))
 
     assert min(nearest(scene, seed) for seed in SEEDS) > scene.file.start_clearance

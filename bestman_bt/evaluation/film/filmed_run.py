@@ -62,8 +62,8 @@ def read_filmed_run(folder: Path) -> FilmedRun:
     robot_model = load_robot_model(config.task.robot, config.robot_settings)
     scene = load_scene(config.task.scene, config.scene_settings)
     world = draw_world(scene, config.seed)
-    leaves = [f"{piece.name}/{leaf.name}" for piece in world.furniture for leaf in piece.model.articulations]
-    there = {thing.name for thing in world.objects} | set(leaves) | {walker.name for walker in world.walkers}
+    doors = [f"{piece.name}/{door.name}" for piece in world.furniture for door in piece.model.articulations]
+    there = {thing.name for thing in world.objects} | set(doors) | {walker.name for walker in world.walkers}
     if there != set(motion.bodies):
         changed = ", ".join(sorted(there ^ set(motion.bodies)))
         raise FilmError(f"the scene {config.task.scene!r} has changed since the run: {changed}")

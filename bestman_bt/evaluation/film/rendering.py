@@ -363,8 +363,8 @@ class ReplayScene:
         gripper = next(iter(run.robot_model.of(GripperModel).values()), None)
         self._hand = run.robot_model.base_frame if gripper is None else gripper.hand_link
         self._shown = (self._hand,) if gripper is None else (*gripper.part.finger_links, gripper.hand_link)
-        self._leaves = {
-            f"{p.name}/{leaf.name}": (p, leaf) for p in run.world.furniture for leaf in p.model.articulations
+        self._doors = {
+            f"{p.name}/{door.name}": (p, door) for p in run.world.furniture for door in p.model.articulations
         }
         self._starts = {walker.name: walker.route[0] for walker in run.world.walkers}
 
@@ -381,8 +381,8 @@ class ReplayScene:
         simulation = self._robot.simulation
         engine, built = simulation.engine, simulation.built
         for name, pose in snapshot.body_poses.items():
-            if name in self._leaves:
-                engine.set_joint(*built.articulations[name], opening(*self._leaves[name], pose))
+            if name in self._doors:
+                engine.set_joint(*built.articulations[name], opening(*self._doors[name], pose))
             elif name in self._starts:
                 body, slides = built.walkers[name]
                 for slide, value in zip(slides, pose.position[:2] - np.array(self._starts[name]), strict=True):
@@ -426,11 +426,11 @@ class ReplayScene:
         return smooth(self._reader.photo(viewpoint, width * oversampling, height * oversampling), oversampling)
 
 
-def opening(furniture: PlacedFurniture, leaf: Articulation, map_from_leaf: Pose) -> float:
+def opening(furniture: PlacedFurniture, door: Articulation, map_from_articulation: Pose) -> float:
     """Return the opening of a door or drawer, radians or metres, for the frame at its joint."""
-    closed = furniture.pose @ Pose(np.array(leaf.origin))
-    moved = closed.inverse() @ map_from_leaf
-    axis = np.asarray(leaf.axis)
-    if leaf.kind == "prismatic":
+    closed = furniture.pose @ Pose(np.array(door.origin))
+    moved = closed.inverse() @ map_from_articulation
+    axis = np.asarray(door.axis)
+    if door.kind == "prismatic":
         return float(moved.position @ axis)
     return wrap_angle(2.0 * math.atan2(float(moved.quaternion[:3] @ axis), float(moved.quaternion[3])))

@@ -103,13 +103,13 @@ def base_footprint(robot: RobotModel) -> Footprint:
 def true_costmap(world: World, robot: RobotModel) -> Costmap:
     """Return the costmap of the true obstacles, with doors, drawers and handles, without margins and walkers."""
     actual = tuple(replace(piece, nominal=piece.actual, mapped=True) for piece in world.furniture)
-    leaves = [
-        Obstacle(f"{piece.name}/{leaf.name}", tuple(PlacedShape(p.shape, moved @ p.pose) for p in leaf.parts), 0.0)
+    doors = [
+        Obstacle(f"{piece.name}/{door.name}", tuple(PlacedShape(p.shape, moved @ p.pose) for p in door.parts), 0.0)
         for piece in world.furniture
-        for leaf in piece.model.articulations
-        for moved in (piece.pose @ leaf.moved(piece.open.get(leaf.name, 0.0)),)
+        for door in piece.model.articulations
+        for moved in (piece.pose @ door.moved(piece.open.get(door.name, 0.0)),)
     ]
-    return Costmap.from_map(semantic_map(replace(world, furniture=actual)), base_footprint(robot), leaves, _EXACT)
+    return Costmap.from_map(semantic_map(replace(world, furniture=actual)), base_footprint(robot), doors, _EXACT)
 
 
 def drive_goal(asked: AtGoalFields, world: World, known: SemanticMap, robot: RobotModel, seed: int) -> Pose2D:

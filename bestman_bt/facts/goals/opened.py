@@ -52,24 +52,24 @@ class Opened(Goal[OpenedFields]):
     @up_to_unread_field
     def _faults_of_the_joint(self) -> Iterator[Problem]:
         name = self.asked.articulation
-        leaves = {
-            f"{piece.name}/{leaf.name}": leaf for piece in self.world.furniture for leaf in piece.model.articulations
+        doors = {
+            f"{piece.name}/{door.name}": door for piece in self.world.furniture for door in piece.model.articulations
         }
-        yield from unknown(self.config, (*self.path, "articulation"), name, leaves, "the scene has no door or drawer")
-        if name not in leaves:
+        yield from unknown(self.config, (*self.path, "articulation"), name, doors, "the scene has no door or drawer")
+        if name not in doors:
             return
-        leaf = leaves[name]
+        door = doors[name]
         dimension, scale, unit = (
-            ("angle", math.degrees(1.0), " deg") if leaf.kind == "revolute" else ("length", 100.0, " cm")
+            ("angle", math.degrees(1.0), " deg") if door.kind == "revolute" else ("length", 100.0, " cm")
         )
         for field, value in self._limits.items():
             try:
                 parse_quantity(self.written.get(field, value), dimension)
             except ValueError as error:
-                yield self.fault(f"{name!r} has a {leaf.kind} joint: {error}", field)
+                yield self.fault(f"{name!r} has a {door.kind} joint: {error}", field)
                 continue
-            if not 0.0 <= value <= leaf.upper:
-                limits = f"opens from 0 to {scale * leaf.upper:.4g}{unit}, got {scale * value:.4g}{unit}"
+            if not 0.0 <= value <= door.upper:
+                limits = f"opens from 0 to {scale * door.upper:.4g}{unit}, got {scale * value:.4g}{unit}"
                 yield self.fault(f"{name!r} {limits}", field)
 
     def entries(self) -> dict[str, Any]:
@@ -86,9 +86,9 @@ class Opened(Goal[OpenedFields]):
         name = self.asked.articulation
         furniture, _, part = name.partition("/")
         piece = next(p for p in self.world.furniture if p.name == furniture)
-        leaf = next(a for a in piece.model.articulations if a.name == part)
+        door = next(a for a in piece.model.articulations if a.name == part)
         scale, unit, metric = (
-            (math.degrees(1.0), "°", "angle_deg") if leaf.kind == "revolute" else (1e3, " mm", "opening_mm")
+            (math.degrees(1.0), "°", "angle_deg") if door.kind == "revolute" else (1e3, " mm", "opening_mm")
         )
         position = evidence.truth.articulation_position(name)
         faults = []

@@ -31,7 +31,7 @@ def hollow_furniture(
     turn: float,
     reach: float,
 ) -> list[SceneObstacle]:
-    """Return the obstacles ``furniture`` (its boards) and ``furniture/leaf`` (with its handle if open), base frame.
+    """Return the obstacles ``furniture`` (its boards) and ``furniture/name`` (with its handle if open), base frame.
 
     ``offset``, ``turn``: largest error of mapped furniture, metres and radians; boards are thickened sideways by it, or
     by the smaller errors of a measured piece; heights are exact. ``reach``: metres from the base beyond which furniture
@@ -45,12 +45,12 @@ def hollow_furniture(
             continue
         errors = min(offset, piece.position_error), min(turn, piece.heading_error)
         bodies = {name: [_grown_box(shape, piece, errors) for shape in piece.shapes]}
-        for leaf in piece.leaves:
-            boards = [_grown_box(shape, piece, errors) for shape in articulation_shapes(world_model, piece, leaf)]
-            if world_model.articulations.get(f"{name}/{leaf.name}", 0.0) > 0.0:
-                seen = [handle_shape(belief.handle) for belief in world_model.handles_of(piece, leaf)]
+        for door in piece.articulations:
+            boards = [_grown_box(shape, piece, errors) for shape in articulation_shapes(world_model, piece, door)]
+            if world_model.articulations.get(f"{name}/{door.name}", 0.0) > 0.0:
+                seen = [handle_shape(belief.handle) for belief in world_model.handles_of(piece, door)]
                 boards += [PlacedShape(bar.shape, piece_from_map @ bar.pose) for bar in seen]
-            bodies[f"{name}/{leaf.name}"] = boards
+            bodies[f"{name}/{door.name}"] = boards
         measured = _measured_surfaces(world_model, piece)
         for body, shapes in bodies.items():
             if body not in world_model.obstacles:
@@ -177,8 +177,8 @@ def planning_scene_from_world_model(
     names to leave out.
 
     ``hollow``: furniture that the arm works in: if the map has its boards, these are the obstacle ``furniture``, and
-    each door and drawer at its believed opening is ``furniture/leaf``, thickened by the map's error; measurements are
-    additional obstacles, and replace a leaf of the same name.
+    each door and drawer at its believed opening is ``furniture/name``, thickened by the map's error; measurements are
+    additional obstacles, and replace a door of the same name.
 
     Voxels of ``world_model.occupancy`` are obstacles (``occupied``, ``unknown``), except those explained by these
     bodies, ignored ones included, or by a shape of ``explained`` (base frame).
@@ -284,7 +284,7 @@ def _with_boards(world_model: WorldModel, hollow: Iterable[str]) -> list[str]:
 
 
 def _open_or_measured_inside(world_model: WorldModel, piece: MapFurniture) -> bool:
-    opened = any(world_model.articulations.get(f"{piece.name}/{leaf.name}", 0.0) > 0.0 for leaf in piece.leaves)
+    opened = any(world_model.articulations.get(f"{piece.name}/{door.name}", 0.0) > 0.0 for door in piece.articulations)
     inner = (f"{piece.name}/{surface.name}/surface" for surface in piece.surfaces if piece.is_inside(surface))
     return opened or any(name in world_model.obstacles for name in inner)
 

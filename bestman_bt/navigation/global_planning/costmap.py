@@ -347,8 +347,8 @@ class LayeredCostmap(Rasterization, CostmapBuilder):
     @override
     def of_world(self, world: WorldModel, footprint: Footprint) -> Costmap:
         """Return the costmap of walls, furniture, room doors, and open doors and drawers."""
-        leaves = articulation_obstacles(world) if self.doors else ()
-        return Costmap.from_map(world.map, footprint, leaves, self)
+        doors = articulation_obstacles(world) if self.doors else ()
+        return Costmap.from_map(world.map, footprint, doors, self)
 
     @override
     def of_grid(self, grid: OccupancyGrid, footprint: Footprint) -> Costmap:

@@ -132,7 +132,7 @@ class FurnitureLayer(CostmapLayer):
 
 def _handle_rooms(piece: MapFurniture) -> Iterator[NDArray[np.float64]]:
     """Yield the corners (8, 3), map frame, of the boxes that contain the handles of closed doors and drawers."""
-    rooms = (leaf.handle_room for leaf in piece.leaves)
+    rooms = (door.handle_room for door in piece.articulations)
     return (_corners(PlacedShape(room.shape, piece.pose.to_pose() @ room.pose)) for room in rooms if room is not None)
 
 

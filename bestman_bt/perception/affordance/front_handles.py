@@ -32,17 +32,17 @@ class JointRules:
 
     ``centred``: a handle is centred if its offset is below this fraction of the panel's half width. ``drawer_height``:
     maximum height of drawers, metres. ``folding_place``: minimum offset of the handle of a folding panel, as a fraction
-    of the half height; ``folding_slenderness``: maximum ratio of height to width of a folding panel. ``leaf``: half the
-    thickness of doors, metres: their hinges are this far behind the front. ``hollow_leaf``: the same for doors with a
-    recess.
+    of the half height; ``folding_slenderness``: maximum ratio of height to width of a folding panel.
+    ``half_thickness``: of doors, metres: their hinges are this far behind the front. ``hollow_half_thickness``: the
+    same for doors with a recess.
     """
 
     centred: float = 0.2
     drawer_height: Annotated[float, "m"] = 0.55
     folding_place: float = 0.6
     folding_slenderness: float = 1.8
-    leaf: Annotated[float, "m"] = 0.010
-    hollow_leaf: Annotated[float, "m"] = 0.030
+    half_thickness: Annotated[float, "m"] = 0.010
+    hollow_half_thickness: Annotated[float, "m"] = 0.030
 
     def suggest(
         self,
@@ -89,7 +89,7 @@ class JointRules:
             return None
         first, second = (borders.bottom, borders.top) if side in ("left", "right") else (borders.left, borders.right)
         middle = 0.0 if first is None or second is None else 0.5 * (first + second)
-        behind = -self.hollow_leaf if kind == "edge" else -self.leaf
+        behind = -self.hollow_half_thickness if kind == "edge" else -self.half_thickness
         if side in ("left", "right"):
             return np.array([at, middle, behind]), np.array([0.0, -1.0 if side == "left" else 1.0, 0.0])
         return np.array([middle, at, behind]), np.array([1.0 if side == "bottom" else -1.0, 0.0, 0.0])

@@ -25,13 +25,13 @@ POST = 0.04
 """Metres of the doorway that each post of a door takes."""
 _OPEN, _HALF_OPEN = (math.radians(90.0), math.radians(100.0)), (math.radians(66.0), math.radians(80.0))
 _TRIES = 12
-_BEFORE_WALL = 0.092  # half the depth of the frame: the leaf swings before the wall, not in it
+_BEFORE_WALL = 0.092  # half the depth of the frame: the outline swings before the wall, not in it
 
 
 def place_doors(
     plan: FloorPlan, furniture: Sequence[ApartmentPiece], options: ApartmentOptions, rng: np.random.Generator
 ) -> list[ApartmentPiece] | None:
-    """Return a door for each doorway with a door, or None if a leaf has no room."""
+    """Return a door for each doorway with a door, or None if one has no room."""
     standing: list[Points] = [
         wall_rectangle(Wall(*line, options.wall_height, options.wall_thickness)) for line in plan.walls
     ]
@@ -70,7 +70,9 @@ def _hung(
         )
         door = ApartmentPiece(name, model, Pose2D(*doorway.at, turn), {"door": position})
         if not any(
-            polygons_overlap(leaf, other) for leaf in articulation_outlines(at_nominal_pose(door)) for other in standing
+            polygons_overlap(outline, other)
+            for outline in articulation_outlines(at_nominal_pose(door))
+            for other in standing
         ):
             return door
     return None

@@ -88,7 +88,7 @@ def door(
     placed = pose @ handle.pose
     pulled = np.cross(axis, placed.position - hinge)
     truth = _handle(design.handle, front, pose, handle, pulled / np.linalg.norm(pulled), hinge_side, hinge, axis)
-    joint = _LeafJoint("revolute", hinge, axis, upper)
+    joint = _ArticulationJoint("revolute", hinge, axis, upper)
     return replace(_articulation(name, joint, [*solids, *extra], pose, design, truth), latch=latch)
 
 
@@ -119,7 +119,7 @@ def drawer(
     pose = furniture_from_panel(front.centre)
     axis = np.array([-1.0, 0.0, 0.0])
     truth = _handle(design.handle, front, pose, handle, axis, None, None, None)
-    joint = _LeafJoint("prismatic", np.array(front.centre), axis, upper)
+    joint = _ArticulationJoint("prismatic", np.array(front.centre), axis, upper)
     moving = _articulation(name, joint, solids, pose, design, truth)
     inner, floor = half - _BOX_WALL, front.centre[2] + low + _BOX_BOTTOM
     behind = front.centre[0] + thickness
@@ -157,7 +157,7 @@ def _handle(
 
 
 @dataclass(frozen=True, eq=False)
-class _LeafJoint:
+class _ArticulationJoint:
     kind: JointKind
     origin: np.ndarray
     axis: np.ndarray
@@ -165,7 +165,12 @@ class _LeafJoint:
 
 
 def _articulation(
-    name: str, joint: _LeafJoint, solids: Sequence[Solid], pose: Pose, design: ArticulationDesign, handle: Handle
+    name: str,
+    joint: _ArticulationJoint,
+    solids: Sequence[Solid],
+    pose: Pose,
+    design: ArticulationDesign,
+    handle: Handle,
 ) -> Articulation:
     placed = [solid.seen_from(pose) for solid in solids]
     return Articulation(

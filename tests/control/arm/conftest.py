@@ -63,14 +63,14 @@ def stand_before(model):
     robots = []
 
     def build(joint, stand, elevation=0.0, friction=None, finger_friction=None, flip=False, seed=1) -> AtHandle:
-        name, _, leaf = joint.partition("/")
+        name, _, door = joint.partition("/")
         piece = read_furniture(name)
-        leaves = tuple(
-            dataclasses.replace(a, friction=friction) if friction is not None and a.name == leaf else a
+        doors = tuple(
+            dataclasses.replace(a, friction=friction) if friction is not None and a.name == door else a
             for a in piece.articulations
         )
-        piece = dataclasses.replace(piece, articulations=leaves)
-        handle = next(a for a in leaves if a.name == leaf).handle.seen_from(Pose(np.array([0.0, 0.0, elevation])))
+        piece = dataclasses.replace(piece, articulations=doors)
+        handle = next(a for a in doors if a.name == door).handle.seen_from(Pose(np.array([0.0, 0.0, elevation])))
         handle = handle.seen_from(stand.to_pose().inverse())
         x = np.cross(handle.pose.rotation[:, 1], -handle.outward)
         matrix = np.eye(4)

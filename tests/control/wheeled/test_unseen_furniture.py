@@ -115,7 +115,7 @@ def chest(bottom: float) -> MapFurniture:
     """A drawer of 0.2 m from ``bottom`` on, whose handle stands out by 0.06 m; the rest is seen by the lidar."""
     front = PlacedShape(Box((0.02, 1.2, 0.2)), Pose(np.array([-0.39, 0.0, bottom + 0.1])))
     drawer = MapArticulation("drawer", "prismatic", (0.0, 0.0, 0.0), (-1.0, 0.0, 0.0), 0.4, (front,), handle_depth=0.06)
-    return replace(piece(0.75, solid=True), leaves=(drawer,))
+    return replace(piece(0.75, solid=True), articulations=(drawer,))
 
 
 @pytest.mark.parametrize(

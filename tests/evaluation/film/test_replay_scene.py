@@ -47,22 +47,22 @@ def test_an_object_is_seen_where_it_was_and_not_where_it_was_before(run: FilmedR
 def test_a_door_is_as_far_open_as_it_was(run: FilmedRun, stage: ReplayScene) -> None:
     start = run.motion.at(0.0)
     piece = next(piece for piece in run.world.furniture if piece.name == "fridge")
-    leaf = next(leaf for leaf in piece.model.articulations if leaf.name == "upper_door")
-    inside = piece.surface_pose(next(s for s in piece.model.surfaces if leaf.moved(1.0) is not None)).position
+    door = next(door for door in piece.model.articulations if door.name == "upper_door")
+    inside = piece.surface_pose(next(s for s in piece.model.surfaces if door.moved(1.0) is not None)).position
     before = stage.seen(_looking_at(inside), [DOOR])[1]
-    swung = piece.pose @ leaf.moved(1.2) @ Pose(np.array(leaf.origin))
+    swung = piece.pose @ door.moved(1.2) @ Pose(np.array(door.origin))
     stage.set(dataclasses.replace(start, body_poses={**start.body_poses, DOOR: swung}))
 
-    assert opening(piece, leaf, swung) == pytest.approx(1.2, abs=1e-6)
+    assert opening(piece, door, swung) == pytest.approx(1.2, abs=1e-6)
     assert stage.seen(_looking_at(inside), [DOOR])[1] != before
 
 
 @pytest.mark.parametrize("position", [0.0, 0.3, 1.5, 2.6])
-def test_how_far_a_leaf_is_open_is_reported_by_where_its_joint_frame_is(run: FilmedRun, position: float) -> None:
+def test_how_far_a_door_is_open_is_reported_by_where_its_joint_frame_is(run: FilmedRun, position: float) -> None:
     for piece in run.world.furniture:
-        for leaf in piece.model.articulations:
-            there = piece.pose @ leaf.moved(position) @ Pose(np.array(leaf.origin))
-            assert opening(piece, leaf, there) == pytest.approx(position, abs=1e-6)
+        for door in piece.model.articulations:
+            there = piece.pose @ door.moved(position) @ Pose(np.array(door.origin))
+            assert opening(piece, door, there) == pytest.approx(position, abs=1e-6)
 
 
 def test_a_robot_that_has_changed_since_the_run_is_refused(run: FilmedRun, stage: ReplayScene) -> None:

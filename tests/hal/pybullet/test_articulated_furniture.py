@@ -58,7 +58,7 @@ def truth(robot: PyBulletRobot) -> GroundTruth:
     return GroundTruth(robot)
 
 
-def leaf(world: World, name: str) -> Articulation:
+def joint(world: World, name: str) -> Articulation:
     piece, _, part = name.partition("/")
     model = next(p.model for p in world.furniture if p.name == piece)
     return next(a for a in model.articulations if a.name == part)
@@ -69,7 +69,7 @@ def pull(robot: PyBulletRobot, articulation: Articulation, name: str, share: flo
     simulation = robot.simulation
     body, link = simulation.built.articulations[name]
     server = simulation.engine.client.id
-    from_leaf = Pose(-np.array(articulation.origin)) @ articulation.handle.pose
+    from_articulation = Pose(-np.array(articulation.origin)) @ articulation.handle.pose
     lever = 1.0
     if articulation.kind == "revolute":
         lever = float(np.linalg.norm(articulation.handle.pose.position - articulation.handle.hinge))
@@ -77,10 +77,10 @@ def pull(robot: PyBulletRobot, articulation: Articulation, name: str, share: flo
         lever = float(np.sqrt(lever**2 - along**2))
     for _ in range(round(seconds * 240)):
         state = pybullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=server)
-        map_from_leaf = Pose(np.array(state[4]), np.array(state[5]))
+        map_from_articulation = Pose(np.array(state[4]), np.array(state[5]))
         hold = articulation.friction + articulation.latch
-        force = share * hold / lever * (map_from_leaf.rotation @ articulation.handle.opening_direction)
-        point = (map_from_leaf @ from_leaf).position
+        force = share * hold / lever * (map_from_articulation.rotation @ articulation.handle.opening_direction)
+        point = (map_from_articulation @ from_articulation).position
         pybullet.applyExternalForce(
             body, link, force.tolist(), point.tolist(), pybullet.WORLD_FRAME, physicsClientId=server
         )
@@ -124,7 +124,7 @@ def test_all_stays_closed_while_nobody_pulls(robot: PyBulletRobot, truth: Ground
 def test_a_pull_at_the_handle_opens_it_once_it_exceeds_the_friction(
     robot: PyBulletRobot, truth: GroundTruth, world: World, name: str
 ) -> None:
-    articulation = leaf(world, name)
+    articulation = joint(world, name)
     pull(robot, articulation, name, share=0.7, seconds=0.3)
     assert abs(truth.articulation_position(name)) < 1e-3
     pull(robot, articulation, name, share=1.8, seconds=0.8)
@@ -155,7 +155,7 @@ def test_an_open_hand_that_pushes_the_handle_sideways_opens_no_door(
     for sign in (-1.0, 1.0):
         with PyBulletRobot(robot_model, alone) as robot:
             truth = GroundTruth(robot)
-            push_sideways(robot, leaf(alone, name), name, 60.0 * sign, 0.5)
+            push_sideways(robot, joint(alone, name), name, 60.0 * sign, 0.5)
             furthest = max(furthest, truth.articulation_position(name))
     assert (furthest > 0.05) is opens
 
@@ -165,15 +165,15 @@ def push_sideways(robot: PyBulletRobot, articulation: Articulation, name: str, f
     simulation, handle = robot.simulation, articulation.handle
     body, link = simulation.built.articulations[name]
     across = np.cross(handle.outward, np.array(articulation.axis))
-    from_leaf = Pose(-np.array(articulation.origin)) @ handle.pose
+    from_articulation = Pose(-np.array(articulation.origin)) @ handle.pose
     for _ in range(round(seconds * 240)):
         state = pybullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=robot.client.id)
-        map_from_leaf = Pose(np.array(state[4]), np.array(state[5]))
+        map_from_articulation = Pose(np.array(state[4]), np.array(state[5]))
         pybullet.applyExternalForce(
             body,
             link,
-            (force * map_from_leaf.rotation @ across).tolist(),
-            (map_from_leaf @ from_leaf).position.tolist(),
+            (force * map_from_articulation.rotation @ across).tolist(),
+            (map_from_articulation @ from_articulation).position.tolist(),
             pybullet.WORLD_FRAME,
             physicsClientId=robot.client.id,
         )
@@ -185,7 +185,7 @@ def push_sideways(robot: PyBulletRobot, articulation: Articulation, name: str, f
 def test_a_latch_takes_a_harder_first_pull_and_nothing_afterwards(
     robot_model: RobotModel, world: World, name: str
 ) -> None:
-    articulation = leaf(world, name)
+    articulation = joint(world, name)
     assert articulation.latch > 0.0
     held, free = articulation.friction + articulation.latch, articulation.friction
     with PyBulletRobot(robot_model, world) as robot:
@@ -205,9 +205,9 @@ def test_a_latch_takes_a_harder_first_pull_and_nothing_afterwards(
 def test_a_recording_sees_the_door_turn(robot_model: RobotModel, world: World) -> None:
     with PyBulletRobot(robot_model, world) as robot:
         recorder, truth = SceneRecorder(robot), GroundTruth(robot)
-        before = recorder.scene_snapshot().leaf_poses["microwave/door"]
-        pull(robot, leaf(world, "microwave/door"), "microwave/door", share=2.0, seconds=0.6)
-        after = recorder.scene_snapshot().leaf_poses["microwave/door"]
+        before = recorder.scene_snapshot().articulation_poses["microwave/door"]
+        pull(robot, joint(world, "microwave/door"), "microwave/door", share=2.0, seconds=0.6)
+        after = recorder.scene_snapshot().articulation_poses["microwave/door"]
         np.testing.assert_allclose(after.position, before.position, atol=1e-6)
         turned = before.yaw - after.yaw  # hinged at the left, it turns about -z
         assert turned == pytest.approx(truth.articulation_position("microwave/door"), abs=1e-4)
@@ -217,7 +217,7 @@ def test_a_recording_sees_the_door_turn(robot_model: RobotModel, world: World) -
 @pytest.mark.slow
 def test_what_lies_in_a_drawer_comes_along(robot_model: RobotModel, world: World) -> None:
     chest = next(p for p in world.furniture if p.name == "drawer_chest")
-    drawer = leaf(world, "drawer_chest/drawer_3")
+    drawer = joint(world, "drawer_chest/drawer_3")
     ball = ObjectModel("puck", (0.8, 0.2, 0.2), 0.1, 0.8, (PlacedShape(Cylinder(0.02, 0.03), Pose()),))
     inside = chest.pose @ Pose.from_xyz_rpy((0.0, 0.0, drawer.handle.panel.position[2] - 0.05))
     held = dataclasses.replace(world, objects=(PlacedObject("puck", ball, inside),))

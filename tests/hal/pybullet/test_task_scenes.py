@@ -26,7 +26,7 @@ def test_nothing_moves_for_a_second(robot_model: RobotModel, name: str) -> None:
             pose = truth.object_pose(thing.name)
             np.testing.assert_allclose(pose.position, thing.pose.position, atol=5e-4)
             assert pose.tilt < 0.01
-        assert all(abs(truth.articulation_position(leaf)) < 1e-4 for leaf in truth.articulation_names)
+        assert all(abs(truth.articulation_position(door)) < 1e-4 for door in truth.articulation_names)
         record = robot.audit_record()
         assert not record.contacts
         assert all(overlap.depth < 5e-4 for overlap in record.penetrations)

@@ -87,7 +87,7 @@ def test_a_drawer_is_open_at_the_top_once_it_is_believed_to_be_open(diff_panda) 
 
 
 @pytest.mark.parametrize("name", ["fridge", "drawer_chest", "microwave", "cupboard", "dishwasher"])
-def test_boards_and_leaves_cover_wherever_the_piece_may_stand(diff_panda, name: str) -> None:
+def test_boards_and_doors_cover_wherever_the_piece_may_stand(diff_panda, name: str) -> None:
     """But for handles, which are seen and not told."""
     model = read_furniture(name)
     rng = np.random.default_rng(0)
@@ -100,16 +100,22 @@ def test_boards_and_leaves_cover_wherever_the_piece_may_stand(diff_panda, name: 
             semantic_map(World("", 0, ROOM.walls, (piece,), (), Pose2D(), {})),
             base=BasePose(Pose2D(), 0.01, 0.01, 0.0),
         )
-        world_model.articulations = {f"{name}/{leaf.name}": 0.6 * leaf.upper for leaf in model.articulations}
+        world_model.articulations = {
+            f"{name}/{articulation.name}": 0.6 * articulation.upper for articulation in model.articulations
+        }
         everything = [
             shape
             for key, body in shapes(world_model, diff_panda, hollow=[name]).items()
             if key.partition("/")[0] == name
             for shape in body.shapes
         ]
-        leaves = world_model.map.furniture[name].leaves
+        articulations = world_model.map.furniture[name].articulations
         truly = [(shape, Pose()) for shape in world_model.map.furniture[name].shapes]
-        truly += [(s, leaf.moved(0.6 * leaf.upper)) for leaf in leaves for s in leaf.shapes]
+        truly += [
+            (s, articulation.moved(0.6 * articulation.upper))
+            for articulation in articulations
+            for s in articulation.shapes
+        ]
         corners = np.vstack([(piece.pose @ moved @ shape.pose).apply(_corners(shape)) for shape, moved in truly])
         assert np.all(distance(everything, world_model, corners) <= 1e-6)
 
@@ -125,18 +131,18 @@ def test_the_map_tells_of_boards_but_not_of_handles() -> None:
         at = Pose2D()
         piece = PlacedFurniture(name, model, at, at)
         told = semantic_map(World("", 0, ROOM.walls, (piece,), (), Pose2D(), {})).furniture[name]
-        assert len(told.leaves) == len(model.articulations) > 0
-        for leaf, true in zip(told.leaves, model.articulations, strict=True):
+        assert len(told.articulations) == len(model.articulations) > 0
+        for articulation, true in zip(told.articulations, model.articulations, strict=True):
             middle, standoff = true.handle.pose.position, true.handle.standoff
-            nearest = min(distance_to_shape(middle[None], shape)[0] for shape in leaf.shapes)
+            nearest = min(distance_to_shape(middle[None], shape)[0] for shape in articulation.shapes)
             if true.handle.kind == "edge":
                 groove = middle + np.array([0.0, 0.0, 0.02])  # a groove is filled up
-                assert min(distance_to_shape(groove[None], shape)[0] for shape in leaf.shapes) <= 0.0
+                assert min(distance_to_shape(groove[None], shape)[0] for shape in articulation.shapes) <= 0.0
             else:
                 assert nearest == pytest.approx(standoff, abs=0.002)
 
 
-def test_a_measured_leaf_replaces_the_mapped_one_and_unknown_furniture_is_refused(diff_panda) -> None:
+def test_a_measured_door_replaces_the_mapped_one_and_unknown_furniture_is_refused(diff_panda) -> None:
     _, world_model = believed("fridge_room")
     seen = PlacedShape(world_model.map.furniture["fridge"].shapes[0].shape, Pose(np.array([0.9, 0.0, 1.0])))
     world_model.obstacles["fridge/upper_door"] = Obstacle("fridge/upper_door", (seen,), 1.0)
@@ -167,7 +173,7 @@ CABINET = MapFurniture(
     ),
     True,
     shapes=(SHELF, SIDE),
-    leaves=(MapArticulation("drawer", "prismatic", (0.0, 0.0, 0.5), (-1.0, 0.0, 0.0), 0.4, (FRONT,)),),
+    articulations=(MapArticulation("drawer", "prismatic", (0.0, 0.0, 0.5), (-1.0, 0.0, 0.0), 0.4, (FRONT,)),),
     position_error=0.01,
     heading_error=math.radians(1.0),
 )
@@ -205,7 +211,7 @@ def test_boards_are_grown_by_what_the_piece_or_the_scene_errs_whichever_is_less(
 
 def handle_on(world_model: WorldModel) -> PlacedShape:
     """A bar before the front of the drawer, seen in the map frame where the drawer is believed; as a box there."""
-    front = CABINET.pose.to_pose() @ world_model.opening_of(CABINET, CABINET.leaves[0]) @ FRONT.pose
+    front = CABINET.pose.to_pose() @ world_model.opening_of(CABINET, CABINET.articulations[0]) @ FRONT.pose
     pose = (
         front
         @ Pose.from_xyz_rpy((-0.05, 0.0, 0.0), (0.0, -math.pi / 2, 0.0))

@@ -56,13 +56,13 @@ def test_every_doorway_has_a_door_as_wide_as_its_opening_and_some_stand_half_ope
 
 
 @pytest.mark.slow
-def test_leaves_stand_in_nothing_and_leave_a_way_into_every_room(apartments: list[Apartment]) -> None:
+def test_doors_stand_in_nothing_and_leave_a_way_into_every_room(apartments: list[Apartment]) -> None:
     for apartment in apartments:
         walls, doors = walls_of(apartment), [at_nominal_pose(door) for door in apartment.doors]
         for door in doors:
-            for leaf in articulation_outlines(door):
-                assert not any(polygons_overlap(leaf, wall_rectangle(wall)) for wall in walls)
-                assert not any(polygons_overlap(leaf, piece.outline) for piece in apartment.furniture)
+            for outline in articulation_outlines(door):
+                assert not any(polygons_overlap(outline, wall_rectangle(wall)) for wall in walls)
+                assert not any(polygons_overlap(outline, piece.outline) for piece in apartment.furniture)
         floor = FloorGrid.of(standing_outlines(walls, [*map(at_nominal_pose, apartment.furniture), *doors]))
         points = floor.points(*np.nonzero(floor.largest_area(0.37)))
         for room in apartment.rooms:
@@ -94,17 +94,17 @@ def test_the_robot_believes_doors_to_stand_as_the_map_has_them(world: World) -> 
 
 
 @pytest.mark.slow
-def test_the_costmap_has_open_leaves_where_they_stand_and_shut_ones_in_the_doorway(world: World) -> None:
+def test_the_costmap_has_open_doors_where_they_stand_and_shut_ones_in_the_doorway(world: World) -> None:
     believed = WorldModel(map=semantic_map(world))
     door = next(piece for piece in world.furniture if piece.model.is_passage)
-    (leaf,) = articulation_outlines(door)
+    (outline,) = articulation_outlines(door)
 
     def costmap() -> Costmap:
         return Costmap.from_map(believed.map, BASE, articulation_obstacles(believed))
 
-    assert costmap().distance_at(leaf.mean(axis=0)) < 0.0
+    assert costmap().distance_at(outline.mean(axis=0)) < 0.0
     assert costmap().distance_at(door.actual.xy) > 0.3
     believed.articulations[f"{door.name}/door"] = 0.0
     in_frame = door.actual.to_pose().apply(np.array([[-0.07, 0.0, 0.0]]))[0, :2]
     assert costmap().distance_at(in_frame) < 0.0
-    assert costmap().distance_at(leaf.mean(axis=0)) > 0.05
+    assert costmap().distance_at(outline.mean(axis=0)) > 0.05

@@ -173,7 +173,7 @@ def test_the_hinge_runs_along_the_border_opposite_to_the_handle(kind: str, optio
 
 
 @pytest.mark.parametrize("kind", WITH_FRONTS)
-def test_nothing_of_a_closed_or_opening_leaf_is_inside_the_body(kind: str) -> None:
+def test_nothing_of_a_closed_or_opening_door_is_inside_the_body(kind: str) -> None:
     rng = np.random.default_rng(0)
     for piece in pieces(kind)[:8]:
         for articulation in piece.articulations:
@@ -184,7 +184,7 @@ def test_nothing_of_a_closed_or_opening_leaf_is_inside_the_body(kind: str) -> No
 
 
 def opened(articulation: Articulation, position: float) -> Pose:
-    """furniture_from_furniture: where the leaf's points go."""
+    """furniture_from_furniture: where the door's points go."""
     axis, origin = np.array(articulation.axis), np.array(articulation.origin)
     if articulation.kind == "prismatic":
         return Pose(position * axis)

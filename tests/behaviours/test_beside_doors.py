@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from behaviours.furniture.articulation import ArticulationPath, FurnitureArticulation, room_beside, world_at_leaf
+from behaviours.furniture.articulation import ArticulationPath, FurnitureArticulation, room_beside, world_at_opening
 from behaviours.furniture.articulation_motion import UNSURE, retreat
 from behaviours.furniture.close import pushes
 from behaviours.furniture.opening import plan_opening
@@ -21,67 +21,67 @@ from bestman_bt.messages import Handle, Pose, Pose2D
 from bestman_bt.world_model.openness import handle_shape
 from bestman_bt.world_model.world_model import BasePose, HandleBelief
 from tests.behaviours.scripted import load, run, scripted_skills
-from tests.behaviours.test_leaf_seen import leaf_and_handle
+from tests.behaviours.test_doors_seen import door_and_handle
 
 DRAWER, DOOR = ("drawer_chest", "drawer_2"), ("fridge", "upper_door")
 
 
 def standing_at(name: str, part: str, position: float = 0.0) -> tuple[Any, FurnitureArticulation, Handle]:
-    """Skills on whose map the leaf is, as open as is said, with its handle."""
-    leaf, handle = leaf_and_handle(name, part, position)
+    """Skills on whose map the door is, as open as is said, with its handle."""
+    door, handle = door_and_handle(name, part, position)
     skills = scripted_skills("fetch_from_drawer")
-    skills.world.map = skills.world.map.with_furniture(leaf.furniture)
-    skills.world.believe_articulation(leaf.articulation, position)
+    skills.world.map = skills.world.map.with_furniture(door.furniture)
+    skills.world.believe_articulation(door.name, position)
     skills.world.handles["handle"] = HandleBelief("handle", handle, 0.0, name)
-    return skills, leaf, handle
+    return skills, door, handle
 
 
 @pytest.mark.parametrize(("name", "part", "position"), [(*DRAWER, 0.2), (*DOOR, 0.9)])
-def test_a_leaf_may_be_open_more_or_less_by_the_margin(name: str, part: str, position: float) -> None:
-    skills, leaf, _ = standing_at(name, part, position)
+def test_a_door_may_be_open_more_or_less_by_the_margin(name: str, part: str, position: float) -> None:
+    skills, door, _ = standing_at(name, part, position)
     skills.world.base = BasePose(Pose2D(0.9, -0.9, 0.4), 0.01, 0.01, 0.0)
     skills.arm_world = lambda scene: scene
     base_from_map = skills.map_from_base.inverse()
     for margin in (0.0, 0.06):
-        scene: Any = world_at_leaf(skills, leaf, position, "free", margin=margin)
-        (body,) = (obstacle for obstacle in scene.obstacles if obstacle.name == leaf.articulation)
+        scene: Any = world_at_opening(skills, door, position, "free", margin=margin)
+        (body,) = (obstacle for obstacle in scene.obstacles if obstacle.name == door.name)
         places = np.array([placed.pose.position for placed in body.shapes])
         for off in (-0.06, 0.0, 0.06):
-            front = (base_from_map @ leaf.front(position + off)).position
+            front = (base_from_map @ door.front(position + off)).position
             there = bool(np.linalg.norm(places - front, axis=1).min() < 1e-6)
             assert there is (abs(off) <= margin)
 
 
 @pytest.mark.parametrize(("name", "part", "position", "asked"), [(*DRAWER, 0.1, 0.2), (*DOOR, 0.4, 0.9)])
-def test_a_leaf_that_is_half_open_is_opened_by_the_rest(name: str, part: str, position: float, asked: float) -> None:
-    skills, leaf, _ = standing_at(name, part, position)
+def test_a_door_that_is_half_open_is_opened_by_the_rest(name: str, part: str, position: float, asked: float) -> None:
+    skills, door, _ = standing_at(name, part, position)
     belief = skills.world.handles["handle"]
-    half = plan_opening(skills, leaf.articulation, belief, asked)
-    skills.world.believe_articulation(leaf.articulation, 0.0)
-    shut = plan_opening(skills, leaf.articulation, belief, asked)
+    half = plan_opening(skills, door.name, belief, asked)
+    skills.world.believe_articulation(door.name, 0.0)
+    shut = plan_opening(skills, door.name, belief, asked)
     assert (half.start, shut.start) == (position, 0.0)
-    if leaf.leaf.kind == "prismatic":
+    if door.mapped.kind == "prismatic":
         assert shut.distance - half.distance == pytest.approx(position)
     else:
         assert shut.angle - half.angle == pytest.approx(position)
 
 
 @pytest.mark.parametrize("theta", [0.0, 2.1, -1.2])
-def test_a_base_stands_where_its_body_is_clear_of_where_the_leaf_passes(
+def test_a_base_stands_where_its_body_is_clear_of_where_the_door_passes(
     theta: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    skills, leaf, _ = standing_at(*DRAWER)
+    skills, door, _ = standing_at(*DRAWER)
     passed = np.array([[0.4, -0.3]])
     monkeypatch.setattr("behaviours.furniture.articulation.swept_by", lambda *_: passed)
     skills.known_costmap = lambda _: SimpleNamespace(clearance_at=lambda stand: 1.0)
     apart = skills.parameters.furniture.base_clearance
-    front = leaf.leaf.shapes[0]
+    front = door.mapped.shapes[0]
     low = float(front.pose.position[2]) - front.shape.size[2] / 2
     body = body_between(
         skills.robot, skills.joints.positions(), skills.arm.name, low - apart, low + front.shape.size[2]
     )
     assert body is not None
-    is_free, gap = room_beside(skills, leaf, [0.0]), apart + front.shape.size[0] / 2
+    is_free, gap = room_beside(skills, door, [0.0]), apart + front.shape.size[0] / 2
     lower, upper = body
     for local, free in (
         ((upper[0] + gap - 0.01, upper[1] + gap - 0.01), False),
@@ -93,11 +93,11 @@ def test_a_base_stands_where_its_body_is_clear_of_where_the_leaf_passes(
         assert is_free(Pose2D(*(passed[0] - away), theta)) is free
 
 
-@pytest.mark.parametrize("leaf_name", ["FindOpenStand", "FindCloseStand"])
-def test_asked_again_it_gives_another_stand(leaf_name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    skills, leaf, handle = standing_at(*DRAWER, 0.2)
+@pytest.mark.parametrize("door_name", ["FindOpenStand", "FindCloseStand"])
+def test_asked_again_it_gives_another_stand(door_name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    skills, door, handle = standing_at(*DRAWER, 0.2)
 
-    def first(skills_of_leaf: Any, leaf_of_way: FurnitureArticulation, ways: Any) -> list[SimpleNamespace]:
+    def first(skills_of_door: Any, door_of_way: FurnitureArticulation, ways: Any) -> list[SimpleNamespace]:
         way: ArticulationPath = next(iter(ways))
         return [SimpleNamespace(pose=way.stands[0])]
 
@@ -105,8 +105,8 @@ def test_asked_again_it_gives_another_stand(leaf_name: str, monkeypatch: pytest.
     monkeypatch.setattr("behaviours.furniture.base_placement.room_beside", lambda *_: lambda stand: True)
     grasp = SimpleNamespace(grasp=handle.pose, pre_grasp=handle.pose)
     monkeypatch.setattr("behaviours.furniture.base_placement.pull_grasps", lambda *_: [grasp])
-    opening = 'handle="handle" opening="0.25"' if leaf_name == "FindOpenStand" else ""
-    tree = load(skills, f'<{leaf_name} articulation="{leaf.articulation}" {opening} stand="{{stand}}"/>')
+    opening = 'handle="handle" opening="0.25"' if door_name == "FindOpenStand" else ""
+    tree = load(skills, f'<{door_name} articulation="{door.name}" {opening} stand="{{stand}}"/>')
     stands: list[Pose2D] = []
     for _ in range(4):
         assert run(skills, tree) == SUCCESS
@@ -117,15 +117,15 @@ def test_asked_again_it_gives_another_stand(leaf_name: str, monkeypatch: pytest.
 
 @pytest.mark.parametrize("places", [(0.0, -0.12), (-0.12, 0.0), (0.0, 0.12)])
 def test_no_push_is_near_any_of_two_handles(places: tuple[float, float]) -> None:
-    skills, leaf, handle = standing_at(*DRAWER, 0.2)
-    front = leaf.front(0.2)
-    width = leaf.leaf.shapes[0].shape.size[1]
+    skills, door, handle = standing_at(*DRAWER, 0.2)
+    front = door.front(0.2)
+    width = door.mapped.shapes[0].shape.size[1]
     skills.world.handles.clear()
     for number, place in enumerate(places):
         moved = handle.seen_from(Pose(place * width * front.rotation[:, 1]))
-        skills.world.handles[f"handle_{number}"] = HandleBelief(f"handle_{number}", moved, 0.0, leaf.furniture.name)
-    assert len(skills.world.handles_of(leaf.furniture, leaf.leaf)) == 2
-    points = [push.at(0.2) for push in pushes(skills, leaf)]
+        skills.world.handles[f"handle_{number}"] = HandleBelief(f"handle_{number}", moved, 0.0, door.furniture.name)
+    assert len(skills.world.handles_of(door.furniture, door.mapped)) == 2
+    points = [push.at(0.2) for push in pushes(skills, door)]
     assert points
     for belief in skills.world.handles.values():
         bar = handle_shape(belief.handle)
@@ -134,21 +134,21 @@ def test_no_push_is_near_any_of_two_handles(places: tuple[float, float]) -> None
 
 
 @pytest.mark.parametrize(("name", "part"), [DRAWER, DOOR])
-def test_on_its_way_home_the_arm_keeps_clear_of_a_leaf_as_unsure_as_it_is_if_it_can(
+def test_on_its_way_home_the_arm_keeps_clear_of_a_door_as_unsure_as_it_is_if_it_can(
     name: str, part: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    skills, leaf, _ = standing_at(name, part, 0.2)
-    unsure, told = UNSURE[leaf.leaf.kind], []
+    skills, door, _ = standing_at(name, part, 0.2)
+    unsure, told = UNSURE[door.mapped.kind], []
     refused: list[tuple[float, tuple[str, ...]]] = []
     touches: set[tuple[float, tuple[str, ...]]] = set()
     others: list[tuple[str, str]] = []
 
     def around(*arguments: Any, ignore: Any = (), margin: float = 0.0, felt: Any = None) -> SimpleNamespace:
         which = margin, tuple(ignore)
-        pairs = (*others, *([(leaf.articulation, "panda_hand")] if which in touches else []))
+        pairs = (*others, *([(door.name, "panda_hand")] if which in touches else []))
         return SimpleNamespace(which=which, is_free=lambda _: not pairs, colliding_pairs=lambda _: pairs)
 
-    monkeypatch.setattr("behaviours.furniture.articulation_motion.world_at_leaf", around)
+    monkeypatch.setattr("behaviours.furniture.articulation_motion.world_at_opening", around)
 
     def move_free(skill: Any, goals: Any, world: Any) -> Any:
         told.append(world.which)
@@ -160,18 +160,18 @@ def test_on_its_way_home_the_arm_keeps_clear_of_a_leaf_as_unsure_as_it_is_if_it_
     straight = "bestman_bt.manipulation.kinematics.cartesian_path.cartesian_path"
     monkeypatch.setattr(straight, lambda *_: SimpleNamespace(path=np.zeros((1, 7))))
     skill: Any = SimpleNamespace(skills=skills)
-    for pairs in ([], [("panda_hand", "panda_link5")]):  # the arm touches itself: that says nothing of the leaf
+    for pairs in ([], [("panda_hand", "panda_link5")]):  # the arm touches itself: that says nothing of the door
         others[:] = pairs
         touches.clear()
-        for which in ((unsure, ()), (0.0, ()), (0.0, (leaf.articulation,))):
-            list(retreat(skill, leaf, "carry"))
+        for which in ((unsure, ()), (0.0, ()), (0.0, (door.name,))):
+            list(retreat(skill, door, "carry"))
             assert told[-1] == which
             touches.add(which)
     touches.clear()
-    refused.append((unsure, ()))  # so close to the leaf that there is a way with less margin only
-    list(retreat(skill, leaf, "carry"))
+    refused.append((unsure, ()))  # so close to the door that there is a way with less margin only
+    list(retreat(skill, door, "carry"))
     assert told[-2:] == [(unsure, ()), (0.0, ())]
     refused.append((0.0, ()))
     with pytest.raises(MotionPlanningError, match=f"no way with a margin of {unsure}"):
-        list(retreat(skill, leaf, "carry"))
-    assert told[-2:] == [(unsure, ()), (0.0, ())]  # never through the leaf
+        list(retreat(skill, door, "carry"))
+    assert told[-2:] == [(unsure, ()), (0.0, ())]  # never through the door

@@ -1,4 +1,4 @@
-"""How far a door or drawer stands open, told by a handle: every kind of leaf, and handles that are on no leaf."""
+"""How far a door or drawer stands open, told by a handle: every kind of door, and handles that are on no door."""
 
 from __future__ import annotations
 
@@ -32,52 +32,52 @@ OFF = Pose2D(1.22, -0.38, 0.72)  # where it really stands, within the map's erro
 WALLS = (Wall((-3.0, -3.0), (3.0, -3.0), 1.2, 0.1), Wall((3.0, -3.0), (3.0, 3.0), 1.2, 0.1))
 
 
-def leaf_and_handle(name: str, part: str, position: float) -> tuple[FurnitureArticulation, Handle]:
-    """The leaf as the map has it, and the true handle, on the leaf that is open by ``position``."""
+def door_and_handle(name: str, part: str, position: float) -> tuple[FurnitureArticulation, Handle]:
+    """The door as the map has it, and the true handle, on the door that is open by ``position``."""
     model = read_furniture(name)
     placed = PlacedFurniture(name, model, AT, OFF)
     piece = semantic_map(World("one", 0, WALLS, (placed,), (), Pose2D(), {})).furniture[name]
-    articulation = next(leaf for leaf in model.articulations if leaf.name == part)
+    articulation = next(door for door in model.articulations if door.name == part)
     handle = articulation.handle.seen_from(placed.pose @ articulation.moved(position))
-    return FurnitureArticulation(f"{name}/{part}", piece, piece.leaf(part)), handle
+    return FurnitureArticulation(f"{name}/{part}", piece, piece.articulation(part)), handle
 
 
 @pytest.mark.parametrize("part", ["upper_door", "lower_door"])
 @pytest.mark.parametrize("degrees", [10.0, 30.0, 55.0, 90.0])
 def test_a_door_tells_by_the_direction_that_its_handle_faces(part: str, degrees: float) -> None:
-    leaf, handle = leaf_and_handle("fridge", part, math.radians(degrees))
-    assert opening_seen(leaf, handle) == pytest.approx(math.radians(degrees), abs=math.radians(2.0))
+    door, handle = door_and_handle("fridge", part, math.radians(degrees))
+    assert opening_seen(door, handle) == pytest.approx(math.radians(degrees), abs=math.radians(2.0))
 
 
 @pytest.mark.parametrize("position", [0.10, 0.22, 0.30])
 def test_a_drawer_tells_by_how_far_its_handle_stands_out(position: float) -> None:
-    leaf, handle = leaf_and_handle("drawer_chest", "drawer_2", position)
-    assert opening_seen(leaf, handle) == pytest.approx(position, abs=0.045)
+    door, handle = door_and_handle("drawer_chest", "drawer_2", position)
+    assert opening_seen(door, handle) == pytest.approx(position, abs=0.045)
 
 
 @pytest.mark.parametrize(("name", "part"), [("fridge", "upper_door"), ("drawer_chest", "drawer_2")])
 def test_what_the_error_of_the_map_explains_counts_as_shut(name: str, part: str) -> None:
-    leaf, handle = leaf_and_handle(name, part, 0.0)
-    assert opening_seen(leaf, handle) == 0.0
+    door, handle = door_and_handle(name, part, 0.0)
+    assert opening_seen(door, handle) == 0.0
 
 
-def test_a_handle_of_another_leaf_tells_nothing() -> None:
-    upper, _ = leaf_and_handle("fridge", "upper_door", 0.0)
-    _, lower_handle = leaf_and_handle("fridge", "lower_door", 0.5)
+def test_a_handle_of_another_door_tells_nothing() -> None:
+    upper, _ = door_and_handle("fridge", "upper_door", 0.0)
+    _, lower_handle = door_and_handle("fridge", "lower_door", 0.5)
     assert opening_seen(upper, lower_handle) is None
-    second, _ = leaf_and_handle("drawer_chest", "drawer_2", 0.0)
-    _, third_handle = leaf_and_handle("drawer_chest", "drawer_3", 0.2)
+    second, _ = door_and_handle("drawer_chest", "drawer_2", 0.0)
+    _, third_handle = door_and_handle("drawer_chest", "drawer_3", 0.2)
     assert opening_seen(second, third_handle) is None
 
 
-def test_what_is_beside_the_leaf_or_at_its_hinge_is_no_handle_of_it() -> None:
-    leaf, handle = leaf_and_handle("fridge", "upper_door", 0.8)
+def test_what_is_beside_the_door_or_at_its_hinge_is_no_handle_of_it() -> None:
+    door, handle = door_and_handle("fridge", "upper_door", 0.8)
     for way in (np.array([0.0, 0.0, 0.5]), 0.5 * handle.outward):
         moved = replace(handle, pose=Pose(handle.pose.position + way, handle.pose.quaternion))
-        assert opening_seen(leaf, moved) is None
+        assert opening_seen(door, moved) is None
     assert handle.hinge is not None
     at_hinge = np.array([*handle.hinge[:2], handle.pose.position[2]]) + 0.05 * handle.outward
-    assert opening_seen(leaf, replace(handle, pose=Pose(at_hinge, handle.pose.quaternion))) is None
+    assert opening_seen(door, replace(handle, pose=Pose(at_hinge, handle.pose.quaternion))) is None
 
 
 @pytest.mark.parametrize(
@@ -89,18 +89,18 @@ def test_what_is_beside_the_leaf_or_at_its_hinge_is_no_handle_of_it() -> None:
         ("drawer_chest", "drawer_2", 0.3, 0.12),
     ],
 )
-def test_a_handle_that_was_seen_before_reports_how_far_a_leaf_has_moved_whatever_the_map_is_wrong_by(
+def test_a_handle_that_was_seen_before_reports_how_far_a_door_has_moved_whatever_the_map_is_wrong_by(
     name: str, part: str, before: float, now: float
 ) -> None:
-    leaf, known = leaf_and_handle(name, part, before)
-    _, seen = leaf_and_handle(name, part, now)
-    assert opening_since(leaf, before, known, seen) == pytest.approx(now, abs=1e-4)
+    door, known = door_and_handle(name, part, before)
+    _, seen = door_and_handle(name, part, now)
+    assert opening_since(door, before, known, seen) == pytest.approx(now, abs=1e-4)
 
 
-def test_another_handle_does_not_report_how_far_a_leaf_has_moved() -> None:
-    leaf, known = leaf_and_handle("drawer_chest", "drawer_2", 0.0)
-    _, other = leaf_and_handle("drawer_chest", "drawer_3", 0.2)
-    assert opening_since(leaf, 0.0, known, other) is None
+def test_another_handle_does_not_report_how_far_a_door_has_moved() -> None:
+    door, known = door_and_handle("drawer_chest", "drawer_2", 0.0)
+    _, other = door_and_handle("drawer_chest", "drawer_3", 0.2)
+    assert opening_since(door, 0.0, known, other) is None
 
 
 def board_seen(
@@ -110,11 +110,11 @@ def board_seen(
     face: tuple[float, float, float] = (-1.0, 0.0, 0.0),
     share: float = 1.0,
 ) -> tuple[FurnitureArticulation, SupportPlane]:
-    """The leaf as the map has it, and the middle ``share`` of a face of its true board, open by ``position``."""
-    leaf, _ = leaf_and_handle(name, part, position)
-    front = leaf.leaf.shapes[0]
+    """The door as the map has it, and the middle ``share`` of a face of its true board, open by ``position``."""
+    door, _ = door_and_handle(name, part, position)
+    front = door.mapped.shapes[0]
     assert isinstance(front.shape, Box)
-    true = OFF.to_pose() @ leaf.leaf.moved(position) @ front.pose
+    true = OFF.to_pose() @ door.mapped.moved(position) @ front.pose
     out = np.array(face)
     beside = np.cross([0.0, 0.0, 1.0], out)
     size = np.array(front.shape.size)
@@ -125,36 +125,36 @@ def board_seen(
     frame = true @ Pose.from_matrix(matrix)
     across, up = np.meshgrid(np.linspace(-0.5, 0.5, 9) * width * share, np.linspace(-0.5, 0.5, 9) * height * share)
     points = frame.apply(np.column_stack([across.ravel(), up.ravel(), np.zeros(across.size)]))
-    return leaf, SupportPlane(frame, (width * share, height * share), points, 0.0)
+    return door, SupportPlane(frame, (width * share, height * share), points, 0.0)
 
 
 @pytest.mark.parametrize("part", ["upper_door", "lower_door"])
 @pytest.mark.parametrize("degrees", [10.0, 55.0, 90.0])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_the_front_and_the_back_of_a_door_report_how_far_it_is_open(part: str, degrees: float, side: float) -> None:
-    leaf, plane = board_seen("fridge", part, math.radians(degrees), (side, 0.0, 0.0), share=0.5)
-    assert opening_by_board(leaf, plane) == pytest.approx(math.radians(degrees), abs=math.radians(2.0))
+    door, plane = board_seen("fridge", part, math.radians(degrees), (side, 0.0, 0.0), share=0.5)
+    assert opening_by_board(door, plane) == pytest.approx(math.radians(degrees), abs=math.radians(2.0))
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_the_front_and_the_back_of_a_drawer_front_report_how_far_it_is_out(side: float) -> None:
-    leaf, plane = board_seen("drawer_chest", "drawer_2", 0.22, (side, 0.0, 0.0))
-    assert opening_by_board(leaf, plane) == pytest.approx(0.22, abs=0.045)
+    door, plane = board_seen("drawer_chest", "drawer_2", 0.22, (side, 0.0, 0.0))
+    assert opening_by_board(door, plane) == pytest.approx(0.22, abs=0.045)
 
 
 @pytest.mark.parametrize(("name", "part"), [("fridge", "upper_door"), ("drawer_chest", "drawer_2")])
-def test_the_board_of_a_shut_leaf_reports_that_it_is_shut(name: str, part: str) -> None:
+def test_the_board_of_a_shut_door_reports_that_it_is_shut(name: str, part: str) -> None:
     assert opening_by_board(*board_seen(name, part, 0.0)) == 0.0
 
 
 def test_the_frame_behind_a_door_that_stands_open_does_not_report_that_it_is_shut() -> None:
-    leaf, front = board_seen("fridge", "upper_door", 0.0)
-    board = leaf.leaf.shapes[0].shape
+    door, front = board_seen("fridge", "upper_door", 0.0)
+    board = door.mapped.shapes[0].shape
     assert isinstance(board, Box)
-    measured = replace(leaf.furniture, pose=OFF, position_error=POSITION_ERROR, heading_error=HEADING_ERROR)
-    leaf = replace(leaf, furniture=measured)
-    assert opening_by_board(leaf, front) == 0.0
-    assert opening_by_board(leaf, front.seen_from(Pose(-board.size[0] * front.normal))) is None
+    measured = replace(door.furniture, pose=OFF, position_error=POSITION_ERROR, heading_error=HEADING_ERROR)
+    door = replace(door, furniture=measured)
+    assert opening_by_board(door, front) == 0.0
+    assert opening_by_board(door, front.seen_from(Pose(-board.size[0] * front.normal))) is None
     unmeasured, front = board_seen("fridge", "upper_door", 0.0)
     assert opening_by_board(unmeasured, front) == 0.0
     at_border = np.abs(front.frame_from_plane.inverse().apply(front.inliers)[:, :2] / front.size) > 0.4
@@ -164,7 +164,7 @@ def test_the_frame_behind_a_door_that_stands_open_does_not_report_that_it_is_shu
 
 def test_other_boards_the_edge_of_a_door_and_a_small_part_of_it_tell_nothing() -> None:
     upper, plane = board_seen("fridge", "upper_door", 0.8)
-    lower, _ = leaf_and_handle("fridge", "lower_door", 0.0)
+    lower, _ = door_and_handle("fridge", "lower_door", 0.0)
     assert opening_by_board(lower, plane) is None
     assert opening_by_board(*board_seen("fridge", "upper_door", 0.8, (0.0, -1.0, 0.0))) is None
     assert opening_by_board(*board_seen("fridge", "upper_door", 0.8, share=0.2)) is None
@@ -187,8 +187,8 @@ def seen_from(
         boxes += [PlacedShape(placed.shape, moved @ placed.pose) for placed in articulation.parts]
     boxes = [PlacedShape(placed.shape, frame @ placed.pose) for placed in boxes if isinstance(placed.shape, Box)]
     target = frame.apply(np.array([[-0.4, -0.1, 1.2]]))[0]
-    leaf, _ = leaf_and_handle("fridge", part, 0.0)
-    return leaf, view_of(boxes, looking_at(frame.apply(np.array([place]))[0], target), rng=np.random.default_rng(0))
+    door, _ = door_and_handle("fridge", part, 0.0)
+    return door, view_of(boxes, looking_at(frame.apply(np.array([place]))[0], target), rng=np.random.default_rng(0))
 
 
 AHEAD, FAR_AWAY, AT_THE_EDGE = (-1.2, 0.0, 1.3), (-3.5, 0.3, 1.3), (-2.4, 1.3, 1.3)
@@ -200,23 +200,23 @@ NOTHING_KNOWN: tuple[PlacedShape, ...] = ()
 def test_a_door_is_found_by_the_points_on_it_and_the_rays_through_its_shut_place(
     place: tuple[float, float, float], degrees: float, part: str
 ) -> None:
-    leaf, view = seen_from(place, math.radians(degrees), part=part)
-    found = opening_by_rays(leaf, 0.0, view, NOTHING_KNOWN)
+    door, view = seen_from(place, math.radians(degrees), part=part)
+    found = opening_by_rays(door, 0.0, view, NOTHING_KNOWN)
     assert found == pytest.approx(math.radians(degrees), abs=math.radians(5.0))
 
 
 def test_a_door_is_found_by_its_edge_alone_and_wherever_else_it_was_believed_to_be() -> None:
-    leaf, view = seen_from(AT_THE_EDGE, math.radians(40.0))
+    door, view = seen_from(AT_THE_EDGE, math.radians(40.0))
     for believed in (0.0, 0.35, 1.5):
-        assert opening_by_rays(leaf, believed, view, NOTHING_KNOWN) == pytest.approx(math.radians(40.0), abs=0.06)
-    assert opening_by_rays(leaf, math.radians(37.0), view, NOTHING_KNOWN) is None
-    assert opening_by_rays(leaf, math.radians(43.0), view, NOTHING_KNOWN) is None
+        assert opening_by_rays(door, believed, view, NOTHING_KNOWN) == pytest.approx(math.radians(40.0), abs=0.06)
+    assert opening_by_rays(door, math.radians(37.0), view, NOTHING_KNOWN) is None
+    assert opening_by_rays(door, math.radians(43.0), view, NOTHING_KNOWN) is None
 
 
 def test_a_shut_door_is_found_where_it_was_believed_open_and_else_tells_nothing() -> None:
-    leaf, view = seen_from(AT_THE_EDGE, 0.0)
-    assert opening_by_rays(leaf, 1.5, view, NOTHING_KNOWN) == 0.0
-    assert opening_by_rays(leaf, 0.0, view, NOTHING_KNOWN) is None
+    door, view = seen_from(AT_THE_EDGE, 0.0)
+    assert opening_by_rays(door, 1.5, view, NOTHING_KNOWN) == 0.0
+    assert opening_by_rays(door, 0.0, view, NOTHING_KNOWN) is None
 
 
 @pytest.mark.parametrize(
@@ -233,19 +233,19 @@ def test_what_stands_before_a_door_does_not_count_as_the_door(
     place: tuple[float, float, float],
     size: tuple[float, float, float],
 ) -> None:
-    leaf, view = seen_from(eye, opening, PlacedShape(Box(size), Pose(np.array(place))))
-    assert opening_by_rays(leaf, 0.0, view, NOTHING_KNOWN) is None
+    door, view = seen_from(eye, opening, PlacedShape(Box(size), Pose(np.array(place))))
+    assert opening_by_rays(door, 0.0, view, NOTHING_KNOWN) is None
 
 
 def test_a_wall_where_the_door_could_be_is_not_taken_for_it() -> None:
     wall = PlacedShape(Box((2.0, 0.1, 2.2)), Pose(np.array([-0.6, -0.39, 1.1])))
-    leaf, view = seen_from(AT_THE_EDGE, math.radians(40.0), wall)
+    door, view = seen_from(AT_THE_EDGE, math.radians(40.0), wall)
     known = PlacedShape(wall.shape, OFF.to_pose() @ wall.pose)
-    assert opening_by_rays(leaf, 0.0, view, [known]) == pytest.approx(math.radians(40.0), abs=0.06)
+    assert opening_by_rays(door, 0.0, view, [known]) == pytest.approx(math.radians(40.0), abs=0.06)
 
 
 def test_a_hand_that_turns_about_a_bar_keeps_holding_it_at_the_same_point() -> None:
-    leaf, handle = leaf_and_handle("fridge", "upper_door", 0.0)
+    door, handle = door_and_handle("fridge", "upper_door", 0.0)
     assert handle.hinge is not None
     assert handle.hinge_direction is not None
     matrix = np.eye(4)
@@ -253,7 +253,7 @@ def test_a_hand_that_turns_about_a_bar_keeps_holding_it_at_the_same_point() -> N
     matrix[:3, :3] = np.stack([along, np.cross(outward, along), outward], axis=1)
     matrix[:3, 3] = handle.pose.position
     bar = replace(handle, kind="bar", pose=Pose.from_matrix(matrix))
-    door = Opening(leaf, bar, 1.0, 0.0, 0.3, 1.0)
+    door = Opening(door, bar, 1.0, 0.0, 0.3, 1.0)
     grasp = Pose(bar.pose.position + np.array([0.03, -0.02, 0.05]), OFF.to_pose().quaternion)  # its origin: not on it
     assert door.bar_turns
     held, tilts = door.held_at(grasp), (-0.5, 0.0, 0.8)

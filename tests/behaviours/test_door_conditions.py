@@ -1,4 +1,4 @@
-"""IsOpen, and how far leaves may be asked to open: limits that are no numbers, beliefs that are none, units."""
+"""IsOpen, and how far doors may be asked to open: limits that are no numbers, beliefs that are none, units."""
 
 from __future__ import annotations
 
@@ -67,11 +67,11 @@ def test_a_door_that_is_open_by_no_number_is_neither_open_nor_shut(furnished: Ro
 def test_an_opening_out_of_range_is_refused_in_the_unit_of_the_joint(
     furnished: RobotSession, name: str, beyond: float, range_told: str
 ) -> None:
-    leaf = find_articulation(furnished.skills, name)
-    leaf.check_opening("opening", 0.0)
-    leaf.check_opening("opening", leaf.leaf.upper)
+    door = find_articulation(furnished.skills, name)
+    door.check_opening("opening", 0.0)
+    door.check_opening("opening", door.mapped.upper)
     with pytest.raises(SkillFailure, match=range_told) as refused:
-        leaf.check_opening("opening", beyond)
+        door.check_opening("opening", beyond)
     assert refused.value.code == "bad_input"
     with pytest.raises(SkillFailure, match="opening is nan"):
-        leaf.check_opening("opening", math.nan)
+        door.check_opening("opening", math.nan)

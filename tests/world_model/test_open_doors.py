@@ -60,7 +60,7 @@ def cup_on(world: WorldModel, surface: str) -> ObjectBelief:
 
 def handle_of(world: WorldModel, drawer: str) -> HandleBelief:
     piece = world.map.furniture["drawer_chest"]
-    front = piece.pose.to_pose() @ piece.leaf(drawer).shapes[0].pose
+    front = piece.pose.to_pose() @ piece.articulation(drawer).shapes[0].pose
     outwards = Pose.from_xyz_rpy((-0.05, 0.0, 0.0), (math.pi / 2, 0.0, -math.pi / 2))
     pose = front @ outwards
     handle = Handle("bar", pose, 0.007, 0.22, 0.04, pose.rotation[:, 2], 1.0, 0.001, "prismatic")
@@ -123,8 +123,8 @@ def test_only_what_stands_open_is_before_the_furniture_and_its_handle_with_it(be
 @pytest.mark.parametrize(("kind", "enough", "shut"), [("prismatic", 0.25, 0.02), ("revolute", 0.9 * 1.45, 0.035)])
 def test_open_and_shut_hold_up_to_their_bounds(mapped, kind, enough, shut) -> None:
     chest = mapped.furniture["drawer_chest"]
-    leaf = replace(chest.leaf("drawer_3"), kind=kind, upper=2.0)
-    world = WorldModel(mapped.with_furniture(replace(chest, leaves=(leaf,))))
+    door = replace(chest.articulation("drawer_3"), kind=kind, upper=2.0)
+    world = WorldModel(mapped.with_furniture(replace(chest, articulations=(door,))))
     assert is_shut(world, DRAWER)
     for position, opened, closed in (
         (shut, False, True),
@@ -134,14 +134,16 @@ def test_open_and_shut_hold_up_to_their_bounds(mapped, kind, enough, shut) -> No
     ):
         world.articulations[DRAWER] = position
         assert (is_open(world, DRAWER), is_shut(world, DRAWER)) == (opened, closed), position
-    short = openness_of(replace(leaf, upper=0.2))
+    short = openness_of(replace(door, upper=0.2))
     assert (short.asked, short.enough) == pytest.approx((0.19, 0.171))
-    assert openness_of(leaf).asked == {"prismatic": 0.28, "revolute": 1.45}[kind]
+    assert openness_of(door).asked == {"prismatic": 0.28, "revolute": 1.45}[kind]
 
 
 def test_what_stood_open_on_the_map_is_believed_to_until_it_moves(mapped) -> None:
     chest = mapped.furniture["drawer_chest"]
-    ajar = replace(chest, leaves=tuple(replace(one, position=0.1 * i) for i, one in enumerate(chest.leaves)))
+    ajar = replace(
+        chest, articulations=tuple(replace(one, position=0.1 * i) for i, one in enumerate(chest.articulations))
+    )
     world = WorldModel(mapped.with_furniture(ajar), articulations={DRAWER: 0.07})
     assert world.articulations == {"drawer_chest/drawer_2": 0.1, DRAWER: 0.07}
     world.blocked.add("table/top")
@@ -203,7 +205,7 @@ def test_a_door_stands_before_a_board_behind_it_however_deep_that_is(depth, widt
     board = MapSurface("board", Pose([0.0, *place]), (depth, width))
     top = MapSurface("top", Pose([0.0, 0.0, 1.0]), (0.6, 0.8))
     case = MapFurniture(
-        "case", Pose2D(), (0.6, 0.8), 1.0, (top, board), True, leaves=(door("left", 0.2), door("right", -0.2))
+        "case", Pose2D(), (0.6, 0.8), 1.0, (top, board), True, articulations=(door("left", 0.2), door("right", -0.2))
     )
     assert list(containers_before(case, board)) == before
     assert list(containers_before(case, top)) == []

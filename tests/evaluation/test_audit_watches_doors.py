@@ -109,10 +109,10 @@ def test_a_motor_on_the_hinge_is_seen(robot, door, hidden, force) -> None:
 @pytest.mark.parametrize(("effort", "is_driven"), [(2.04, False), (2.06, True)])
 def test_a_joint_that_exerts_more_than_its_friction_is_driven_either_way(sense, effort, is_driven) -> None:
     watcher = object.__new__(DoorWatcher)
-    leaf = WatchedArticulation(
+    watched = WatchedArticulation(
         DOOR, 0, 0, 1.5, friction=2.0, latched=2.0, travel=0.0, falling=0.0, position=0.7, velocity=0.0
     )
-    assert ("is driven by its joint" in watcher.motor_fault(leaf, 0.0, sense * effort)) == is_driven
+    assert ("is driven by its joint" in watcher.motor_fault(watched, 0.0, sense * effort)) == is_driven
 
 
 def test_a_motor_that_was_taken_from_the_module_early_is_counted(robot, door) -> None:
@@ -158,9 +158,10 @@ def test_a_heavy_flap_may_fall_by_its_weight(world) -> None:
     """A door whose hinge lies: nothing presses on it, and it gains speed."""
     fridge = next(piece for piece in world.furniture if piece.name == "fridge")
     lying = tuple(
-        dataclasses.replace(leaf, axis=(1.0, 0.0, 0.0), friction=0.1, mass=20.0) for leaf in fridge.model.articulations
+        dataclasses.replace(watched, axis=(1.0, 0.0, 0.0), friction=0.1, mass=20.0)
+        for watched in fridge.model.articulations
     )
-    ajar = {leaf.name: 0.3 for leaf in lying}
+    ajar = {watched.name: 0.3 for watched in lying}
     piece = dataclasses.replace(fridge, model=dataclasses.replace(fridge.model, articulations=lying), open=ajar)
     with PyBulletRobot(load_robot_model("diff_panda"), dataclasses.replace(world, furniture=(piece,))) as robot:
         truth = GroundTruth(robot)
@@ -180,7 +181,7 @@ def test_a_read_that_was_taken_from_the_module_early_is_counted(robot, door) -> 
 
 
 def test_the_truth_is_closed_as_soon_as_those_who_evaluate_have_it(world) -> None:
-    """Before the first step: what leaves do while their tree is loaded is counted."""
+    """Before the first step: what watched do while their tree is loaded is counted."""
     with PyBulletRobot(load_robot_model("diff_panda"), world) as robot:
         early = GroundTruth(robot)
         robot.close_truth()
@@ -194,7 +195,7 @@ def test_the_truth_is_closed_as_soon_as_those_who_evaluate_have_it(world) -> Non
 
 
 def test_a_judged_run_closes_the_truth_before_its_first_tick(tmp_path: Path) -> None:
-    """Time has not run yet when ``watch`` is called, as it has not when leaves are loaded."""
+    """Time has not run yet when ``watch`` is called, as it has not when watched are loaded."""
     views: list[GroundTruth] = []
 
     def prepare_robot(robot: Robot) -> None:
