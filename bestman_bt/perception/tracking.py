@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+from typing_extensions import override
 
 from bestman_bt.messages import ObjectModel, Pose, wrap_angle
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
@@ -91,11 +92,6 @@ class Tracker(ABC):
         """
 
 
-# Identities by global nearest neighbour: all sightings of a view are assigned at once, at the least total distance.
-# The assignment is the one of Munkres (Blackman, "Multiple-Target Tracking with Radar Applications", 1986); objects of
-# different models are never exchanged. What a view cannot contradict is kept: an object that is hidden is not removed.
-
-
 THING = "thing"
 """The name of objects without a model; their identities are ``thing_1``, ``thing_2``, …"""
 
@@ -104,7 +100,8 @@ THING = "thing"
 class GlobalNearestNeighbour(Tracker):
     """Assigns all sightings of a view to the known objects at once, at the minimum total distance.
 
-    Metres and radians.
+    Munkres' assignment (Blackman, "Multiple-Target Tracking with Radar Applications", 1986); objects of different
+    models are never exchanged, and an object that is hidden in the view is kept.
 
     ``moved_distance``: distance from which an object counts as moved; at least ``deviations`` standard deviations of
     the distance; ``moved_turn``: the same for rotations of objects with known yaw. ``thing_distance``: maximum distance
@@ -118,6 +115,7 @@ class GlobalNearestNeighbour(Tracker):
     thing_distance: Annotated[float, "m"] = 0.08
     replaced_distance: Annotated[float, "m"] = 0.04
 
+    @override
     def update(
         self,
         beliefs: Mapping[str, ObjectBelief],
@@ -126,7 +124,6 @@ class GlobalNearestNeighbour(Tracker):
         drift: float = 0.0,
         taken: Sequence[str] = (),
     ) -> Tracked:
-        """Assign sightings to beliefs; see ``Tracker.update``."""
         stamp = view.image.stamp
         objects = {name: belief for name, belief in beliefs.items() if name not in taken}
         matches = self._matches(objects, sightings, drift)

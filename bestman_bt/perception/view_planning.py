@@ -10,6 +10,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import CameraIntrinsics, PlacedShape, Pose, YawSet
 from bestman_bt.messages.shapes import bounding_corners
@@ -160,8 +161,8 @@ class ExpectedYaw(ViewPlanner):
     caution: float = 0.3
     profile: YawSearch = field(default_factory=YawSearch)
 
+    @override
     def candidates(self, hypothesis: PoseHypothesis, intrinsics: CameraIntrinsics) -> tuple[Pose, ...]:
-        """Return the candidate camera poses, nearest ring first; see ``ViewPlanner.candidates``."""
         lower, upper = hypothesis.model.bounds()
         centre = hypothesis.pose.apply((lower + upper) / 2)
         radius = float(np.linalg.norm(upper - lower)) / 2

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import CameraIntrinsics, Pose
 from bestman_bt.robot_model.model import LeggedBaseModel, RobotModel
@@ -142,10 +143,10 @@ class MujocoEngine(Engine):
                 if name in self._own:
                     self._own[name] += values
 
+    @override
     def track(
         self, joints: Sequence[int], positions: Array, velocities: Array, efforts: Sequence[float], gain: float
     ) -> None:
-        """Track close set-points with position servos; see ``Engine.track``."""
         slots = [self._slots[joint] for joint in joints]
         self._target[slots] = self._reference[slots] = positions
         self._feed[slots], self._gain[slots] = velocities, gain

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import CameraIntrinsics, Pose
 from bestman_bt.robot_model.model import RobotModel
@@ -82,10 +83,10 @@ class PyBulletEngine(Engine):
         self._free = self.client
         self.client.disconnect()
 
+    @override
     def track(
         self, joints: Sequence[int], positions: Array, velocities: Array, efforts: Sequence[float], gain: float
     ) -> None:
-        """Track set-points with Bullet's position motors; see ``Engine.track``."""
         self._free.setJointMotorControlArray(
             self.built.robot,
             joints,

@@ -16,6 +16,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 from ompl import base
+from typing_extensions import override
 
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import Count, NonNegative, Positive, Several
@@ -101,8 +102,8 @@ class HybridAStar(StraightPieces, GlobalPlanner):
     clearance: Annotated[NonNegative, "m"] = 0.01
     max_expansions: Count = 30_000
 
+    @override
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
-        """Return a path of curves, or a PlanningFailure; see ``GlobalPlanner.plan``."""
         return with_overhang_reason(self._plan, start, goal, costmap)
 
     def _plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:

@@ -16,6 +16,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.shapes import NonNegative, Several
@@ -70,8 +71,8 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
         None.
         """
 
+    @override
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
-        """Return a polyline path, or a PlanningFailure; see ``GlobalPlanner.plan``."""
         return with_overhang_reason(self._plan, start, goal, costmap)
 
     def _plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:

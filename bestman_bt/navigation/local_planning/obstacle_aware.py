@@ -107,8 +107,8 @@ class ObstacleAwareFollower(PathFollower):
         self.obstacles.update(scan, map_from_lidar)
         self._since_field = self.field_every
 
+    @override
     def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
-        """Start following ``path``; see ``PathFollower.reset``."""
         if self._limits is None:
             raise RuntimeError(f"{type(self).__name__}.reset was called before configure: it must know its base")
         if len(path.points) == 0:
@@ -136,8 +136,8 @@ class ObstacleAwareFollower(PathFollower):
         else:
             self._driving_exactly = False
 
+    @override
     def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
-        """Return the next command; see ``PathFollower.compute``."""
         if self._progress is None:
             raise RuntimeError(f"{type(self).__name__}.compute was called before reset")
         self.obstacles.centre_on(pose)

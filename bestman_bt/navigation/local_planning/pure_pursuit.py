@@ -11,6 +11,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.messages.shapes import NonNegative, NotBelow, Positive, check_bounds
@@ -85,8 +86,8 @@ class PurePursuit(PathFollower):
         self._rolling = Twist2D()
         self._at = 0
 
+    @override
     def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
-        """Start following ``path``; see ``PathFollower.reset``."""
         if len(path.points) == 0:
             raise ValueError("PurePursuit path should have at least one point but has none")
         self._legs = _split(path, self.corner)
@@ -96,8 +97,8 @@ class PurePursuit(PathFollower):
         self._fresh = True
         self._begin_leg()
 
+    @override
     def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
-        """Return the next command; see ``PathFollower.compute``."""
         if self._legs is None:
             raise RuntimeError("PurePursuit.compute was called before reset")
         if self._fresh:

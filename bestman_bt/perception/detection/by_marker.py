@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, RGBDImage
 from bestman_bt.messages.frozen_array import frozen_array
@@ -126,10 +127,10 @@ class ByMarker(MarkerDetector, Detector):
     segmentation: Segmentation = field(default_factory=RegionGrowing)
     pose_estimator: PoseEstimator = field(default_factory=MultiStart)
 
+    @override
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:
-        """Detect the objects that carry known markers; see ``Detector.detect``."""
         scene = self.segmentation.segment(view, region, rng)
         rest = list(scene.clusters)
         labelled = []

@@ -15,6 +15,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.perception.detection.base import DetectedScene, Detector, Naming
@@ -205,10 +206,10 @@ class ColorShape(Naming, Detector):
     elevation_step: Annotated[float, "rad"] = math.radians(10.0)
     _looks: dict[tuple[ObjectModel, int], ModelAppearance] = field(default_factory=dict, init=False, repr=False)
 
+    @override
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:
-        """Detect objects by colour and shape, then registration; see ``Detector.detect``."""
         scene = self.segmentation.segment(view, region, rng)
         found = [(cluster, self._hypotheses(cluster, models, view)) for cluster in scene.clusters]
         return self.named_scene(scene, found)

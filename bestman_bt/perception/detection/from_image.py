@@ -9,6 +9,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import ObjectModel, PointCloud, RGBDImage
 from bestman_bt.messages.frozen_array import frozen_array
@@ -29,10 +30,10 @@ class ModelRegistration(Naming, Detector):
     segmentation: Segmentation = field(default_factory=PlaneDbscan)
     pose_estimator: PoseEstimator = field(default_factory=MultiStart)
 
+    @override
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:
-        """Detect objects by registration of all models; see ``Detector.detect``."""
         scene = self.segmentation.segment(view, region, rng)
         found = [(cluster, self.pose_estimator.estimate(cluster, models, view)) for cluster in scene.clusters]
         return self.named_scene(scene, found)
@@ -117,10 +118,10 @@ class FromImage(Detector):
         Raises PerceptionError, with the reason, if the detector cannot run.
         """
 
+    @override
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:
-        """Detect objects in the image, then estimate the pose of each; see ``Detector.detect``."""
         scene = self.segmentation.segment(view, region, rng)
         labelled, rest = self._labelled(scene, view, region, models)
         return located(scene, labelled, rest, models, self.pose_estimator, view, self.min_confidence)

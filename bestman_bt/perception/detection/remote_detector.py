@@ -16,6 +16,7 @@ import httpx
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError
+from typing_extensions import override
 
 from bestman_bt.http_client import AnswerRefusedError, NoAnswerError, PostLimits, post_json, with_retries
 from bestman_bt.messages import RGBDImage
@@ -150,8 +151,8 @@ class RemoteDetector(FromImage):
     max_reply: int = 16_000_000
     with_depth: bool = False
 
+    @override
     def find(self, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
-        """Return the detections of ``names`` that the server reports; see ``FromImage.find``."""
         if not names or image.rgb.size == 0:
             return ()
         body = request_body(image, names, self.with_depth)

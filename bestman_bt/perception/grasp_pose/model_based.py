@@ -14,6 +14,7 @@ from typing import Annotated
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from bestman_bt.messages import Box, Cylinder, Mesh, ObjectGrasp, ObjectModel, PlacedShape, Pose, Shape, Sphere
 from bestman_bt.perception.errors import PerceptionError
@@ -175,8 +176,8 @@ class ModelBased(GraspPlanner):
         default_factory=dict, init=False, repr=False
     )
 
+    @override
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
-        """Return the free grasps of the model at the target's pose, best first; see ``GraspPlanner.plan``."""
         if target.model is None or target.frame_from_object is None:
             raise PerceptionError("ModelBased needs a target with a model; for an unknown object use AntipodalCloud")
         model, pose = target.model, target.frame_from_object

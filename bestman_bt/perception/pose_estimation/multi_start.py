@@ -19,6 +19,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.special import expit
+from typing_extensions import override
 
 from bestman_bt.messages import Box, ObjectModel, Pose, YawSet
 from bestman_bt.perception.pose_estimation.base import PoseEstimator, PoseHypothesis
@@ -118,8 +119,8 @@ class MultiStart(Registration, PoseEstimator):
         """Sampled surfaces of the models that it has met."""
         return SurfaceStore(self.spacing, self.tipped)
 
+    @override
     def estimate(self, cluster: Cluster, models: Sequence[ObjectModel], view: View) -> tuple[PoseHypothesis, ...]:
-        """Return the best pose of each model that could explain the cluster; see ``PoseEstimator.estimate``."""
         seen = SeenCluster.of(cluster, view, self)
         found = [best for model in models if (best := self._fit_model(model, seen)) is not None]
         found.sort(key=lambda hypothesis: -hypothesis.confidence)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+from typing_extensions import override
 
 from bestman_bt.messages import PointCloud
 from bestman_bt.perception.clouds import density_clusters, estimated_normals, thinned, without_outliers
@@ -54,8 +55,8 @@ class PlaneDbscan(HorizontalPlane, Segmentation):
     merge_distance: Annotated[float, "m"] = 0.012
     merge_overlap: float = 0.15
 
+    @override
     def segment(self, view: View, region: Region, rng: np.random.Generator) -> SegmentedScene:
-        """Segment the region by a plane and DBSCAN; see ``Segmentation.segment``."""
         surface_from_frame = region.frame_from_surface.inverse()
         local = view.seen_from(surface_from_frame).cloud(surface_from_frame.apply(region.corners()))
         local = local.selected(inside_region(local.points, region))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from typing_extensions import override
 
 from bestman_bt.messages import PointCloud, Pose
 from bestman_bt.perception.segmentation.base import (
@@ -319,8 +320,8 @@ class RegionGrowing(HorizontalPlane, DepthFragments, FragmentMerging, Segmentati
     min_cluster_points: Annotated[int, "voxels"] = 30
     min_cluster_height: Annotated[float, "m"] = 0.015
 
+    @override
     def segment(self, view: View, region: Region, rng: np.random.Generator) -> SegmentedScene:
-        """Segment the region by a plane and region growing; see ``Segmentation.segment``."""
         surface_from_frame = region.frame_from_surface.inverse()
         of_surface = view.seen_from(surface_from_frame)
         points, depth, (rows, columns) = of_surface.organised(surface_from_frame.apply(region.corners()))

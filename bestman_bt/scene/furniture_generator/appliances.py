@@ -12,13 +12,13 @@ from typing import Literal
 
 import numpy as np
 
-from bestman_bt.configuration.quantity import PositiveLength, Torque
+from bestman_bt.configuration.quantity import Torque
 from bestman_bt.messages import GRAVITY
 from bestman_bt.scene.furniture_generator.articulations import GAP, SEAM, ArticulationDesign, Front, door
 from bestman_bt.scene.furniture_generator.handle_design import HandleOptions, draw_handle
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
 from bestman_bt.scene.furniture_generator.panel import (
-    FinishOptions,
+    PieceOptions,
     carcass,
     draw_finish,
     given_or_drawn,
@@ -30,21 +30,17 @@ from bestman_bt.scene.scene import FurnitureModel, Surface
 
 
 @dataclass(frozen=True)
-class FridgeOptions:
+class FridgeOptions(PieceOptions):
     """Options; missing ones are drawn. ``depth``: with the doors; ``doors``: 1, or 2 above each other.
 
     ``friction``: of each hinge, newton metres. Articulations: ``door``, or ``lower_door`` and ``upper_door``; surfaces:
     ``top`` and, behind the doors, ``shelf_1`` (lowest) and up.
     """
 
-    width: PositiveLength | None = None
-    depth: PositiveLength | None = None
-    height: PositiveLength | None = None
     doors: Literal[1, 2] | None = None
     hinge: Literal["left", "right"] | None = None
     friction: Torque | None = None
     handle: HandleOptions = field(default_factory=HandleOptions)
-    finish: FinishOptions = field(default_factory=FinishOptions)
 
 
 def fridge(name: str, options: FridgeOptions, rng: np.random.Generator) -> FurnitureModel:
@@ -98,7 +94,7 @@ _LEAST_FRICTION = 6.0  # N m; less would let an open hand push it open
 
 
 @dataclass(frozen=True)
-class DishwasherOptions:
+class DishwasherOptions(PieceOptions):
     """Options; missing ones are drawn. ``depth``: with the door.
 
     ``friction``: of the hinge, newton metres; by default a fifth more than the open door's weight, at least 6, so that
@@ -106,13 +102,9 @@ class DishwasherOptions:
     Articulation: ``door``; surfaces: ``top`` and ``inside``.
     """
 
-    width: PositiveLength | None = None
-    depth: PositiveLength | None = None
-    height: PositiveLength | None = None
     friction: Torque | None = None
     latch: Torque = 0.0
     handle: HandleOptions = field(default_factory=HandleOptions)
-    finish: FinishOptions = field(default_factory=FinishOptions)
 
 
 def dishwasher(name: str, options: DishwasherOptions, rng: np.random.Generator) -> FurnitureModel:
@@ -156,20 +148,16 @@ _GLASS, _DISPLAY, _PLATE = (0.05, 0.06, 0.08), (0.10, 0.55, 0.45), (0.80, 0.88, 
 
 
 @dataclass(frozen=True)
-class MicrowaveOptions:
+class MicrowaveOptions(PieceOptions):
     """Options; missing ones are drawn. ``depth``: with the door; ``friction``: of the hinge, newton metres.
 
     Articulation: ``door``; surfaces: ``top`` and, behind the door, ``inside``. The knob beside the door is fixed: it
     resembles a handle.
     """
 
-    width: PositiveLength | None = None
-    depth: PositiveLength | None = None
-    height: PositiveLength | None = None
     hinge: Literal["left", "right"] | None = None
     friction: Torque | None = None
     handle: HandleOptions = field(default_factory=HandleOptions)
-    finish: FinishOptions = field(default_factory=FinishOptions)
 
 
 def microwave(name: str, options: MicrowaveOptions, rng: np.random.Generator) -> FurnitureModel:

@@ -7,12 +7,12 @@ from typing import Literal
 
 import numpy as np
 
-from bestman_bt.configuration.quantity import Force, PositiveLength, Torque, WholeNumber
+from bestman_bt.configuration.quantity import Force, Torque, WholeNumber
 from bestman_bt.scene.furniture_generator.articulations import GAP, SEAM, ArticulationDesign, Front, door, drawer
 from bestman_bt.scene.furniture_generator.handle_design import HandleOptions, draw_handle
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
 from bestman_bt.scene.furniture_generator.panel import (
-    FinishOptions,
+    PieceOptions,
     carcass,
     draw_finish,
     given_or_drawn,
@@ -24,18 +24,14 @@ from bestman_bt.scene.scene import FurnitureModel
 
 
 @dataclass(frozen=True)
-class ShelfOptions:
+class ShelfOptions(PieceOptions):
     """Options; missing ones are drawn. ``boards``: 2 to 8, the lowest and the top one included; ``back``: a back wall.
 
     Surfaces: ``board_1`` (lowest) to ``top``.
     """
 
-    width: PositiveLength | None = None
-    depth: PositiveLength | None = None
-    height: PositiveLength | None = None
     boards: WholeNumber | None = None
     back: bool | None = None
-    finish: FinishOptions = field(default_factory=FinishOptions)
 
 
 def shelf(name: str, options: ShelfOptions, rng: np.random.Generator) -> FurnitureModel:
@@ -73,20 +69,16 @@ def shelf(name: str, options: ShelfOptions, rng: np.random.Generator) -> Furnitu
 
 
 @dataclass(frozen=True)
-class DrawerChestOptions:
+class DrawerChestOptions(PieceOptions):
     """Options; missing ones are drawn. ``drawers``: 1 to 6; ``depth``: with the fronts; ``friction``: of each, newtons.
 
     Articulations: ``drawer_1`` (lowest) and up; surfaces: ``top`` and the bottom of each drawer by the drawer's name,
     which moves with it.
     """
 
-    width: PositiveLength | None = None
-    depth: PositiveLength | None = None
-    height: PositiveLength | None = None
     drawers: WholeNumber | None = None
     friction: Force | None = None
     handle: HandleOptions = field(default_factory=HandleOptions)
-    finish: FinishOptions = field(default_factory=FinishOptions)
 
 
 def drawer_chest(name: str, options: DrawerChestOptions, rng: np.random.Generator) -> FurnitureModel:
@@ -130,21 +122,17 @@ def drawer_chest(name: str, options: DrawerChestOptions, rng: np.random.Generato
 
 
 @dataclass(frozen=True)
-class CupboardOptions:
+class CupboardOptions(PieceOptions):
     """Options; missing ones are drawn. ``depth``: with the doors; ``doors``: 1 or 2; ``hinge``: of a single one.
 
     ``friction``: of each hinge, newton metres. Articulations: ``door``, or ``left_door`` and ``right_door`` (seen from
     the front); surfaces: ``top`` and, behind the doors, ``shelf_1`` and ``shelf_2``.
     """
 
-    width: PositiveLength | None = None
-    depth: PositiveLength | None = None
-    height: PositiveLength | None = None
     doors: Literal[1, 2] | None = None
     hinge: Literal["left", "right"] | None = None
     friction: Torque | None = None
     handle: HandleOptions = field(default_factory=HandleOptions)
-    finish: FinishOptions = field(default_factory=FinishOptions)
 
 
 def cupboard(name: str, options: CupboardOptions, rng: np.random.Generator) -> FurnitureModel:

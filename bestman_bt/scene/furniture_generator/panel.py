@@ -6,13 +6,14 @@ Its origin is in the middle of the front face, x to the right and y up as seen f
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.configuration.quantity import Color as ColorOption
+from bestman_bt.configuration.quantity import PositiveLength
 from bestman_bt.messages import Pose
 from bestman_bt.scene.furniture_generator.handle_design import (
     BORDER,
@@ -99,6 +100,16 @@ class FinishOptions:
     body: ColorOption | None = None
     handle: ColorOption | None = None
     handle_like_front: bool | None = None
+
+
+@dataclass(frozen=True)
+class PieceOptions:
+    """Options of all furniture; missing ones are drawn."""
+
+    width: PositiveLength | None = None
+    depth: PositiveLength | None = None
+    height: PositiveLength | None = None
+    finish: FinishOptions = field(default_factory=FinishOptions)
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from bestman_bt.configuration.quantity import PositiveLength, Torque
+from bestman_bt.configuration.quantity import Torque
 from bestman_bt.scene.furniture_generator.articulations import GAP, ArticulationDesign, Front, door
 from bestman_bt.scene.furniture_generator.handle_design import HandleOptions, draw_handle
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
-from bestman_bt.scene.furniture_generator.panel import FinishOptions, draw_finish, given_or_drawn, model, surface
+from bestman_bt.scene.furniture_generator.panel import PieceOptions, draw_finish, given_or_drawn, model, surface
 from bestman_bt.scene.furniture_generator.solid import block
 from bestman_bt.scene.scene import FurnitureModel
 
@@ -19,21 +19,17 @@ _POST, _DOOR, _SLIT = 0.04, 0.038, 0.012
 
 
 @dataclass(frozen=True)
-class RoomDoorOptions:
+class RoomDoorOptions(PieceOptions):
     """Options; missing ones are drawn. ``width``: with the frame, as wide as the doorway; ``depth``: of frame and door.
 
     ``hinge``: left or right, seen from -x, to where it opens. ``friction``: of the hinge, ``latch``: in addition at the
     frame; newton metres. Articulation: ``door``; surface: ``top`` of the lintel.
     """
 
-    width: PositiveLength | None = None
-    depth: PositiveLength | None = None
-    height: PositiveLength | None = None
     hinge: Literal["left", "right"] | None = None
     friction: Torque | None = None
     latch: Torque = 0.0
     handle: HandleOptions = field(default_factory=HandleOptions)
-    finish: FinishOptions = field(default_factory=FinishOptions)
 
 
 def room_door(name: str, options: RoomDoorOptions, rng: np.random.Generator) -> FurnitureModel:
