@@ -15,13 +15,11 @@ from typing import Annotated
 
 import typer
 
-from bestman_bt.bringup.sensors import BOARD
 from bestman_bt.cli.options import Engine, Json, Seed, Settings, grouped_options, json_output, pose
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import parse_settings
 from bestman_bt.extras import DEFAULT_SIMULATOR, EXTRA_OF_SIMULATOR, require_extra
 from bestman_bt.robot_model.compose import load_robot_model
-from bestman_bt.runtime.calibration.board_link import with_board
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from hal.twins.errors import TwinError
@@ -103,6 +101,9 @@ def _host(asked: TwinOptions, judge: bool) -> TwinHost:
         raise ConfigurationError(problems)
     model = load_robot_model(asked.robot, inner["robot"])
     if asked.board is not None:
+        from bestman_bt.bringup.sensors import BOARD
+        from bestman_bt.runtime.calibration.board_link import with_board
+
         model = with_board(model, BOARD, model.base_frame, pose("--board", asked.board))
     world = draw_world(load_scene(asked.scene, inner["scene"]), asked.seed)
     return TwinHost(model, world, asked.seed, judge, asked.engine)

@@ -131,6 +131,11 @@ class HardwareRobot(Robot):
         self._recorder.keep_in(folder)
 
     @property
+    def connected(self) -> bool:
+        """Return whether it is between ``connect`` and ``disconnect``."""
+        return self._watchdog is not None
+
+    @property
     def stops(self) -> int:
         """Return the number of stops so far."""
         return self._latch.stops
@@ -176,7 +181,7 @@ class HardwareRobot(Robot):
         """Return diagnostic texts by subject, without addresses."""
         texts = {
             "implementation": "hardware",
-            "connected": "yes" if self._watchdog is not None else "no",
+            "connected": "yes" if self.connected else "no",
             "stopped": (f"yes: {self._latch.fault}" if self._latch.fault else "yes") if self._latch else "no",
             "time": f"{self.clock.now():.2f} s",
         }

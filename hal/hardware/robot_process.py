@@ -101,10 +101,11 @@ class RobotServer:
             wire.send(answer)
 
     def close(self) -> None:
-        """Bring the robot to rest, then disconnect: the planning program is gone."""
-        self._robot.stop()
-        threading.Event().wait(REST_TIME)
-        self._robot.disconnect()
+        """Bring the robot to rest, then disconnect it, unless the planning program has done so before it was gone."""
+        if self._robot.connected:
+            self._robot.stop()
+            threading.Event().wait(REST_TIME)
+            self._robot.disconnect()
         if self._heartbeat is not None:
             self._heartbeat.close()
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from typing_extensions import override
@@ -20,11 +19,16 @@ from hal.simulation.parameters import SimulationParameters
 from hal.simulation.sensor_pipeline import EncoderReading, Encoders
 from hal.simulation.simulation import SimulatedChannel, Simulation
 
+if TYPE_CHECKING:
+    import trimesh
+
 
 def mass_distribution(parts: Sequence[PlacedShape], mass: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the centre of mass (3,) in the frame of the parts and the inertia (3, 3) about it, kg m², at uniform
     density.
     """
+    import trimesh  # takes a third of a second, and only worlds with doors and drawers need it
+
     solids = [_solid(part) for part in parts]
     whole: Any = trimesh.util.concatenate(solids)
     whole.density = mass / sum(part.volume for part in solids)
@@ -32,6 +36,8 @@ def mass_distribution(parts: Sequence[PlacedShape], mass: float) -> tuple[NDArra
 
 
 def _solid(part: PlacedShape) -> trimesh.Trimesh:
+    import trimesh
+
     solid: trimesh.Trimesh
     match part.shape:
         case Box():

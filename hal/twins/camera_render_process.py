@@ -76,8 +76,8 @@ class WorldStateReader:
 class CameraRenderProcess:
     """Renders camera images in another process, which holds a copy of the world and sets it to a given state.
 
-    Noise, lens and faults are those of the simulated camera. ``render`` is thread-safe; one frame is rendered at a
-    time.
+    It builds that copy while this process goes on; ``wait_until_ready`` waits for it. Noise, lens and faults are those
+    of the simulated camera. ``render`` is thread-safe; one frame is rendered at a time.
     """
 
     def __init__(self, simulated: type[SimulatedRobot], model: RobotModel, world: World, seed: int) -> None:
@@ -87,8 +87,14 @@ class CameraRenderProcess:
         self._process = context.Process(target=_work, args=(other, simulated, model, world, seed), daemon=True)
         self._process.start()
         other.close()
-        if not self._wire.poll(START_TIME) or self._wire.recv() != "ready":
-            self.close()
+
+    def wait_until_ready(self) -> None:
+        """Wait until ``render`` may be called. Raises TwinError if the process has ended or takes too long."""
+        try:
+            ready = self._wire.poll(START_TIME) and self._wire.recv() == "ready"
+        except EOFError:
+            ready = False
+        if not ready:
             raise TwinError("the process that renders the cameras did not start")
 
     def render(self, camera: str, state: WorldState, pack: Callable[[RGBDImage], Packed]) -> Packed:

@@ -111,10 +111,12 @@ class TwinWorld:
         """Build the world, call ``ready``, and step until ``close()``."""
         self._thread = threading.get_ident()
         try:
+            if self._cameras:
+                self._renderer = CameraRenderProcess(*self._drawing)
             with self.robot as robot:
                 self._truth, self._state_reader = GroundTruth(robot), WorldStateReader(robot)
-                if self._cameras:
-                    self._renderer = CameraRenderProcess(*self._drawing)
+                if self._renderer is not None:
+                    self._renderer.wait_until_ready()
                 ready()
                 self._step(robot.simulation.parameters.time_step)
         finally:

@@ -15,7 +15,7 @@ from hal.twins.remote_truth import RemoteTruth
 from tests.cli.command_line import Program, wait_for
 from tests.hal.twinned import twin_settings
 
-pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]
+pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
 DRIVE = '<root BTCPP_format="4"><BehaviorTree ID="Drive"><NavigateTo goal="1.5;-0.4;0"/></BehaviorTree></root>'
 
@@ -71,6 +71,7 @@ def test_a_simulated_robot_that_drives(tmp_path: Path) -> None:
     assert_stopped(run, stopped_while_it_drives(run, tmp_path))
 
 
+@pytest.mark.alone
 def test_a_robot_that_drives_behind_its_twins(tmp_path: Path) -> None:
     pytest.importorskip("xarm", reason="the extra xarm is not installed")
     (tmp_path / "drive.xml").write_text(DRIVE)

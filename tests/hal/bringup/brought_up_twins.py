@@ -38,11 +38,14 @@ def brought_up(robot: str, *packages: str) -> Iterator[Pair]:
 
 
 def passes(subject: BroughtUpRobot, path: Path, without: set[str]) -> BringUpFile:
-    """All steps pass; ``without``: but those that do not apply, with a reason."""
+    """All steps pass, and leave the arms where they were; ``without``: but those that do not apply, with a reason."""
+    before = {name: arm.positions() for name, arm in subject.arms.items()}
     results = {result.step: result for result in bring_up(subject, path)}
     owed = {name: "does not apply" if name in without else "passed" for name in STEP}
     assert {name: result.outcome for name, result in results.items()} == owed, results
     assert all(finding.text for result in results.values() for finding in result.findings)
+    for name, arm in subject.arms.items():
+        assert arm.positions() == pytest.approx(before[name], abs=0.005)
     file = BringUpFile.read(path)
     assert file.signed is not None
     assert "head_camera, frame" in file.steps["camera"].measured

@@ -11,7 +11,7 @@ from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, Promise
 from hal.hardware.robot import HardwareRobot
 from tests.hal.twinned import why_checks_do_not_apply
 
-pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]
+pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
 
 class TestConnected(PromisesOfAConnectedRobot):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from bestman_bt.robot_model.model import RobotModel
-from bestman_bt.runtime.wrist_check import check_wrist
 from hal.api import CommandRefusedError, ForceTorque, MotionErrorCode, MotionStatus
 from hal.hardware.robot import HardwareRobot
 from hal.parts.gate import ToolLimits
@@ -118,23 +117,6 @@ def test_the_wrist_feels_the_weight_of_the_hand(robot: HardwareRobot) -> None:
     wrench = sensor.wrench()
     assert abs(wrench.stamp - robot.clock.now()) < 0.1
     assert 5.0 < np.linalg.norm(wrench.force) < 14.0  # 0.9 kg of palm and fingers, and the sensor's offset
-
-
-@pytest.mark.slow
-def test_the_sign_of_the_wrist_is_told_from_the_hands_weight_in_two_postures(
-    robot: HardwareRobot, twin: TwinProcess
-) -> None:
-    arm = robot.part("arm", URArm)
-    arrived(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
-    here = arm.positions()
-    found = check_wrist(robot, "arm", "wrist_force_torque")
-    assert found.fault is None, found
-    assert arm.positions() == pytest.approx(here, abs=0.005)
-    twin.fault(ARM, "other_wrench_sign")
-    try:
-        assert "the opposite sign" in (check_wrist(robot, "arm", "wrist_force_torque").fault or "")
-    finally:
-        twin.fault(ARM, "other_wrench_sign")
 
 
 @pytest.mark.slow
