@@ -23,6 +23,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from bestman_bt.bringup.killed_processes import python_children
 from hal.twins.process import TwinProcess
 
 ROBOTS = {
@@ -119,18 +120,13 @@ class Planner:
         """Of the planner's, the robot or the SDK's process."""
         pid = self.process.pid
         for _ in range(("planner", "robot", "sdk").index(name)):
-            (pid,) = (child for child in _children(pid) if "python" in Path(f"/proc/{child}/cmdline").read_text())
+            (pid,) = python_children(pid)
         return pid
 
     def close(self) -> None:
         """End it, and the processes below it."""
         self.process.kill()
         self.process.communicate()
-
-
-def _children(pid: int) -> list[int]:
-    tasks = Path(f"/proc/{pid}/task").iterdir()
-    return [int(child) for task in tasks for child in (task / "children").read_text().split()]
 
 
 class Watch:

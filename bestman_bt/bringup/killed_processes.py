@@ -65,7 +65,7 @@ class Mover:
         """Return the process id of one of ``PROCESSES``, or None if there is none."""
         pid = self._process.pid
         for _ in range(PROCESSES.index(process)):
-            below = [child for child in _children(pid) if b"python" in Path(f"/proc/{child}/cmdline").read_bytes()]
+            below = python_children(pid)
             if not below:
                 return None
             pid = below[0]
@@ -87,11 +87,22 @@ class Mover:
                 self._begin = self.at
 
 
-def _children(pid: int) -> list[int]:
+def python_children(pid: int) -> list[int]:
+    """Return the process ids of the Python programs that a process has started; threads and processes may end
+    meanwhile.
+    """
+    children = []
     with suppress(OSError):
-        tasks = list(Path(f"/proc/{pid}/task").iterdir())
-        return [int(child) for task in tasks for child in (task / "children").read_text().split()]
-    return []
+        for task in Path(f"/proc/{pid}/task").iterdir():
+            with suppress(OSError):
+                children += (task / "children").read_text().split()
+    return [int(child) for child in children if b"python" in _command_line(child)]
+
+
+def _command_line(pid: str) -> bytes:
+    with suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_bytes()
+    return b""
 
 
 def kill(subject: BroughtUpRobot, part: str, process: str) -> tuple[NDArray[np.float64], list[str]]:

@@ -24,18 +24,29 @@ LARGEST_ANSWER = 10_000
 def show_in_monitor(port: int) -> None:
     """Print the address of a monitor; starts one if none serves. Raises ConfigurationError if that fails."""
     token = os.environ.get(TOKEN_VARIABLE) or None
+    address = _address_of_running(port, token)
+    if address is None:
+        try:
+            address = _start(port)
+        except ConfigurationError:
+            address = _address_of_running(port, token)  # started meanwhile, by another run that began with this one
+            if address is None:
+                raise
+    print(f"monitor: {address}", file=sys.stderr, flush=True)
+
+
+def _address_of_running(port: int, token: str | None) -> str | None:
+    """Return the address of the monitor that serves at a port, or None. Raises ConfigurationError for one of others."""
     served = _health(port, token)
     if served.get("service") != SERVICE:
-        address = _start(port)
-    elif "sockets" not in served:
+        return None
+    if "sockets" not in served:
         raise _wrong(
             f"the monitor at port {port} demands another token: set {TOKEN_VARIABLE} to its own, or --monitor-port"
         )
-    elif served["sockets"] != str(socket_folder()):
+    if served["sockets"] != str(socket_folder()):
         raise _wrong(f"the monitor at port {port} serves another user: choose another --monitor-port")
-    else:
-        address = page_address("127.0.0.1", port, token)
-    print(f"monitor: {address}", file=sys.stderr, flush=True)
+    return page_address("127.0.0.1", port, token)
 
 
 def _health(port: int, token: str | None) -> dict[str, Any]:

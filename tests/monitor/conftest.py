@@ -121,7 +121,7 @@ class FakeExecutor:
                 connection.shutdown(socket.SHUT_RDWR)
 
 
-def wait_until(holds: Callable[[], bool], what: str, seconds: float = 20.0) -> None:
+def wait_until(holds: Callable[[], bool], what: str, seconds: float = 60.0) -> None:
     end = time.monotonic() + seconds
     while not holds():
         assert time.monotonic() < end, f"not within {seconds} s: {what}"
@@ -139,7 +139,7 @@ class Page:
         self.connection.send(json.dumps({"do": what, **more}))
 
     def next(
-        self, kind: str, holds: Callable[[Message], bool] = lambda message: True, seconds: float = 20.0
+        self, kind: str, holds: Callable[[Message], bool] = lambda message: True, seconds: float = 60.0
     ) -> Message:
         """The next message of a kind for which ``holds``; others are read and kept in ``seen``."""
         end = time.monotonic() + seconds

@@ -20,6 +20,7 @@ from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
 from bestman_bt.runtime.control_channel import ControlChannel
 from bestman_bt.runtime.executor import Execution, Executor, PauseReason, TerminationReason
 from bestman_bt.runtime.telemetry import Telemetry
+from tests.monitor.conftest import wait_until
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">
   <Repeat num_cycles="-1" name="again"><Fallback name="either">
@@ -66,11 +67,12 @@ class Debugged:
 
     def held_at(self, path: str) -> dict[str, Any]:
         """Wait until it holds; the answer then."""
-        end = time.monotonic() + 10.0
-        while not (answer := self.ask("status"))["paused"]:
-            assert time.monotonic() < end, f"it does not hold at {path}"
-            time.sleep(0.005)
-        return answer
+        wait_until(lambda: self.ask("status")["paused"], f"it holds at {path}")
+        return self.ask("status")
+
+    def goes_on_from(self, ticks: int) -> None:
+        """Wait until it has ticked more often than it would if it held again."""
+        wait_until(lambda: self.ask("status")["ticks"] > ticks + 3, "it goes on")
 
     def __enter__(self) -> Debugged:
         self.serving = self.channel.serving(self.folder)
@@ -85,12 +87,12 @@ class Debugged:
 
     def __exit__(self, *_: object) -> None:
         self.executor.cancel()
-        self.thread.join(10.0)
+        self.thread.join(60.0)
         self.serving.__exit__(None, None, None)
         self.telemetry.__exit__(None, None, None)
 
     def end(self) -> Execution:
-        self.thread.join(10.0)
+        self.thread.join(60.0)
         assert self.execution is not None
         return self.execution
 
@@ -133,9 +135,7 @@ def test_a_step_from_there_ends_the_tick_and_waits_again(debugged: Debugged) -> 
     debugged.ask("resume")
     ticks = debugged.held_at("count")["ticks"]
     debugged.ask("step")
-    end = time.monotonic() + 5.0
-    while debugged.ask("status")["ticks"] == ticks:
-        assert time.monotonic() < end
+    wait_until(lambda: debugged.ask("status")["ticks"] > ticks, "it ticks")
     answer = debugged.held_at("the next tick")
     assert answer["ticks"] == ticks + 1
     assert debugged.tree.node("work").state == RUNNING
@@ -148,18 +148,15 @@ def test_a_condition_is_a_script_and_holds_once_when_it_becomes_true(debugged: D
     debugged.held_at("work")
     assert debugged.tree.blackboard.get("n") == 5
     debugged.ask("resume")
-    time.sleep(0.2)
+    wait_until(lambda: debugged.tree.blackboard.get("n") > 6, "it goes on")
     assert not debugged.ask("status")["paused"]
-    assert debugged.tree.blackboard.get("n") > 6
 
 
 def test_one_for_once_is_gone_when_it_was_hit(debugged: Debugged) -> None:
     debugged.ask("breakpoint", node="work", when="before", once=True)
     debugged.ask("resume")
     assert debugged.held_at("work")["breakpoints"] == []
-    ticks = debugged.ask("resume")["ticks"]
-    time.sleep(0.2)
-    assert debugged.ask("status")["ticks"] > ticks + 3
+    debugged.goes_on_from(debugged.ask("resume")["ticks"])
     assert debugged.tree.node("work").hooks is None
 
 
@@ -168,9 +165,7 @@ def test_a_cleared_one_does_not_hold(debugged: Debugged) -> None:
     debugged.ask("breakpoint", node="work", when="after")
     assert len(debugged.ask("clear_breakpoint", node="work", when="before")["breakpoints"]) == 1
     assert debugged.ask("clear_breakpoint")["breakpoints"] == []
-    ticks = debugged.ask("resume")["ticks"]
-    time.sleep(0.2)
-    assert debugged.ask("status")["ticks"] > ticks + 3
+    debugged.goes_on_from(debugged.ask("resume")["ticks"])
 
 
 def test_while_it_holds_entries_can_be_set_and_breakpoints_too(debugged: Debugged) -> None:
@@ -198,16 +193,16 @@ def test_a_held_execution_can_be_stopped_within_the_tick(debugged: Debugged) -> 
 
 def test_a_forced_result_replaces_one_tick_of_a_node_and_halts_it_first(debugged: Debugged) -> None:
     while debugged.tree.node("work").state != RUNNING:
+        ticks = debugged.ask("status")["ticks"]
         debugged.ask("step")
-        time.sleep(0.02)
+        wait_until(lambda ticks=ticks: debugged.ask("status")["ticks"] > ticks, "it ticks")
     debugged.ask("force", node="work", result="FAILURE")
     debugged.ask("breakpoint", node="instead", when="after", once=True)
     debugged.ask("resume")
     debugged.held_at("instead")
     assert debugged.done[-1] == "halted"
     debugged.ask("resume")
-    time.sleep(0.2)
-    assert debugged.done[-4:].count("done") == 2
+    wait_until(lambda: debugged.done[-4:].count("done") == 2, "it goes on")
     assert debugged.tree.node("work").hooks is None
 
 
@@ -233,9 +228,7 @@ def test_what_makes_no_sense_is_refused_in_words(debugged: Debugged, asked: dict
 
 def test_a_condition_on_an_entry_that_is_not_there_does_not_hold(debugged: Debugged) -> None:
     debugged.ask("breakpoint", node="work", when="before", condition="not_yet > 3")
-    ticks = debugged.ask("resume")["ticks"]
-    time.sleep(0.2)
-    assert debugged.ask("status")["ticks"] > ticks + 3
+    debugged.goes_on_from(debugged.ask("resume")["ticks"])
 
 
 def test_who_watches_is_told_where_it_holds_and_the_tick_of_each_step(debugged: Debugged) -> None:

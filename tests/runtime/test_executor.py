@@ -342,12 +342,12 @@ class InThread:
 
     def __exit__(self, *_: object) -> None:
         self.executor.cancel()
-        self.thread.join(5.0)
+        self.thread.join(60.0)
         assert not self.thread.is_alive()
 
 
 def wait_until(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + 5.0
+    end = time.monotonic() + 60.0
     while not condition():
         assert time.monotonic() < end, "it never came true"
         time.sleep(0.005)

@@ -10,6 +10,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -127,7 +128,8 @@ if __name__ == "__main__":
     deadline = time.monotonic() + 60.0
     while not workers and time.monotonic() < deadline:
         started = children.read_text().split()
-        workers = [pid for pid in started if b"worker_process" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+        with suppress(OSError):  # one may have ended meanwhile
+            workers = [pid for pid in started if b"worker_process" in Path(f"/proc/{pid}/cmdline").read_bytes()]
         time.sleep(0.05)
     assert workers
     time.sleep(2.0)  # they are at work, or on the way to it
@@ -190,7 +192,7 @@ def is_running(pid: str) -> bool:
     """Whether a process has not ended, be it that nobody has asked how yet."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
+    except (FileNotFoundError, ProcessLookupError):  # it may end while it is read
         return False
 
 

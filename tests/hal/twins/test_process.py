@@ -5,11 +5,11 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
+from tests.hal.twinned import wait_for
 from tests.rigs.twinned_robots import XARM6
 
 pytestmark = [pytest.mark.real_time, pytest.mark.slow]
@@ -28,8 +28,12 @@ def test_twins_end_with_the_program_that_started_them() -> None:
     arguments = [sys.executable, "-c", STARTER, str(XARM6.robot_file)]
     done = subprocess.run(arguments, stdout=subprocess.PIPE, text=True, check=False, timeout=120)
     assert done.returncode == -signal.SIGKILL
-    process = Path(f"/proc/{int(done.stdout)}")
-    deadline = time.monotonic() + 15.0
-    while process.exists() and "Z" not in (process / "stat").read_text().split()[2]:
-        assert time.monotonic() < deadline, "the twins go on"
-        time.sleep(0.1)
+    stat = Path(f"/proc/{int(done.stdout)}/stat")
+
+    def ended() -> bool:
+        try:
+            return stat.read_text().rpartition(")")[2].split()[0] == "Z"
+        except (FileNotFoundError, ProcessLookupError):
+            return True
+
+    wait_for(ended, "the twins end")
