@@ -89,12 +89,12 @@ def test_a_tree_that_was_loaded_keeps_the_entries_that_its_user_has_set() -> Non
 
 @pytest.mark.slow
 def test_a_shipped_tree_is_judged_by_the_goal_of_its_task_and_the_audit_is_of_the_session() -> None:
-    with bt.Session(robot="diff_panda", scene="kitchen", seed=1) as session:
+    with bt.Session(robot="bench_arm", scene="bench", seed=1) as session:
         first = session.run(CARRY)
-        result = session.run(bt.load_tree("fetch_cup"))
+        result = session.run(bt.load_tree("pick_bench"))
         assert (first.judged, result.judged, result.success, result.held_at_start) == (False, True, True, False)
         assert result.metrics["place_error_mm"] < 20.0
-        again = session.run("fetch_cup")
+        again = session.run("pick_bench")
         assert again.held_at_start
         assert again.audit["collisions"] == 0
 

@@ -160,7 +160,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 @pytest.mark.slow
 def test_the_dataset_does_not_depend_on_what_runs_the_episodes_nor_on_interruptions(tmp_path: Path) -> None:
-    config = load_run("pick_bench", seed=SEED)
+    config = load_run("policy_reach", seed=SEED)
 
     def collect(name: str, launcher: LocalProcesses) -> None:
         Collection(config, tmp_path / name, "pick", ()).collect(2, 4, lambda result: None, launcher)
@@ -184,7 +184,7 @@ class Elsewhere(LocalProcesses):
 
 @pytest.mark.slow
 def test_an_episode_that_a_machine_has_written_elsewhere_is_not_taken_for_kept(tmp_path: Path) -> None:
-    collection = Collection(load_run("pick_bench", seed=SEED), tmp_path / "set", "pick", ())
+    collection = Collection(load_run("policy_reach", seed=SEED), tmp_path / "set", "pick", ())
     with pytest.raises(LauncherLostError, match="a folder that all machines see under one path"):
         collection.collect(1, 1, lambda result: None, Elsewhere())
     assert not (tmp_path / "set").exists()
@@ -207,7 +207,7 @@ class Twice(LocalProcesses):
 
 @pytest.mark.slow
 def test_an_episode_that_two_workers_have_run_is_that_of_the_first(tmp_path: Path) -> None:
-    collection = Collection(load_run("pick_bench", seed=SEED), tmp_path / "set", "pick", ())
+    collection = Collection(load_run("policy_reach", seed=SEED), tmp_path / "set", "pick", ())
     collection.collect(1, 1, lambda result: None, Twice())
     assert collection.kept == 1
 

@@ -21,7 +21,7 @@ def test_a_run_is_compared_with_the_one_before(tmp_path: Path) -> None:
         command = [
             sys.executable,
             "scripts/run_hashes.py",
-            "pick_bench",
+            "policy_reach",
             "--jobs",
             "1",
             *(str(one) for one in arguments),

@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import cv2
-import httpx
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError
 from typing_extensions import override
 
-from bestman_bt.http_client import AnswerRefusedError, NoAnswerError, PostLimits, post_json, with_retries
 from bestman_bt.messages import RGBDImage
 from bestman_bt.perception.detection.from_image import FromImage, ImageDetection
 from bestman_bt.perception.errors import DetectorReplyError, DetectorUnreachableError
@@ -153,6 +151,10 @@ class RemoteDetector(FromImage):
 
     @override
     def find(self, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
+        import httpx  # takes a tenth of a second, and other detectors do not need it
+
+        from bestman_bt.http_client import AnswerRefusedError, NoAnswerError, PostLimits, post_json, with_retries
+
         if not names or image.rgb.size == 0:
             return ()
         body = request_body(image, names, self.with_depth)

@@ -9,10 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from typing_extensions import override
 
@@ -25,6 +24,9 @@ from bestman_bt.perception.grasp_pose.hand_shape import HandPlacement, HandShape
 from bestman_bt.perception.grasp_pose.ranking import clear_candidates, surroundings_of
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
 from bestman_bt.robot_model.model import GripperModel
+
+if TYPE_CHECKING:
+    import trimesh
 
 # Antipodal grasps on a model's surface, found once per object.
 # Two contacts are antipodal where the line between them lies in both friction cones (Nguyen, "Constructing Force-
@@ -409,6 +411,8 @@ def solid_surface(model: ObjectModel, spacing: float) -> SolidSurface:
 
 
 def _triangulated(shape: Shape) -> trimesh.Trimesh:
+    import trimesh  # takes a third of a second; runs without a grasp do not need it
+
     match shape:
         case Box():
             mesh: trimesh.Trimesh = trimesh.creation.box(shape.size)
