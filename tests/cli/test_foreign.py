@@ -212,7 +212,7 @@ def test_a_simulation_can_be_watched_while_it_runs(
             stream.flush()
             answer = json.loads(stream.readline())
             assert answer["ok"], answer
-    thread.join(10.0)
+    thread.join(60.0)
     (run,) = runs
     assert (run.outcome, run.halted) == ("time limit", ["Fly::1"])
     assert run.seconds < 20.0

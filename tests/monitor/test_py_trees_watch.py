@@ -107,7 +107,7 @@ def test_it_is_paused_and_stepped_between_ticks(tmp_path: Path) -> None:
         with pytest.raises(ControlError, match="can be paused and stepped from here, not 'stop'"):
             ask("stop")
         ask("resume")
-        thread.join(10.0)
+        thread.join(60.0)
         assert tree.count == 3
 
 

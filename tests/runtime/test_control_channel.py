@@ -111,7 +111,7 @@ def served(tmp_path: Path) -> Iterator[Served]:
         thread.start()
         yield served
         executor.cancel()
-        thread.join(5.0)
+        thread.join(60.0)
 
 
 def described(task: str) -> RunEvent:
@@ -244,11 +244,11 @@ def test_an_entry_is_set_in_the_scope_that_is_named(tmp_path: Path) -> None:
     executor.pause()
     running = threading.Thread(target=executor.run)
     running.start()
-    thread.join(5.0)
+    thread.join(60.0)
     boards = executor.tree.blackboards
     assert (boards[""].get("speed"), boards["in"].get("speed")) == (7, 4)
     executor.cancel()
-    running.join(5.0)
+    running.join(60.0)
     assert [answer["ok"] for answer in answers] == [True, True, False, False, True]
     assert [answer["error"] for answer in answers[2:4]] == ["there is no SubTree 'out'", "there is no SubTree 7"]
 
@@ -284,7 +284,7 @@ def test_what_is_set_reaches_native_behaviours_or_is_refused_with_the_reason() -
     while executor.ticks < 2:
         time.sleep(0.001)
     executor.cancel()
-    running.join(5.0)
+    running.join(60.0)
     assert ok["ok"]
     assert misspelt["note"].endswith("; did you mean 'steps'?")
     assert "note" not in {*ok, *limit}  # both are entries that a node of the tree names

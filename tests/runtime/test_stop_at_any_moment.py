@@ -119,7 +119,7 @@ def test_no_leaf_begins_nothing_is_cleared_and_no_command_accepted_after_it(
         time.sleep(pause)
         channel.answer({"do": "stop"})
         answered = time.perf_counter()
-        thread.join(5.0)
+        thread.join(60.0)
         assert ended[0].ending is TerminationReason.CANCELLED
         assert ended[0].why == "stopped through the control channel"
         assert machine.stopped

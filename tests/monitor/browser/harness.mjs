@@ -8,7 +8,7 @@ import { steps } from "./scripted_trees.mjs";
 
 const { chromium } = PACKAGES("playwright-core");
 const CHROMIUM = process.env.CHROMIUM ?? "/usr/bin/chromium";
-const PATIENCE = 15_000; // ms; reached only on a busy machine, or where the page is wrong
+const PATIENCE = 60_000; // ms; reached only on a busy machine, or where the page is wrong
 const SETTLES = 3_000; // ms
 
 let browser;

@@ -20,7 +20,8 @@ export function programs() {
       world.folder = await mkdtemp(join(tmpdir(), "monitor-"));
     },
     async end() {
-      children.filter((child) => child.exitCode === null).forEach((child) => child.kill("SIGKILL"));
+      children.forEach(({ child }) => child.kill("SIGKILL"));
+      await Promise.all(children.map(({ ended }) => ended)); // until then they write into the folder
       children = [];
       await rm(world.folder, { recursive: true });
     },
@@ -32,7 +33,7 @@ export function programs() {
       child.stderr.on("data", (text) => (complaints += text));
       createInterface({ input: child.stdout }).on("line", (line) => said.push(line));
       const ended = new Promise((resolve) => child.on("exit", resolve));
-      children.push(child);
+      children.push({ child, ended });
       return { child, said, ended, complaints: () => complaints };
     },
     async said(program, pattern) {
@@ -48,13 +49,12 @@ export function programs() {
   return world;
 }
 
-/** One that nobody has, and most likely nobody the next. */
+/** One that nobody has, below those that the system gives to outgoing connections: one of those may be taken soon. */
 export function freePort() {
   return new Promise((resolve) => {
     const server = createServer();
-    server.listen(0, "127.0.0.1", () => {
-      const { port } = server.address();
-      server.close(() => resolve(port));
-    });
+    server.on("error", () => resolve(freePort()));
+    const port = 20_000 + Math.floor(Math.random() * 12_000);
+    server.listen(port, "127.0.0.1", () => server.close(() => resolve(port)));
   });
 }

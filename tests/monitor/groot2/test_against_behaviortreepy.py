@@ -163,7 +163,7 @@ def test_a_breakpoint_holds_the_tick_at_the_same_place(sides: tuple[Side, Side],
     else:  # the binding's BehaviorTree.CPP does not find hooks after nodes again; 4.10 does
         assert_same_answer(sides, "A")
     for thread in ticking:
-        thread.join(10.0)
+        thread.join(60.0)
         assert not thread.is_alive()
     assert_same_answer(sides, "S")
     assert_same_answer(sides, "D")

@@ -60,7 +60,7 @@ def test_a_breakpoint_stops_simulated_time(tree: Tree, client: Groot2Client) -> 
     time.sleep(0.2)
     assert tree.clock.now() == 0.0
     client.ask("U", {"uid": FIRST, "desired_status": "SKIPPED", "position": 0, "remove_when_done": False})
-    thread.join(5.0)
+    thread.join(60.0)
     assert [(end.ending, end.tree_status) for end in ends] == [(TerminationReason.FINISHED, "SUCCESS")]
 
 
@@ -71,7 +71,7 @@ def test_a_cancelled_execution_leaves_a_breakpoint(tree: Tree, client: Groot2Cli
     thread, ends = running(executor)
     client.breakpoint()
     executor.cancel("enough")
-    thread.join(5.0)
+    thread.join(60.0)
     assert [(end.ending, end.why) for end in ends] == [(TerminationReason.CANCELLED, "enough")]
 
 
@@ -81,7 +81,7 @@ def test_breakpoints_let_go_when_nobody_asks_any_more_and_hold_again_afterwards(
         client.ask("I", hook(FIRST, 0))
         thread, ends = running(Executor(tree, tree.clock))
         client.breakpoint()
-        thread.join(10.0)
+        thread.join(60.0)
         assert ends[0].tree_status == "SUCCESS"
         client.ask("S")
         assert json.loads(client.ask("D")[1])[0]["enabled"] is True
@@ -93,7 +93,7 @@ def test_closing_lets_go_what_a_breakpoint_holds(tree: Tree) -> None:
         client.ask("I", hook(FIRST, 0))
         thread, ends = running(Executor(tree, tree.clock))
         client.breakpoint()
-    thread.join(5.0)
+    thread.join(60.0)
     assert ends[0].tree_status == "SUCCESS"
     assert tree.nodes[FIRST - 1].hooks is None
 

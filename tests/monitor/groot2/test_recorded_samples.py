@@ -151,7 +151,7 @@ def test_hooks_act_and_answer_byte_for_byte(tree: Tree, client: Groot2Client) ->
     ticking.start()
     assert_told(client.breakpoint())
     assert_same(client, "STATUS_at_breakpoint", "BREAKPOINT_UNLOCK")
-    ticking.join(5.0)
+    ticking.join(60.0)
     assert not ticking.is_alive()
     assert_same(client, "HOOK_INSERT_replace")
     tick(tree)

@@ -304,4 +304,4 @@ def served(sent: bytes, stays: bool = False) -> Iterator[int]:
         thread.start()
         yield server.getsockname()[1]
         over.set()
-        thread.join(10.0)
+        thread.join(60.0)
