@@ -76,8 +76,8 @@ class WorldStateReader:
 class CameraRenderProcess:
     """Renders camera images in another process, which holds a copy of the world and sets it to a given state.
 
-    It builds that copy while this process goes on; ``wait_until_ready`` waits for it. Noise, lens and faults are those
-    of the simulated camera. ``render`` is thread-safe; one frame is rendered at a time.
+    It builds that copy in parallel with this process; ``wait_until_ready`` waits for it. Noise, lens and faults are
+    those of the simulated camera. ``render`` is thread-safe; one frame is rendered at a time.
     """
 
     def __init__(self, simulated: type[SimulatedRobot], model: RobotModel, world: World, seed: int) -> None:
