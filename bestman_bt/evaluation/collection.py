@@ -142,6 +142,8 @@ class Collection:
                             self._keep(planned[ended], finished[ended])
                             show(finished[ended])
                             ended += 1
+                    if ended < len(planned):
+                        raise launcher.without_results(sum(one not in finished for one in range(ended, len(planned))))
             finally:
                 launcher.cancel()
 

@@ -98,6 +98,8 @@ class Evaluation:
                     self._finish(entry, result)
                     if on_result is not None:
                         on_result(entry, result)
+                if left := sum(seed not in self._finished[entry.name] for entry, seed in missing):
+                    raise launcher.without_results(left)
                 self._plan_further()
             self._interrupted = False
         except KeyboardInterrupt:

@@ -34,7 +34,9 @@ from bestman_bt.runtime.resolved_config import ResolvedConfig
 WALL_LIMIT = 3600.0
 """Seconds of wall time after which an episode is taken to hang."""
 MOST_LOSSES = 3
-"""How often an episode may lose its worker before that counts as its error."""
+"""How often an episode may lose its worker before it is given up, without a result; and how many episodes may be given
+up in a row before the launcher is.
+"""
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 """What a full disk answers, which says nothing of the episode that it meets."""
 LITTLE_ROOM = 16 << 20
@@ -160,13 +162,16 @@ class Launcher(ABC):
     """Runs episodes; subclasses define where. Results do not depend on the launcher.
 
     An episode that ends its own process counts as an error. If its worker was lost independently of it, it is run at
-    most three times; ``notes`` count the repeats by reason.
+    most three times, then given up without a result; ``notes`` count the repeats by reason.
     """
 
     def __init__(self, options: LaunchOptions | None = None) -> None:
         """Take the options, without starting anything. Raises ConfigurationError if they cannot be used."""
         self.options = options or LaunchOptions()
         self.requests: list[EpisodeRequest] = []
+        self.given_up: dict[int, str] = {}
+        """Index of an episode that has lost its worker too often → why."""
+        self._given_up_in_a_row = 0
         self._losses: Counter[int] = Counter()
         self._repeats: Counter[str] = Counter()
 
@@ -176,7 +181,7 @@ class Launcher(ABC):
 
     @abstractmethod
     def results(self) -> Iterator[tuple[int, RunResult]]:
-        """Yield index and result of each submitted episode, in the order in which they finish.
+        """Yield index and result of each submitted episode that is not given up, in the order in which they finish.
 
         Raises LauncherLostError if the workers are lost, RuntimeError if they cannot start.
         """
@@ -197,12 +202,16 @@ class Launcher(ABC):
         return range(before, len(self.requests))
 
     def take(self, place: int, answer: EpisodeAnswer) -> RunResult | None:
-        """Return the result that an answer stands for; None: its worker was lost, and the episode must be run again.
+        """Return the result that an answer stands for; None: its worker was lost, and the episode must be run again
+        unless it is ``given_up``.
 
-        Raises LauncherLostError if the worker has refused it, as a node of other code that joined late does.
+        Raises LauncherLostError if the worker has refused it, as a node of other code that joined late does, or if
+        episode after episode is given up, as where all disks are full.
         """
         if answer.refused:
             raise LauncherLostError(answer.refused)
+        if not answer.lost:
+            self._given_up_in_a_row = 0
         if answer.result:
             result: RunResult = pickle.loads(answer.result)  # noqa: S301 - from a worker of this evaluation
             return result
@@ -212,7 +221,20 @@ class Launcher(ABC):
         if self._losses[place] < MOST_LOSSES:
             self._repeats[answer.lost] += 1
             return None
-        return self.requests[place].failed_result(f"{answer.lost}, {MOST_LOSSES} times in a row", answer.seconds)
+        self.given_up[place] = answer.lost
+        self._given_up_in_a_row += 1
+        if self._given_up_in_a_row == MOST_LOSSES:
+            raise self.without_results(len(self.given_up))
+        return None
+
+    def without_results(self, episodes: int) -> LauncherLostError:
+        """Return the error to raise if so many episodes have ended without a result."""
+        whys = Counter(self.given_up.values())
+        causes = "".join(f"; {count} were run {MOST_LOSSES} times: {why}" for why, count in whys.items())
+        return LauncherLostError(
+            f"{episodes} episodes have no result{causes}; what has finished is kept: repeat the command once the cause "
+            "is removed"
+        )
 
 
 def _is_disk_full(error: Exception, folder: Path) -> bool:

@@ -40,7 +40,7 @@ class LocalProcesses(Launcher):
                     continue
                 del self._busy[worker]
                 result = self.take(place, answer)
-                if result is None:
+                if result is None and place not in self.given_up:
                     self._waiting.appendleft(place)
                 if worker.alive and self._waiting:
                     self._give(worker)

@@ -84,10 +84,10 @@ class RayTasks(Launcher):
             for reference in finished:
                 place = self._pending.pop(reference)
                 result = self.take(place, self._answer(reference))
-                if result is None:
-                    self._waiting.appendleft(place)
-                else:
+                if result is not None:
                     yield place, result
+                elif place not in self.given_up:
+                    self._waiting.appendleft(place)
 
     @property
     def notes(self) -> list[str]:

@@ -76,7 +76,7 @@ class SlurmArray(Launcher):
                 for place, answer in answers:
                     result = self.take(place, answer)
                     if result is None:
-                        again.append([place])
+                        again += [[place]] * (place not in self.given_up)
                     elif place not in yielded:
                         yielded.add(place)
                         yield place, result

@@ -77,10 +77,73 @@ def test_what_an_answer_stands_for(request_of_one: EpisodeRequest) -> None:
         "1 times an episode was run again: node lost",
         "1 times an episode was run again: code replaced",
     ]
-    given_up = launcher.take(0, EpisodeAnswer(lost="node lost"))
-    assert given_up is not None
-    assert given_up.failure is not None
-    assert (given_up.outcome, given_up.failure.why) == (Outcome.ERROR, "node lost, 3 times in a row")
+    assert not launcher.given_up
+    assert launcher.take(0, EpisodeAnswer(lost="node lost")) is None
+    assert launcher.given_up == {0: "node lost"}
+
+
+def test_a_launcher_that_gives_up_episode_after_episode_is_lost(request_of_one: EpisodeRequest) -> None:
+    launcher = LocalProcesses()
+    launcher.submit([request_of_one] * 5)
+
+    def lose(place: int) -> None:
+        for _ in range(3):
+            assert launcher.take(place, EpisodeAnswer(lost="the disk is full")) is None
+
+    lose(0)
+    lose(1)
+    launcher.take(4, EpisodeAnswer(crashed="the process ended with code 3"))
+    lose(2)
+    lose(3)
+    with pytest.raises(LauncherLostError, match=r"^5 episodes have no result; 5 were run 3 times: the disk is full"):
+        lose(4)
+
+
+class Losing(LocalProcesses):
+    """Loses the workers of one seed."""
+
+    LOST = 5
+
+    def results(self) -> Iterator[tuple[int, RunResult]]:
+        while self._waiting:
+            place = self._waiting.popleft()
+            seed = self.requests[place].config.seed
+            answer = EpisodeAnswer(lost="killed") if seed == self.LOST else EpisodeAnswer(pickle.dumps(result(seed)))
+            taken = self.take(place, answer)
+            if taken is not None:
+                yield place, taken
+            elif place not in self.given_up:
+                self._waiting.append(place)
+
+
+def test_an_episode_whose_workers_are_lost_is_missing_and_run_by_the_next_command(tmp_path: Path) -> None:
+    suite = Suite("mine", (SuiteEntry("one", load_run("fetch_cup", seed=4), 4),))
+    with Evaluation(suite, tmp_path) as evaluation:
+        document = evaluation.run(Losing())
+    assert (document["episodes"], document["interrupted"], document["met"]) == (3, True, False)
+    assert document["entries"][0]["missing"] == [Losing.LOST]
+    assert document["notes"] == [
+        "1 episodes have no result; 1 were run 3 times: killed; what has finished is kept: repeat the command once the "
+        "cause is removed",
+        "2 times an episode was run again: killed",
+    ]
+    ran = Losing()
+    ran.LOST = 0
+    with Evaluation(suite, tmp_path) as evaluation:
+        assert evaluation.run(ran)["met"]
+    assert [request.config.seed for request in ran.requests] == [5]
+
+
+def test_a_launcher_that_leaves_episodes_out_ends_the_evaluation(tmp_path: Path) -> None:
+    class Lazy(LocalProcesses):
+        def results(self) -> Iterator[tuple[int, RunResult]]:
+            yield 0, result(4)
+
+    suite = Suite("mine", (SuiteEntry("one", load_run("fetch_cup", seed=4), 3),))
+    with Evaluation(suite, tmp_path) as evaluation:
+        document = evaluation.run(Lazy())
+    assert document["interrupted"]
+    assert document["notes"][0].startswith("2 episodes have no result; what has finished is kept")
 
 
 def test_a_result_that_a_launcher_yields_twice_counts_once(tmp_path: Path) -> None:
