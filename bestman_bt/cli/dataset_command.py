@@ -31,7 +31,7 @@ Episode = Annotated[int, typer.Option(min=0, help="Its index, from 0.")]
 def info(dataset: Dataset, as_json: Json = False) -> None:
     """Print episodes, frames, tasks, seeds, features with their units, the size, and failed episodes kept apart."""
     with json_output(as_json) as print_json, _refused():
-        document = _document(DatasetFolder.read(dataset))
+        document = _document(_read(dataset))
         print_json(document)
     if not as_json:
         seconds = document["frames"] / document["fps"]
@@ -149,6 +149,19 @@ def _refused() -> Iterator[None]:
 def _seeds(dataset: DatasetFolder) -> Iterator[tuple[str, int]]:
     """Yield task and seed of the episodes that name one."""
     return ((row["tasks"][0], row["seed"]) for row in dataset.episodes if row.get("seed") is not None)
+
+
+def _read(path: Path) -> DatasetFolder:
+    """Return the dataset of a folder; an empty one where ``collect`` has kept failures alone."""
+    from bestman_bt.evaluation.collection import ATTEMPTS
+
+    if (path / "meta/info.json").exists() or not (path / ATTEMPTS).exists():
+        return DatasetFolder.read(path)
+    if not (path / FAILURES / "meta/info.json").exists():
+        tried = (path / ATTEMPTS).read_bytes().count(b"\n")
+        raise DatasetError(f"{path} holds no episodes: collect has tried {tried} seeds, which {ATTEMPTS} lists")
+    failures = DatasetFolder.read(path / FAILURES)
+    return DatasetFolder(path, failures.fps, failures.robot, failures.features)
 
 
 def _document(dataset: DatasetFolder) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -51,6 +52,20 @@ def test_info_tells_of_failed_episodes_beside_and_counts_them_apart(bestman_bt: 
     assert beside == {**alone, "failures": apart}
     assert apart["tasks"] == [{"task": "pick", "episodes": 2, "seeds": [1003, 1004]}]
     assert "failed episodes apart, in set/failures: 2, 24 frames" in bestman_bt("dataset", "info", "set").out
+
+
+def test_info_tells_of_a_collect_without_a_success(bestman_bt: Command, folder: Path) -> None:
+    write(folder / "set/failures", range(1003, 1005), outcome="failure", error_code="missed")
+    (folder / "set/attempts.jsonl").write_text("{}\n{}\n")
+    answer = bestman_bt("dataset", "info", "set")
+    assert (answer.code, answer.out.splitlines()[0][:42]) == (0, "set: 0 episodes, 0 frames at 10 Hz (0 s), ")
+    assert "failed episodes apart, in set/failures: 2, 24 frames" in answer.out
+    document = json.loads(bestman_bt("dataset", "info", "set", "--json").out)
+    assert (document["episodes"], document["failures"]["episodes"]) == (0, 2)
+    shutil.rmtree(folder / "set/failures")
+    none = bestman_bt("dataset", "info", "set")
+    assert none.code == 2
+    assert "set holds no episodes: collect has tried 2 seeds, which attempts.jsonl lists" in none.err
 
 
 def test_shards_are_merged_with_their_failures_beside_and_failures_do_not_mix_with_successes(
