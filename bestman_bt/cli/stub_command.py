@@ -34,10 +34,10 @@ def command(
     further = Package.open(models or (), shipped_trees())
     further.refuse_broken()
     unknown = unknown_types(package.files.values(), registry, {**further.models, **package.models})
-    existing = output.read_text("utf-8") if output.exists() else ""
-    text, added = stub_source(unknown.values(), existing, str(output))
+    existing = output.read_bytes() if output.exists() else b""
+    content, added = stub_source(unknown.values(), existing, str(output))
     if added:
-        output.write_text(text, encoding="utf-8")
+        output.write_bytes(content)
     print(f"{output}: {len(added)} added, {len(unknown) - len(added)} existed already or are not leaves")
     others = sorted(name for name, info in unknown.items() if info.kind not in ("Action", "Condition"))
     if others:

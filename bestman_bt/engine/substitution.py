@@ -16,13 +16,14 @@ from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.leaves.script import TestNode, TestNodeConfig
 from bestman_bt.engine.status import STATUS_NAMES
+from bestman_bt.errors import InputError
 
 if TYPE_CHECKING:
     from bestman_bt.engine.core.registry import NodeInfo
     from bestman_bt.engine.core.tree import Tree
 
 
-class SubstitutionError(EngineError):
+class SubstitutionError(EngineError, InputError):
     """Raised if substitution rules are invalid, or name a node that is not registered."""
 
 
@@ -50,8 +51,11 @@ class SubstitutionRules:
             raise SubstitutionError(f"the rules are not JSON: {error}") from error
         if not isinstance(data, Mapping) or not isinstance(data.get("SubstitutionRules"), Mapping):
             raise SubstitutionError("the rules must be an object with the field 'SubstitutionRules'")
-        configs = {name: _config(name, value) for name, value in data.get("TestNodeConfigs", {}).items()}
-        return cls({str(k): configs.get(v, str(v)) for k, v in data["SubstitutionRules"].items()})
+        given = data.get("TestNodeConfigs", {})
+        if not isinstance(given, Mapping):
+            raise SubstitutionError(f"TestNodeConfigs must be an object but is {given!r:.60}")
+        configs = {str(name): _config(name, value) for name, value in given.items()}
+        return cls({str(k): configs.get(str(v), str(v)) for k, v in data["SubstitutionRules"].items()})
 
     def replace(self, node: Node, tree: Tree) -> Node:
         """Return the replacement of ``node``, or itself if no rule matches.

@@ -119,6 +119,18 @@ def test_simulate_many_runs_as_json(bestman_bt: Command, folder: Path) -> None:
     assert "possible endless loop: with seed 0" in endless.out
 
 
+def test_simulate_refuses_substitution_rules_that_are_wrong(bestman_bt: Command, folder: Path) -> None:
+    written(folder / "t.xml", "<OpenLid/>")
+    (folder / "rules.json").write_text('{"SubstitutionRules": {"OpenLid": "Opened"}}')
+    unknown = bestman_bt("simulate", "t.xml", "--scenario", "rules.json")
+    assert (unknown.code, unknown.out) == (2, "")
+    assert "'Opened', the replacement of 'OpenLid::1', is not registered" in unknown.err
+    (folder / "rules.json").write_text('{"SubstitutionRules": [1]}')
+    wrong = bestman_bt("simulate", "t.xml", "--scenario", "rules.json")
+    assert (wrong.code, wrong.out) == (2, "")
+    assert "rules.json: the rules must be an object with the field 'SubstitutionRules'" in wrong.err
+
+
 def test_stub_writes_leaves_that_run_with_the_tree(bestman_bt: Command, folder: Path) -> None:
     written(folder / "t.xml", '<Sequence><OpenLid side="{s}"/></Sequence>')
     assert (

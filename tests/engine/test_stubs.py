@@ -32,8 +32,8 @@ def stub(folder: Path) -> list[str]:
     package = Package.open([folder])
     infos = unknown_types(package.files.values(), NodeRegistry(), package.models).values()
     file = folder / "leaves.py"
-    text, added = stub_source(infos, file.read_text() if file.exists() else "", str(file))
-    file.write_text(text)
+    content, added = stub_source(infos, file.read_bytes() if file.exists() else b"", str(file))
+    file.write_bytes(content)
     return sorted(added)
 
 
@@ -69,7 +69,25 @@ def test_a_second_run_adds_what_is_new_and_changes_nothing_else(folder: Path) ->
     assert "Wipe" in node_registry([str(file)])
 
 
-def test_a_file_that_is_no_python_is_refused_with_its_line(folder: Path) -> None:
-    (folder / "leaves.py").write_text("x = 1\ndef f(:\n")
+@pytest.mark.parametrize("content", [b"x = 1\ndef f(:\n", b"x = 1\nname = '\xe9'\n"])
+def test_a_file_that_is_no_python_is_refused_with_its_line(folder: Path, content: bytes) -> None:
+    (folder / "leaves.py").write_bytes(content)
     with pytest.raises(TreeLoadError, match=r"leaves\.py:2: it is not Python"):
         stub(folder)
+
+
+def test_leaves_that_were_rewritten_by_hand_are_recognised(folder: Path) -> None:
+    (folder / "leaves.py").write_bytes(
+        b"\xef\xbb\xbffrom typing import ClassVar\r\n\r\nfrom bestman_bt.engine import Condition, SyncAction\r\n\r\n"
+        b"if True:\r\n    class LidOpen(Condition):\r\n        pass\r\n\r\n"
+        b"class Go(SyncAction):\r\n    NAME: ClassVar[str] = 'Move to Waypoint'\r\n\r\n"
+        b"class Opener(SyncAction):\r\n    pass\r\n\r\n"
+        b"def register(registry):\r\n    registry.register(Opener, 'OpenLid')\r\n"
+    )
+    assert stub(folder) == []
+    (folder / "t.xml").write_text(TREE.replace("<OpenLid ", "<Wipe/><OpenLid "))
+    before = (folder / "leaves.py").read_bytes()
+    assert stub(folder) == ["Wipe"]
+    assert (folder / "leaves.py").read_bytes().startswith(before.rstrip()), "byte order mark and line ends stay"
+    registry = node_registry([str(folder / "leaves.py")])
+    assert all(name in registry for name in ("Wipe", "LidOpen", "Move to Waypoint", "OpenLid"))

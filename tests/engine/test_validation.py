@@ -184,6 +184,7 @@ def test_a_scripted_result_knows_the_statuses(registry: NodeRegistry) -> None:
         ('{"TestNodeConfigs": {"a": {"return_status": "DONE"}}, "SubstitutionRules": {}}', "is 'DONE'; accepted are"),
         ('{"TestNodeConfigs": {"a": {"status": 1}}, "SubstitutionRules": {}}', "unknown fields"),
         ('{"TestNodeConfigs": {"a": 3}, "SubstitutionRules": {}}', "must be an object but is 3"),
+        ('{"TestNodeConfigs": [1], "SubstitutionRules": {}}', r"must be an object but is \[1\]"),
     ],
 )
 def test_rules_that_are_not_well_formed_are_refused(text: str, message: str) -> None:

@@ -22,7 +22,7 @@ from bestman_bt.engine.leaves.base import StatefulAction
 from bestman_bt.engine.models.foreign import Placeholders
 from bestman_bt.engine.models.node_models import PlaceholderControl, PlaceholderDecorator
 from bestman_bt.engine.status import FAILURE, RUNNING, STATUS_NAMES, SUCCESS, NodeStatus
-from bestman_bt.engine.substitution import SubstitutionRules
+from bestman_bt.engine.substitution import SubstitutionError, SubstitutionRules
 from bestman_bt.engine.xml.checking import Checker
 from bestman_bt.errors import InputError
 
@@ -106,7 +106,10 @@ class Scenario:
         if not isinstance(data, Mapping):
             raise ScenarioError(f"{file}: it should be a mapping with {', '.join(_TOP)}, got {data!r:.60}")
         if "SubstitutionRules" in data:
-            return cls(substitutions=SubstitutionRules.from_json(data))
+            try:
+                return cls(substitutions=SubstitutionRules.from_json(data))
+            except SubstitutionError as error:
+                raise ScenarioError(f"{file}: {error}") from None
         faults = [f"{file}: {key}: unknown; known are {', '.join(_TOP)}" for key in data if key not in _TOP]
         parts = [key for key in ("nodes", "entries", "enums") if not isinstance(data.get(key) or {}, Mapping)]
         faults += [f"{file}: {key}: should be a mapping, got {data[key]!r:.60}" for key in parts]

@@ -6,7 +6,7 @@ import ast
 import keyword
 import re
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
 from bestman_bt.engine.conversion import ConverterRegistry
@@ -38,8 +38,8 @@ _HEAD: Final = (
 )
 
 
-def stub_source(infos: Iterable[NodeInfo], existing: str, file: str) -> tuple[str, list[str]]:
-    """Return the text of a Python file with a class for each leaf, and the names of the added classes.
+def stub_source(infos: Iterable[NodeInfo], existing: bytes, file: str) -> tuple[bytes, list[str]]:
+    """Return the content of a Python file with a class for each leaf, and the names of the added classes.
 
     ``existing``: current content of the file, which is preserved; leaves that already have a class are not added.
 
@@ -62,23 +62,35 @@ def stub_source(infos: Iterable[NodeInfo], existing: str, file: str) -> tuple[st
     imports = ["from typing import Any\n"] if re.search(r"\bAny\b", body) and "Any" not in imported else []
     if needed:
         imports.append(f"from bestman_bt.engine import {', '.join(needed)}")
-    head = existing.rstrip() + "\n\n\n" if existing.strip() else f"{_HEAD}\n"
-    parts = [head, "\n".join(imports), "\n\n\n" if imports else "", body]
-    return "".join(parts), [info.name for info in added]
+    head = existing.rstrip() + b"\n\n\n" if existing.strip() else f"{_HEAD}\n".encode()
+    text = "".join(["\n".join(imports), "\n\n\n" if imports else "", body])
+    return head + text.encode(), [info.name for info in added]
 
 
 def _names(module: ast.Module) -> tuple[set[str], set[str]]:
-    """Return the node types that a module defines classes for, and the names that it imports."""
+    """Return the node types that a module brings, and the names that it imports."""
     types, imported = set[str](), set[str]()
-    for statement in module.body:
+    for statement in _at_module_level(module):
         if isinstance(statement, ast.ImportFrom):
             imported |= {alias.asname or alias.name for alias in statement.names}
         elif isinstance(statement, (ast.ClassDef, ast.FunctionDef)):
             types.add(statement.name)
             for inner in statement.body:
-                if isinstance(inner, ast.Assign) and isinstance(inner.value, ast.Constant):
-                    types |= {str(inner.value.value) for name in inner.targets if getattr(name, "id", "") == "NAME"}
+                targets = inner.targets if isinstance(inner, ast.Assign) else [getattr(inner, "target", None)]
+                if isinstance(inner, (ast.Assign, ast.AnnAssign)) and isinstance(inner.value, ast.Constant):
+                    types |= {str(inner.value.value) for name in targets if getattr(name, "id", "") == "NAME"}
+    for call in ast.walk(module):
+        if isinstance(call, ast.Call) and getattr(call.func, "attr", "") == "register":
+            types |= {str(given.value) for given in call.args if isinstance(given, ast.Constant)}
     return types, imported
+
+
+def _at_module_level(statement: ast.AST) -> Iterator[ast.AST]:
+    """Yield the statements outside of classes and functions, also those within ``if`` and ``try``."""
+    for inner in ast.iter_child_nodes(statement):
+        yield inner
+        if not isinstance(inner, (ast.ClassDef, ast.FunctionDef)):
+            yield from _at_module_level(inner)
 
 
 def _class(info: NodeInfo, taken: set[str]) -> str:
