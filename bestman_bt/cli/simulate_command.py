@@ -17,7 +17,7 @@ import typer
 from bestman_bt.cli.options import Json, MonitorOptions, OtherFiles, Seed, grouped_options, json_output
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration.data import find_data, shipped_trees
-from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, EngineError, Node, Tree, WallClock, render_svg
+from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, EngineError, Tree, WallClock, render_svg
 from bestman_bt.engine.coverage import Coverage
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.scenario import Scenario, fits
@@ -146,6 +146,9 @@ def _states(coverage: Coverage) -> dict[int, int]:
 
 def _document(file: str, results: list[tuple[int, SimulatedRun]], coverage: Coverage) -> dict[str, Any]:
     runs = [run for _, run in results]
+    nodes = coverage.tree.nodes
+    shared = Counter(node.path for node in nodes)
+    names = {node.uid: node.path if shared[node.path] == 1 else f"{node.path}::{node.uid}" for node in nodes}
     ends: dict[str, int] = {}
     for number, run in results:
         if run.outcome in ("error", "time limit"):
@@ -160,20 +163,16 @@ def _document(file: str, results: list[tuple[int, SimulatedRun]], coverage: Cove
         "invented_entries": sorted({key for run in runs for key in run.invented}),
         "first_seed_of": ends,
         "coverage": {
-            "nodes": len(coverage.tree.nodes),
+            "nodes": len(nodes),
             "share": round(coverage.share, 4),
-            "never_ticked": _paths(coverage.never_ticked),
-            "never_failed": _paths(coverage.never_failed),
-            "never_succeeded": _paths(coverage.never_succeeded),
-            "never_left": _paths(coverage.never_left),
-            "unused_recoveries": _paths(coverage.unused_recoveries),
-            "counts": {node.path: vars(coverage.of(node)) for node in coverage.tree.nodes},
+            "never_ticked": [names[node.uid] for node in coverage.never_ticked],
+            "never_failed": [names[node.uid] for node in coverage.never_failed],
+            "never_succeeded": [names[node.uid] for node in coverage.never_succeeded],
+            "never_left": [names[node.uid] for node in coverage.never_left],
+            "unused_recoveries": [names[node.uid] for node in coverage.unused_recoveries],
+            "counts": {names[node.uid]: vars(coverage.of(node)) for node in nodes},
         },
     }
-
-
-def _paths(nodes: Iterable[Node]) -> list[str]:
-    return [node.path for node in nodes]
 
 
 def _print(document: dict[str, Any]) -> None:

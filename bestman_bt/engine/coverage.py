@@ -78,9 +78,14 @@ class Coverage:
 
     @property
     def never_left(self) -> list[Node]:
-        """Nodes that have started but never ended by themselves."""
+        """Nodes that have started but never ended by themselves; not those whose children were all skipped."""
         uses = [(node, self.of(node)) for node in self.tree.nodes]
-        return [node for node, use in uses if use.began and not use.succeeded + use.failed]
+        unfinished = [node for node, use in uses if use.began and not use.succeeded + use.failed]
+        return [node for node in unfinished if self._began_at_a_leaf(node)]
+
+    def _began_at_a_leaf(self, node: Node) -> bool:
+        below = node.nodes_below()
+        return any(map(self._began_at_a_leaf, below)) if below else self.counts[node.uid, IDLE] > 0
 
     @property
     def unused_recoveries(self) -> list[Node]:

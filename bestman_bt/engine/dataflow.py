@@ -18,6 +18,7 @@ from bestman_bt.engine.scripting.parser import (
     Assignment,
     Binary,
     Comparison,
+    Constant,
     Expression,
     Name,
     Ternary,
@@ -39,13 +40,19 @@ SCRIPT_ATTRIBUTES = (
 
 @dataclass(frozen=True)
 class EntryUse:
-    """One read or write of an entry; ``key``: the local name of the entry."""
+    """One read or write of an entry; ``key``: the local name of the entry.
+
+    ``creates``: it makes an entry that does not exist, as all writes but ``=`` and ``+=`` of scripts do. ``is_text``: a
+    script compares the entry with a text, or assigns one.
+    """
 
     slot: Slot
     node: Node
     port: str
     key: str
     writes: bool
+    creates: bool = False
+    is_text: bool = False
 
 
 def entry_uses(tree: Tree) -> list[EntryUse]:
@@ -61,7 +68,7 @@ def _uses_of(tree: Tree, node: Node) -> Iterator[EntryUse]:
     for name, port in ports.items():
         key = key_of(port.default, name) if port.direction != "input" and name not in node.attributes else None
         if key is not None:
-            yield EntryUse(board.slot(key), node, name, key, True)
+            yield EntryUse(board.slot(key), node, name, key, True, creates=True)
 
 
 def _script_uses(tree: Tree, node: Node, attribute: str, source: str) -> Iterator[EntryUse]:
@@ -70,9 +77,10 @@ def _script_uses(tree: Tree, node: Node, attribute: str, source: str) -> Iterato
     except ScriptError:
         return
     for statement in statements:
-        for key, writes in _names(statement):
+        for key, operator, is_text in _names(statement):
             if key not in tree.compiler.enums:
-                yield EntryUse(node.board.slot(key), node, attribute, key, writes)
+                slot, creates = node.board.slot(key), operator == ":="
+                yield EntryUse(slot, node, attribute, key, bool(operator), creates, is_text)
 
 
 def _uses_of_attribute(tree: Tree, node: Node, name: str, value: Any) -> Iterator[EntryUse]:
@@ -82,29 +90,36 @@ def _uses_of_attribute(tree: Tree, node: Node, name: str, value: Any) -> Iterato
         yield from _script_uses(tree, node, name, str(value))
     elif key is None and names_entry(type(node), name):
         if not key_fault(str(value)):
-            yield EntryUse(board.slot(str(value)), node, name, str(value), True)
+            yield EntryUse(board.slot(str(value)), node, name, str(value), True, creates=True)
     elif key is not None and port is not None and not isinstance(node, SubTree):
         if port.direction != "output":
             yield EntryUse(board.slot(key), node, name, key, False)
         if port.direction != "input":
-            yield EntryUse(board.slot(key), node, name, key, True)
+            yield EntryUse(board.slot(key), node, name, key, True, creates=True)
     elif key is None and port is not None and name in ("code", "if") and info.builtin:
         yield from _script_uses(tree, node, name, str(value))
 
 
-def _names(expression: Expression) -> Iterator[tuple[str, bool]]:
-    """Yield each key in an expression, and whether it is written there."""
+def _names(expression: Expression, *, beside_text: bool = False) -> Iterator[tuple[str, str, bool]]:
+    """Yield each key in an expression, the operator that writes it (empty: it is read), and whether it holds a text."""
     if isinstance(expression, Name):
-        yield expression.name, False
+        yield expression.name, "", beside_text
     elif isinstance(expression, Assignment):
+        is_text = _is_text(expression.value)
         if expression.name and expression.operator not in (":=", "="):
-            yield expression.name, False
+            yield expression.name, "", is_text
         yield from _names(expression.value)
         if expression.name:
-            yield expression.name, True
+            yield expression.name, expression.operator, is_text
     else:
-        for operand in _operands(expression):
-            yield from _names(operand)
+        operands = _operands(expression)
+        beside_text = isinstance(expression, Comparison) and any(map(_is_text, operands))
+        for operand in operands:
+            yield from _names(operand, beside_text=beside_text)
+
+
+def _is_text(expression: Expression) -> bool:
+    return isinstance(expression, Constant) and isinstance(expression.value, str)
 
 
 def _operands(expression: Expression) -> Sequence[Expression]:

@@ -14,10 +14,12 @@ from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.registry import NodeRegistry
 from bestman_bt.engine.core.tree import StateChanges, Tree
+from bestman_bt.engine.dataflow import entry_uses
 from bestman_bt.engine.errors import EngineError, NodeError
 from bestman_bt.engine.leaves.blackboard import WasEntryUpdated
 from bestman_bt.engine.loading import load_tree
 from bestman_bt.engine.models.foreign import open_tree
+from bestman_bt.engine.models.node_models import PlaceholderControl, PlaceholderDecorator
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.scenario import Scenario, SimulatedLeaves, plausible_value
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
@@ -198,14 +200,24 @@ def describe_failure(failure: EngineError) -> str:
 
 
 def _invent_entries(tree: Tree) -> list[str]:
-    """Give unwritten entries a plausible value of their port's type; returns their names."""
+    """Give entries that no node creates before they are needed a plausible value; returns their names."""
+    uses = entry_uses(tree)
+    written = {id(use.slot) for use in uses if use.writes}
+    texts = {id(use.slot) for use in uses if use.is_text}
+    not_creating = (PlaceholderControl, PlaceholderDecorator)  # they write nothing in simulation
+    created = {id(use.slot) for use in uses if use.creates and not isinstance(use.node, not_creating)}
+    lacking = [(read.node, read.port, read.key) for read in unwritten_reads(tree)]
+    lacking += [(use.node, use.port, use.key) for use in uses if id(use.slot) in written - created]
     found = []
-    for read in list(unwritten_reads(tree)):
-        slot = read.node.board.slot_to_write(read.key)
-        if slot.value is None and not isinstance(read.node, WasEntryUpdated):
-            port = tree.info_of(read.node).ports.get(read.port)
-            in_script = key_of(read.node.attributes.get(read.port), read.port) is None
-            slot.assign(0 if port is None or in_script else plausible_value(port))
+    for node, name, key in lacking:
+        slot = node.board.slot_to_write(key)
+        if slot.value is None and not isinstance(node, WasEntryUpdated):
+            port = tree.info_of(node).ports.get(name)
+            in_script = key_of(node.attributes.get(name), name) is None
+            if id(slot) in texts:
+                slot.assign(f"simulated {key}")
+            else:
+                slot.assign(0 if port is None or in_script else plausible_value(port))
             found.append(slot.key)
     return found
 

@@ -27,7 +27,7 @@ from bestman_bt.engine.leaves.native import PyTreesBehaviour
 from bestman_bt.engine.loading import load_tree
 from bestman_bt.engine.models.foreign import StrictPlaceholders, main_of, open_documents
 from bestman_bt.engine.models.node_models import is_placeholder
-from bestman_bt.engine.models.package import Package
+from bestman_bt.engine.models.package import Package, subtree_ids
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.unwritten import SubTrees, UnwrittenRead, problem_at, unwritten_reads
 from bestman_bt.engine.xml.documents import Documents, read_documents
@@ -74,6 +74,7 @@ def validate_file(
             if package is not None:
                 package.complete(documents)
             shown = main or main_of(documents)
+            found.extend(_unused_circles(documents, shown))
             tree = open_documents(documents, registry, models, gaps, faults=found, main_tree=shown)
             if main is not None:
                 found.extend(_unused_trees(documents, main))
@@ -127,6 +128,33 @@ def _sorted(problems: list[TreeProblem]) -> list[TreeProblem]:
 def _warning(node: Node, field: str, message: str, suggestion: str = "") -> TreeProblem:
     file = "" if node.place is None else node.place.file
     return TreeProblem(file, node.line, node.type_id, field, message, suggestion, "warning")
+
+
+def _unused_circles(documents: Documents, shown: str | None) -> Iterator[TreeProblem]:
+    """Yield each circle of trees that the shown tree does not use; its own circles are found when it is built."""
+    used = set() if shown is None else documents.used_trees(shown)
+    done = {id(documents.trees[key]) for key in used}
+    for start in documents.trees.values():
+        route = [] if id(start) in done else [start]
+        pending = [iter(subtree_ids(one)) for one in route]
+        on_route = set(map(id, route))
+        while route:
+            tree_id = next(pending[-1], None)
+            found = None if tree_id is None else documents.find(tree_id, route[-1].file)
+            if tree_id is None:
+                pending.pop()
+                left = id(route.pop())
+                on_route.discard(left)
+                done.add(left)
+            elif found is not None and id(found) in on_route:
+                circle = [*route[next(i for i, one in enumerate(route) if one is found) :], found]
+                message = f"the trees include each other recursively: {' -> '.join(one.tree_id for one in circle)}"
+                line = found.element.line
+                yield TreeProblem(found.file, line, "BehaviorTree", "ID", message, severity="latent")
+            elif found is not None and id(found) not in done:
+                route.append(found)
+                pending.append(iter(subtree_ids(found)))
+                on_route.add(id(found))
 
 
 def _unused_trees(documents: Documents, main: str) -> Iterator[TreeProblem]:

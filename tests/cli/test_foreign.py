@@ -119,6 +119,14 @@ def test_simulate_many_runs_as_json(bestman_bt: Command, folder: Path) -> None:
     assert "possible endless loop: with seed 0" in endless.out
 
 
+def test_simulate_counts_nodes_of_one_name_apart(bestman_bt: Command, folder: Path) -> None:
+    written(folder / "t.xml", '<Fallback><Grasp2 name="grasp"/><Lift2/><Grasp2 name="grasp"/></Fallback>')
+    (folder / "s.yaml").write_text("default: SUCCESS")
+    coverage = json.loads(bestman_bt("simulate", "t.xml", "--scenario", "s.yaml", "--json").out)["coverage"]
+    assert coverage["never_ticked"] == ["Lift2::3", "grasp::4"]
+    assert [coverage["counts"][name]["began"] for name in ("grasp::2", "Lift2::3", "grasp::4")] == [1, 0, 0]
+
+
 def test_simulate_refuses_substitution_rules_that_are_wrong(bestman_bt: Command, folder: Path) -> None:
     written(folder / "t.xml", "<OpenLid/>")
     (folder / "rules.json").write_text('{"SubstitutionRules": {"OpenLid": "Opened"}}')

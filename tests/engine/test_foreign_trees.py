@@ -64,8 +64,8 @@ def test_models_that_disagree_about_a_kind_are_reported_with_both_places(tmp_pat
     (tmp_path / "b.xml").write_text(f'<root BTCPP_format="4">{MODEL.replace("Condition", "Action")}</root>')
     (problem,) = Package.open([tmp_path]).problems
     assert problem.file.endswith("b.xml")
-    assert "it is a Condition at" in problem.message
-    assert "a.xml:1, and a Action here" in problem.message
+    assert "its kind is Condition at" in problem.message
+    assert "a.xml:1, and Action here" in problem.message
 
 
 def test_placeholders_are_drawn_dashed_and_said_in_text() -> None:
@@ -189,6 +189,20 @@ def test_a_circle_through_two_files_is_an_error(package: Path) -> None:
     (package / "pick.xml").write_text(document('<SubTree ID="Main"/>', tree_id="Pick"))
     problems = validate_file(package / "main.xml", package=Package.open([package]))
     assert any("include each other recursively: Main -> Pick -> Main" in problem.message for problem in problems)
+
+
+def test_a_circle_that_the_main_tree_does_not_use_is_an_error_too(package: Path) -> None:
+    unused = (
+        '<BehaviorTree ID="A"><SubTree ID="B"/></BehaviorTree><BehaviorTree ID="B"><SubTree ID="Pick"/></BehaviorTree>'
+    )
+    (package / "main.xml").write_text(document("<AlwaysSuccess/>", main="Main").replace("</root>", f"{unused}</root>"))
+    assert not [
+        one for one in validate_file(package / "main.xml", package=Package.open([package])) if one.severity != "warning"
+    ]
+    (package / "pick.xml").write_text(document('<SubTree ID="B"/>', tree_id="Pick"))
+    problems = validate_file(package / "main.xml", package=Package.open([package]))
+    (circle,) = (one for one in problems if one.severity != "warning")
+    assert "include each other recursively: B -> Pick -> B" in circle.message
 
 
 def test_the_overview_tells_who_uses_whom(package: Path) -> None:

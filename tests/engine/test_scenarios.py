@@ -68,6 +68,14 @@ def test_entries_that_nobody_writes_get_a_value_and_are_reported() -> None:
     assert (run.outcome, sorted(run.invented)) == ("success", ["ready", "wait"])
     given = played('<ScriptCondition code="ready == 1"/>', entries={"ready": 1})
     assert (given.outcome, given.invented) == ("success", [])
+    assigned = played('<Sequence><Script code="mode = 3"/><ScriptCondition code="mode == 3"/></Sequence>')
+    assert (assigned.outcome, assigned.invented) == ("success", ["mode"]), "'=' does not create an entry"
+    text = played("<Sequence><AlwaysSuccess _skipIf=\"phase == 'TIMEOUT'\"/><AlwaysSuccess/></Sequence>")
+    assert (text.outcome, text.invented) == ("success", ["phase"])
+    decorated = played('<Sequence><Look found="{mug}"><Move/></Look><ScriptCondition code="mug == 0"/></Sequence>')
+    assert (decorated.outcome, decorated.invented) == ("success", ["mug"]), "simulated decorators write nothing"
+    created = played('<Sequence><Script code="mode := 1; mode = 3"/><ScriptCondition code="mode == 3"/></Sequence>')
+    assert (created.outcome, created.invented) == ("success", [])
 
 
 @pytest.mark.slow
@@ -155,3 +163,11 @@ def test_coverage_reports_what_runs_have_not_tried() -> None:
     assert (use.began, use.succeeded, use.halted) == (2, 1, 1)
     assert [node.name for node in coverage.never_left] == []
     assert FAILURE not in {state for _, state in run.transitions}
+
+
+def test_a_node_that_was_skipped_has_finished() -> None:
+    run = played('<Sequence><Sequence name="none"><A _skipIf="true"/></Sequence><B/></Sequence>', default="SUCCESS")
+    coverage = Coverage(run.tree)
+    coverage.add(run.transitions)
+    assert coverage.never_left == []
+    assert [node.name for node in coverage.never_ticked] == ["A"]

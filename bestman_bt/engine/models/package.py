@@ -196,7 +196,7 @@ def known_models(files: Iterable[Documents], problems: list[TreeProblem]) -> Mod
                 continue
             known = models.setdefault(info.name, info)
             if known.kind != info.kind:
-                message = f"it is a {known.kind} at {known.known_from}, and a {info.kind} here"
+                message = f"its kind is {known.kind} at {known.known_from}, and {info.kind} here"
                 problems.append(TreeProblem(file, element.line, info.name, "", message))
     return models
 
