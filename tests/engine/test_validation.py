@@ -429,7 +429,7 @@ def test_what_no_behaviortree_cpp_takes_is_reported_as_not_portable(tmp_path: Pa
 
 
 def test_an_error_of_a_node_has_the_way_of_the_tick(tmp_path: Path) -> None:
-    body = '<Sequence name="top"><Inverter><Script name="bad" code="a := 1; a = \\'x\\'"/></Inverter></Sequence>'
+    body = '<Sequence name="top"><Inverter><Script name="bad" code="a := 1; a = \'x\'"/></Inverter></Sequence>'
     path = file(tmp_path, body)
     tree = load_tree(path)
     with pytest.raises(NodeError) as error:
