@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from html import escape
@@ -14,12 +15,12 @@ from bestman_bt.engine.core.node import Node
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.registry import NodeRegistry
 from bestman_bt.engine.core.tree import StateChanges, Tree
-from bestman_bt.engine.dataflow import entry_uses
+from bestman_bt.engine.dataflow import SCRIPT_ATTRIBUTES, EntryUse, entry_uses
 from bestman_bt.engine.errors import EngineError, NodeError
 from bestman_bt.engine.leaves.blackboard import WasEntryUpdated
 from bestman_bt.engine.loading import load_tree
 from bestman_bt.engine.models.foreign import open_tree
-from bestman_bt.engine.models.node_models import PlaceholderControl, PlaceholderDecorator
+from bestman_bt.engine.models.node_models import GUESS, PlaceholderControl, PlaceholderDecorator
 from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.scenario import Scenario, SimulatedLeaves, plausible_value
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
@@ -202,12 +203,15 @@ def describe_failure(failure: EngineError) -> str:
 def _invent_entries(tree: Tree) -> list[str]:
     """Give entries that no node creates before they are needed a plausible value; returns their names."""
     uses = entry_uses(tree)
-    written = {id(use.slot) for use in uses if use.writes}
     texts = {id(use.slot) for use in uses if use.is_text}
-    not_creating = (PlaceholderControl, PlaceholderDecorator)  # they write nothing in simulation
-    created = {id(use.slot) for use in uses if use.creates and not isinstance(use.node, not_creating)}
+    created = _creators(tree, uses)
+    needs = [use for use in uses if not use.creates and use.node.uid < created.get(id(use.slot), 0)]
     lacking = [(read.node, read.port, read.key) for read in unwritten_reads(tree)]
-    lacking += [(use.node, use.port, use.key) for use in uses if id(use.slot) in written - created]
+    lacking += [
+        (use.node, use.port, use.key)
+        for use in needs
+        if use.port in SCRIPT_ATTRIBUTES or tree.info_of(use.node).builtin
+    ]
     found = []
     for node, name, key in lacking:
         slot = node.board.slot_to_write(key)
@@ -219,6 +223,24 @@ def _invent_entries(tree: Tree) -> list[str]:
             else:
                 slot.assign(0 if port is None or in_script else plausible_value(port))
             found.append(slot.key)
+    return found
+
+
+def _creators(tree: Tree, uses: Iterable[EntryUse]) -> dict[int, float]:
+    """Return for each written entry the number of the first node that creates it in simulation.
+
+    It is 0 where a node certainly creates the entry, infinite where none does: simulated decorators and control nodes
+    write nothing. Of a port whose direction is a guess it is not known.
+    """
+    found: dict[int, float] = {}
+    for use in uses:
+        if use.writes:
+            info = tree.info_of(use.node)
+            simulated = isinstance(use.node, (PlaceholderControl, PlaceholderDecorator))
+            port = info.ports.get(use.port)
+            is_guess = info.known_from == GUESS and port is not None and port.direction == "inout"
+            uid = math.inf if simulated or not use.creates else use.node.uid if is_guess else 0
+            found[id(use.slot)] = min(uid, found.get(id(use.slot), math.inf))
     return found
 
 

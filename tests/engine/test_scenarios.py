@@ -74,6 +74,10 @@ def test_entries_that_nobody_writes_get_a_value_and_are_reported() -> None:
     assert (text.outcome, text.invented) == ("success", ["phase"])
     decorated = played('<Sequence><Look found="{mug}"><Move/></Look><ScriptCondition code="mug == 0"/></Sequence>')
     assert (decorated.outcome, decorated.invented) == ("success", ["mug"]), "simulated decorators write nothing"
+    guessed = played('<Repeat num_cycles="{times}"><Average samples="{times}"/></Repeat>')
+    assert (guessed.outcome, guessed.invented) == ("success", ["times"])
+    posted = played('<Sequence><Look _onSuccess="seen := 1"/><ScriptCondition code="seen == 1"/></Sequence>')
+    assert (posted.outcome, posted.invented) == ("success", [])
     created = played('<Sequence><Script code="mode := 1; mode = 3"/><ScriptCondition code="mode == 3"/></Sequence>')
     assert (created.outcome, created.invented) == ("success", [])
 
