@@ -8,7 +8,7 @@ import pytest
 
 from tests.hal.bringup.brought_up_twins import brought_up, passes
 
-pytestmark = [pytest.mark.real_time, pytest.mark.slow]
+pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]
 ROSBRIDGE_ROBOT = Path(__file__).parents[1] / "rosbridge" / "ros_robot.yaml"
 
 

@@ -10,12 +10,12 @@ from benchmarks.kill_matrix import PROCESSES, REST_LIMIT, ROBOTS, SIGNALS, trial
 from hal.twins.process import TwinProcess
 from tests.hal.twinned import SLACK, twin_settings
 
-pytestmark = [pytest.mark.real_time, pytest.mark.alone, pytest.mark.slow]
+pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
 SDKS = {"xarm": "xarm", "ur": "rtde_control"}
 
 
-@pytest.fixture(scope="module", params=ROBOTS)
+@pytest.fixture(scope="module", params=["xarm", pytest.param("ur", marks=pytest.mark.alone)])
 def vendor(request: pytest.FixtureRequest) -> str:
     # `make test` installs them; another installation may be without the vendors' SDKs.
     pytest.importorskip(SDKS[request.param], reason=f"the extra {request.param} is not installed")
