@@ -30,24 +30,29 @@ def run(robot_model, world, operator, seed: int) -> list[np.ndarray]:
     return states
 
 
-def test_equal_runs_are_equal_to_the_last_bit(robot_model, table_worlds, operator) -> None:
-    first = run(robot_model, table_worlds["box"], operator, seed=11)
+@pytest.fixture(scope="module")
+def first(robot_model, table_worlds, operator) -> list[np.ndarray]:
+    """A run that others are compared with."""
+    return run(robot_model, table_worlds["box"], operator, seed=11)
+
+
+def test_equal_runs_are_equal_to_the_last_bit(first, robot_model, table_worlds, operator) -> None:
     second = run(robot_model, table_worlds["box"], operator, seed=11)
     assert all(np.array_equal(a, b) for a, b in zip(first, second, strict=True))
 
 
 @pytest.mark.slow
-def test_another_robot_in_the_same_process_changes_nothing(robot_model, table_worlds, empty_world, operator) -> None:
-    alone = run(robot_model, table_worlds["box"], operator, seed=11)
+def test_another_robot_in_the_same_process_changes_nothing(
+    first, robot_model, table_worlds, empty_world, operator
+) -> None:
     with PyBulletRobot(robot_model, empty_world, seed=1) as other:
         other.clock.sleep(0.1)
         beside = run(robot_model, table_worlds["box"], operator, seed=11)
-    assert all(np.array_equal(a, b) for a, b in zip(alone, beside, strict=True))
+    assert all(np.array_equal(a, b) for a, b in zip(first, beside, strict=True))
 
 
 @pytest.mark.slow
-def test_another_seed_gives_other_noise(robot_model, table_worlds, operator) -> None:
-    first = run(robot_model, table_worlds["box"], operator, seed=11)
+def test_another_seed_gives_other_noise(first, robot_model, table_worlds, operator) -> None:
     second = run(robot_model, table_worlds["box"], operator, seed=12)
     assert not np.array_equal(first[0], second[0])
     assert not np.array_equal(first[-1], second[-1])
