@@ -11,7 +11,8 @@ import pytest
 from bestman_bt.cli.run_command import Groot2View
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.engine import RUNNING, load_tree
-from tests.monitor.groot2.wire_client import free_ports, groot2_client, hook
+from tests.monitor.groot2.wire_client import groot2_client, hook
+from tests.rigs.free_ports import free_ports
 
 XML = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Sleep name="nap" msec="60000"/></BehaviorTree></root>'
 

@@ -24,7 +24,7 @@ from bestman_bt.monitor.recorded import identity_of
 from bestman_bt.records.reader import read
 from tests.cli.command_line import Program, wait_for
 from tests.monitor.conftest import wait_until
-from tests.monitor.groot2.wire_client import free_ports
+from tests.rigs.free_ports import free_ports
 
 
 @pytest.fixture(autouse=True)

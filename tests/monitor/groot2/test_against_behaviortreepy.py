@@ -18,7 +18,8 @@ import pytest
 
 from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, load_tree, status_name
 from bestman_bt.monitor.groot2.publisher import Groot2Publisher
-from tests.monitor.groot2.wire_client import Groot2Client, free_ports, groot2_client, hook
+from tests.monitor.groot2.wire_client import Groot2Client, groot2_client, hook
+from tests.rigs.free_ports import free_ports
 
 pytest.importorskip("behaviortreepy", reason="the C++ engine's binding has no wheel for this platform")
 

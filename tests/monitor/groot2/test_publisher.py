@@ -18,7 +18,8 @@ from bestman_bt.monitor.groot2.hooks import Groot2Hooks
 from bestman_bt.monitor.groot2.protocol import Groot2Error, dump_blackboards
 from bestman_bt.monitor.groot2.publisher import Groot2Publisher, ObservedStates
 from bestman_bt.runtime.executor import Execution, Executor, TerminationReason
-from tests.monitor.groot2.wire_client import Groot2Client, free_ports, groot2_client, hook
+from tests.monitor.groot2.wire_client import Groot2Client, groot2_client, hook
+from tests.rigs.free_ports import free_ports
 
 msgpack = pytest.importorskip("msgpack", reason="the extra groot2 is not installed")
 

@@ -23,7 +23,8 @@ from bestman_bt.engine import (
     load_tree,
 )
 from bestman_bt.monitor.groot2.publisher import Groot2Publisher
-from tests.monitor.groot2.wire_client import Groot2Client, free_ports, groot2_client
+from tests.monitor.groot2.wire_client import Groot2Client, groot2_client
+from tests.rigs.free_ports import free_ports
 
 DATA = Path(__file__).parent / "data"
 SAMPLES: dict[str, Any] = json.loads((DATA / "samples.json").read_text())

@@ -26,7 +26,7 @@ from bestman_bt.monitor.groot2.watcher import Groot2Watcher, read_tree
 from bestman_bt.monitor.groot2.zmtp import GREETING, frame_of
 from bestman_bt.records.reader import read
 from tests.monitor.conftest import wait_until
-from tests.monitor.groot2.wire_client import free_ports
+from tests.rigs.free_ports import free_ports
 
 XML = """<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence name="main">
 <Script name="init" code="i := 3; s := 'text'"/><SubTree ID="Sub" name="sub" x="{i}"/></Sequence></BehaviorTree>

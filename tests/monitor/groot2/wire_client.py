@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import random
-import socket
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -80,22 +78,6 @@ def groot2_client(port: int) -> Iterator[Groot2Client]:
         yield client
     finally:
         client.close()
-
-
-def free_ports() -> int:
-    """The first of two free ports, one after the other, below those that the system gives to outgoing connections.
-
-    One of those may be taken before the port is used.
-    """
-    while True:
-        port = random.SystemRandom().randrange(20_000, 32_000)
-        with socket.socket() as first, socket.socket() as second:
-            try:
-                first.bind(("127.0.0.1", port))
-                second.bind(("127.0.0.1", port + 1))
-            except OSError:
-                continue
-            return port
 
 
 def hook(uid: int, mode: int, status: str = "SKIPPED", position: int = 0, once: bool = False) -> dict[str, Any]:

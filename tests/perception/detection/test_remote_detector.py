@@ -20,6 +20,8 @@ from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
 from bestman_bt.perception.detection.remote_detector import RemoteDetector
 from bestman_bt.perception.errors import DetectorReplyError, DetectorUnreachableError
 from tests.answering_server import Server, Way, drips, drips_headers, raw, serving_at, sleeps
+from tests.hal.twinned import wait_for
+from tests.rigs.free_ports import free_ports
 
 WIDTH, HEIGHT = 64, 48
 
@@ -183,9 +185,7 @@ def test_a_late_answer_is_given_up_in_time(server: Server, answer: Way) -> None:
 
 
 def test_a_refused_connection_is_reported(server: Server) -> None:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_ports()
     with pytest.raises(DetectorUnreachableError, match=f"127.0.0.1:{port}/detect gave no answer in 2 tries; .*refused"):
         detector(f"http://127.0.0.1:{port}/detect", retries=1).find(picture(), ["cup"])
 
@@ -209,16 +209,15 @@ def documented_server(tmp_path: Path) -> Iterator[str]:
     assert source is not None
     path = tmp_path / "server.py"
     path.write_text(source.group(1), encoding="utf-8")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_ports()  # one that a probe may have for its own end would answer itself
     process = subprocess.Popen([sys.executable, str(path), str(port)], stderr=subprocess.DEVNULL)
+
+    def answers() -> bool:
+        with socket.socket() as probe:
+            return probe.connect_ex(("127.0.0.1", port)) == 0
+
     try:
-        for _ in range(200):
-            with socket.socket() as probe:
-                if probe.connect_ex(("127.0.0.1", port)) == 0:
-                    break
-            time.sleep(0.05)
+        wait_for(answers, "the server listens")
         yield f"http://127.0.0.1:{port}/detect"
     finally:
         process.terminate()
