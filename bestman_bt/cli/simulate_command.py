@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
-from bestman_bt.cli.options import Json, MonitorOptions, OtherFiles, Seed, grouped_options, json_output
+from bestman_bt.cli.options import Json, MonitorOptions, OtherFiles, Seed, grouped_options, is_package, json_output
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, EngineError, Tree, WallClock, render_svg
@@ -36,7 +36,7 @@ MOST_NAMES = 12
 
 @grouped_options
 def command(  # noqa: PLR0913 - its options, each by its name
-    tree: Annotated[str, typer.Argument(help="A shipped tree, or an XML or Python file.")],
+    tree: Annotated[str, typer.Argument(help="A shipped tree, an XML or Python file, a folder or a .btproj.")],
     scenario: Annotated[
         Path | None,
         typer.Option(metavar="FILE.yaml", help="Results of leaves, by path, name or type; default: random."),
@@ -48,7 +48,9 @@ def command(  # noqa: PLR0913 - its options, each by its name
     enums: Annotated[
         list[str] | None, typer.Option("--enum", metavar="NAME=1", help="A name that scripts and ports know.")
     ] = None,
-    tree_id: Annotated[str | None, typer.Option("--tree", metavar="ID", help="Another tree of an XML file.")] = None,
+    tree_id: Annotated[
+        str | None, typer.Option("--tree", metavar="ID", help="Another tree of an XML file, or of a package.")
+    ] = None,
     svg: Annotated[
         Path | None, typer.Option(metavar="FILE.svg", help="Write a picture, coloured by the results of the runs.")
     ] = None,
@@ -70,8 +72,11 @@ def command(  # noqa: PLR0913 - its options, each by its name
                 "clock": WallClock(),
                 "drive": partial(run_shown, name=tree, seed=seed, period=period, limit=limit),
             }
-        package = Package.open(others.paths, shipped_trees())
-        path = find_data("tree", tree)
+        whole = is_package(tree)
+        if whole and tree_id is None:
+            raise typer.BadParameter(f"{tree} is a package: name one of its trees", param_hint="--tree")
+        package = Package.open([*([tree] if whole else ()), *others.paths], shipped_trees())
+        path = Path(package.file_of(tree_id or "")) if whole else find_data("tree", tree)
         results: list[tuple[int, SimulatedRun]] = []
         coverage: Coverage | None = None
         for number in range(seed, seed + runs):

@@ -119,6 +119,17 @@ def test_simulate_many_runs_as_json(bestman_bt: Command, folder: Path) -> None:
     assert "possible endless loop: with seed 0" in endless.out
 
 
+def test_simulate_takes_a_tree_of_a_package(bestman_bt: Command, folder: Path) -> None:
+    written(folder / "a.xml", '<SubTree ID="B"/>')
+    written(folder / "b.xml", '<AlwaysSuccess name="found"/>', "B")
+    answer = bestman_bt("simulate", ".", "--tree", "Main")
+    assert (answer.code, answer.out.splitlines()[0]) == (0, "a.xml: 1 run: 1 success")
+    assert "100% of 2 nodes began" in answer.out
+    unnamed = bestman_bt("simulate", ".")
+    assert unnamed.code == 2
+    assert "name one of its trees" in unnamed.err
+
+
 def test_simulate_counts_nodes_of_one_name_apart(bestman_bt: Command, folder: Path) -> None:
     written(folder / "t.xml", '<Fallback><Grasp2 name="grasp"/><Lift2/><Grasp2 name="grasp"/></Fallback>')
     (folder / "s.yaml").write_text("default: SUCCESS")

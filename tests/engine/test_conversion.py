@@ -67,6 +67,17 @@ def test_the_format_is_added_and_models_stay() -> None:
     assert convert(b'<root BTCPP_format="3"/>', "t.xml").data == b'<root BTCPP_format="4"/>'
 
 
+def test_a_file_keeps_its_encoding() -> None:
+    check = '<BlackboardCheckString value_A="{s}" value_B="été"><A/></BlackboardCheckString>'
+    body = f'<Sequence><SubTree ID="B" to="été &amp; co"/>{check}</Sequence>'
+    text = f'<?xml version="1.0" encoding="iso-8859-1"?><root><BehaviorTree ID="M">{body}</BehaviorTree></root>'
+    data = convert(text.encode("latin-1"), "t.xml").data
+    assert b' to="{' + "été".encode("latin-1") + b' &amp; co}"' in data
+    subtree, precondition = parse_xml(data, "t.xml").children[0].children[0].children
+    assert subtree.attributes["to"] == "{été & co}"
+    assert precondition.attributes["if"] == "s == 'été'"
+
+
 def test_files_of_version_4_come_back_byte_for_byte() -> None:
     files = [file for folder in shipped_trees() for file in folder.rglob("*.xml")]
     assert len(files) > 10

@@ -179,8 +179,10 @@ def _rewritten(text: bytes, tag: _Tag) -> bytes:
         if key not in tag.renamed:
             return match.group()
         new_key, new_value = tag.renamed[key]
-        if new_value != tag.attributes[key]:
-            value = value[:1] + escape(new_value).replace("'", "&apos;").encode() + value[:1]
+        if new_value == f"{{{tag.attributes[key]}}}":
+            value = value[:1] + b"{" + value[1:-1] + b"}" + value[:1]
+        elif new_value != tag.attributes[key]:
+            value = value[:1] + _in_any_encoding(escape(new_value).replace("'", "&apos;")) + value[:1]
         return space + new_key.encode() + equals + value
 
     head = 1 + len(tag.name.encode())
@@ -188,4 +190,8 @@ def _rewritten(text: bytes, tag: _Tag) -> bytes:
     body = _ATTRIBUTE.sub(attribute, text[head:-tail])
     rest = body[len(body.rstrip()) :]
     extra = "".join(f' {key}="{escape(value)}"' for key, value in tag.added.items())
-    return b"<" + tag.new_name.encode() + body.rstrip() + extra.encode() + rest + text[-tail:]
+    return b"<" + tag.new_name.encode() + body.rstrip() + _in_any_encoding(extra) + rest + text[-tail:]
+
+
+def _in_any_encoding(text: str) -> bytes:
+    return text.encode("ascii", "xmlcharrefreplace")
