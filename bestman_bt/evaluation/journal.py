@@ -199,7 +199,8 @@ def read_episodes(path: Path) -> StoredEpisodes:
     with path.open("rb") as file:
         places, damaged, _ = _indexed(file)
     if damaged:
-        raise _damaged(path, damaged)
+        remedy = "; repeat the command that wrote it: it leaves such lines out and runs their episodes again"
+        raise _damaged(path, damaged, remedy if places else "")
     return StoredEpisodes(path, places)
 
 
@@ -227,9 +228,9 @@ def _result_of(entry: Mapping[str, Any]) -> RunResult:
     return RunResult.from_document(entry["result"])
 
 
-def _damaged(path: Path, lines: Mapping[int, Exception]) -> ConfigurationError:
+def _damaged(path: Path, lines: Mapping[int, Exception], remedy: str = "") -> ConfigurationError:
     number, error = next(iter(lines.items()))
-    return _problem(path, f"line {number} is not a finished episode: {error!r}")
+    return _problem(path, f"line {number} is not a finished episode: {error!r}{remedy}")
 
 
 def _problem(path: Path, why: str) -> ConfigurationError:

@@ -97,7 +97,7 @@ class ConflictingResults:
     fields: tuple[str, ...]
 
     def __str__(self) -> str:
-        return f"{' and '.join(self.journals)} differ in {', '.join(self.fields)}"
+        return f"seed {self.key.seed}: {' and '.join(self.journals)} differ in {', '.join(self.fields)}"
 
 
 def find_journals(folders: Iterable[Path]) -> list[Path]:

@@ -118,7 +118,7 @@ def test_a_line_damaged_in_the_middle_is_left_out_and_the_file_as_it_was_is_kept
     lines = path.read_bytes().split(b"\n")
     path.write_bytes(b"\n".join([lines[0], damage, *lines[2:]]))
     broken = path.read_bytes()
-    with pytest.raises(ConfigurationError, match=r"episodes.jsonl: line 2 is not a finished episode"):
+    with pytest.raises(ConfigurationError, match=r"line 2 is not a finished episode: .*; repeat the command that"):
         read_episodes(path)
     with Journal(path) as mended:
         assert list(mended.results) == [KEY, others[1]]
