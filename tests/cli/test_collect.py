@@ -91,7 +91,7 @@ def test_failed_episodes_are_kept_apart_as_they_ran_whatever_runs_them(bestman_b
     def collect(name: str, *options: str) -> dict:
         answer = bestman_bt(
             *("collect", "pick_bench", "-o", name, "--seed", SEED, "--episodes", "2", "--most", "2"),
-            *("--words", "pick", "--set", "time_limit=6 s", "--json", *options),
+            *("--words", "pick", "--set", "time_limit=3 s", "--json", *options),
         )
         assert answer.code == 1
         return json.loads(answer.out)
@@ -102,7 +102,7 @@ def test_failed_episodes_are_kept_apart_as_they_ran_whatever_runs_them(bestman_b
     assert collect("without", "--no-failures")["failures"] == 0
     assert not (folder / "without" / FAILURES).exists()
     rows = DatasetFolder.read(folder / "here" / FAILURES).episodes
-    assert [(row["seed"], row["length"]) for row in rows] == [(SEED, 121), (SEED + 1, 121)]
+    assert [(row["seed"], row["length"]) for row in rows] == [(SEED, 61), (SEED + 1, 61)]
     assert {row["error_code"] for row in rows} == {"timeout"}
     for row, attempt in zip(rows, attempts(folder / "here"), strict=True):
         assert {name: row[name] for name in LABELS} == {name: attempt[name] for name in LABELS}
