@@ -48,7 +48,7 @@ def test_what_is_believed_to_stand_open_is_pushed_shut_by_the_fingers_alone(
         assert succeeds(session, CLOSE)
         (declared,) = contacts.declared
         assert (declared.thing, declared.max_force) == (door, 140.0)
-        pressed = [c.peak_force for c in session.robot.audit_record().contacts if c.door == door]
+        pressed = [c.peak_force for c in session.robot.audit_record().contacts if c.articulation == door]
         assert 10.0 < max(pressed) < 90.0  # at its end stop, too
         assert truth.articulation_position(door) < 0.005
         assert session.skills.world.articulations[door] == 0.0

@@ -142,8 +142,16 @@ class GroundProblem:
         def bits(literals: Iterable[Literal]) -> int:
             return sum(bit.get(literal, 0) for literal in frozenset(literals))
 
-        self._derived = [(bits(rule.needs), bits(rule.gives)) for rule in derived]
-        self.initial = self._derive(bits(literal for literal in self.literals if literal.holds_in(problem.state)))
+        ways: dict[int, list[int]] = {}
+        for rule in derived:
+            ways.setdefault(bits(rule.gives), []).append(bits(rule.needs))
+        self._derived = list(ways.items())
+        self._derived_from = [
+            sum(1 << number for number, (_, needs) in enumerate(self._derived) if any(need & one for need in needs))
+            for one in bit.values()
+        ]
+        begins = bits(literal for literal in self.literals if literal.holds_in(problem.state))
+        self.initial = self._derive(begins, (1 << len(self._derived)) - 1)
         self.goal = bits(goal)
         self.actions = tuple(action for action, _ in done)
         self.pre = [bits(rule.needs) for _, rule in done]
@@ -176,14 +184,24 @@ class GroundProblem:
         for needs, undone, done in self._when[action]:
             if needs & ~state == 0:
                 after = after & ~undone | done
-        return self._derive(after) if self._derived else after
+        if not self._derived:
+            return after
+        affected = 0
+        for number in self.numbers(after ^ state):
+            affected |= self._derived_from[number]
+        return self._derive(after, affected)
 
-    def _derive(self, state: int) -> int:
-        for _, fact in self._derived:
-            state &= ~fact
-        for needs, fact in self._derived:
-            if needs & ~state == 0:
-                state |= fact
+    def _derive(self, state: int, affected: int) -> int:
+        """Return the state with the ``affected`` derived facts (bits by their numbers), and those that follow, as
+        they are now.
+        """
+        while affected:  # a fact that follows from another has a higher number
+            first = affected & -affected
+            affected ^= first
+            fact, ways = self._derived[first.bit_length() - 1]
+            if bool(state & fact) != any(needs & ~state == 0 for needs in ways):
+                state ^= fact
+                affected |= self._derived_from[fact.bit_length() - 1]
         return state
 
 

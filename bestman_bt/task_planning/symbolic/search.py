@@ -90,8 +90,11 @@ class RelaxedPlan:
         return supporter, frozenset(applicable)
 
 
-BOOST = 1000
-"""Turns that the lists of helpful actions get ahead of the others when the search has come nearer to the goal."""
+BOOST = 100
+"""Turns that the lists of helpful actions get ahead of the others when the search has come nearer to the goal.
+
+LAMA's 1,000 kept the search 10,000 states long in a local minimum of a VirtualHome problem that 35 states solve.
+"""
 
 
 class OpenLists:
