@@ -204,23 +204,29 @@ class LauncherOptions:
         ),
     ] = None
     launcher: Annotated[str, typer.Option(help="What runs the episodes: local, slurm, ray, or one of yours.")] = "local"
+    slurm: Annotated[bool, typer.Option("--slurm", help="Short for --launcher slurm.")] = False
     address: Annotated[
         str | None, typer.Option(metavar="HOST:PORT", help="Of the launcher's cluster.", show_default=False)
     ] = None
+
+    @property
+    def name(self) -> str:
+        """The name of the launcher."""
+        return "slurm" if self.slurm else self.launcher
 
     def made(self, folder: Path, monitor: bool = False) -> Launcher:
         """Return the launcher of episodes kept in ``folder``. Raises ConfigurationError, UnknownNameError."""
         from bestman_bt.evaluation.launchers.launcher import LaunchOptions
         from bestman_bt.registry import LAUNCHERS
 
-        launcher: Launcher = LAUNCHERS.resolve(self.launcher)(
-            LaunchOptions(self.jobs, self.address or "", folder, monitor)
-        )
+        launcher: Launcher = LAUNCHERS.resolve(self.name)(LaunchOptions(self.jobs, self.address or "", folder, monitor))
         return launcher
 
     def problems(self) -> list[Problem]:
         """Return what contradicts itself."""
-        if self.address and self.launcher == "local":
+        if self.slurm and self.launcher not in ("local", "slurm"):
+            return [Problem("--slurm", None, "", f"contradicts --launcher {self.launcher}")]
+        if self.address and self.name == "local":
             return [Problem("--address", None, "", "is of a cluster; name its --launcher")]
         return []
 

@@ -7,6 +7,7 @@ import pytest
 
 from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_literals
 from bestman_bt.task_planning.symbolic.fast_downward import FastDownwardPlanner, is_valid
+from bestman_bt.task_planning.symbolic.grounding import ground
 from bestman_bt.task_planning.symbolic.pddl_reading import PddlError, read_pddl
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
 from bestman_bt.task_planning.symbolic.plan_check import broken_in, state_after
@@ -389,6 +390,38 @@ def test_conditional_effects_and_formulas_are_planned_with(files, planner):
         assert not broken_in(problem, action.operator, action.arguments, state)
         state = state_after(problem, action.operator, action.arguments, state)
     assert not problem.unmet_in(state)
+
+
+NESTED = """(define (domain lights)
+  (:requirements :adl)
+  (:types lamp)
+  (:constants red blue green white - lamp)
+  (:predicates (lit ?l - lamp) (broken ?l - lamp) (done))
+  (:action light :parameters (?l - lamp) :precondition (not (broken ?l)) :effect (lit ?l))
+  (:action put-out :parameters (?l - lamp) :precondition (lit ?l) :effect (not (lit ?l)))
+  (:action finish
+    :precondition (or (lit red) (and (lit blue) (or (lit green) (lit white))))
+    :effect (done))
+)
+"""
+LAMPS = """(define (problem lamps) (:domain lights)
+  (:init (broken red) (lit blue))
+  (:goal (and (done) (not (or (lit blue) (and (lit green) (or (lit red) (lit white))))))))
+"""
+
+
+def test_a_disjunction_within_another_follows_each_change(files):
+    problem = read_pddl(*files(NESTED, LAMPS))
+    plan = SymbolicPlanner().plan(problem)
+    assert [action.name for action in plan.actions] == ["light", "finish", "put-out"]
+    ground_problem = ground(problem)
+    state = ground_problem.initial
+    for name in ("light(green)", "finish()", "put-out(green)", "light(white)", "put-out(blue)"):
+        (number,) = (n for n, action in enumerate(ground_problem.actions) if str(action) == name)
+        assert ground_problem.pre[number] & ~state == 0, name
+        state = ground_problem.after(state, number)
+    (finish,) = (n for n, action in enumerate(ground_problem.actions) if str(action) == "finish()")
+    assert ground_problem.pre[finish] & ~state
 
 
 def test_what_keeps_a_goal_of_formulas_out_of_reach_is_told(files):
