@@ -392,7 +392,7 @@ def test_conditional_effects_and_formulas_are_planned_with(files, planner):
     assert not problem.unmet_in(state)
 
 
-NESTED = """(define (domain lights)
+LIGHTS = """(define (domain lights)
   (:requirements :adl)
   (:types lamp)
   (:constants red blue green white - lamp)
@@ -411,7 +411,7 @@ LAMPS = """(define (problem lamps) (:domain lights)
 
 
 def test_a_disjunction_within_another_follows_each_change(files):
-    problem = read_pddl(*files(NESTED, LAMPS))
+    problem = read_pddl(*files(LIGHTS, LAMPS))
     plan = SymbolicPlanner().plan(problem)
     assert [action.name for action in plan.actions] == ["light", "finish", "put-out"]
     ground_problem = ground(problem)
