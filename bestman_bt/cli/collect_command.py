@@ -20,6 +20,7 @@ from bestman_bt.cli.options import (
     Settings,
     grouped_options,
     json_output,
+    refuse_unwritable_folder,
 )
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.configuration.errors import ConfigurationError, Problem
@@ -102,6 +103,7 @@ def command(
     with json_output(as_json) as print_json:
         if problems := execution.problems():
             raise ConfigurationError(problems)
+        refuse_unwritable_folder(out, "--out")
         config = world.run(task, wanted.seed)
         instruction = wanted.words or config.task.description or config.name.replace("_", " ")
         try:

@@ -241,6 +241,13 @@ def test_a_folder_that_holds_something_else_is_not_written_to(bestman_bt: Comman
     assert [path.name for path in (folder / "set").iterdir()] == ["mine.txt"]
 
 
+def test_a_folder_that_cannot_be_made_is_refused_before_anything_starts(bestman_bt: Command, folder: Path) -> None:
+    (folder / "file").write_text("precious")
+    answer = bestman_bt("collect", "pick_bench", "-o", "file/set")
+    assert answer.code == 2
+    assert "is not a folder" in answer.err
+
+
 def test_a_dataset_that_cannot_be_written_is_reported_without_a_traceback(bestman_bt: Command, folder: Path) -> None:
     (folder / "set").mkdir()
     (folder / "set" / ATTEMPTS).write_text("not json\n")
