@@ -61,7 +61,7 @@ class Groot2Client:
             self._requests.send(b"", header, *([] if content is None else [content]))
             parts = self._requests.receive()
         if len(parts) < 2 or parts[0] != b"":
-            raise Groot2Error(f"{self._address} answers as no ZeroMQ socket for requests does")
+            raise Groot2Error(f"{self._address} does not answer like a ZeroMQ request socket")
         head, *rest = parts[1:]
         if head == b"error":
             raise RequestError(b" ".join(rest)[:LONGEST_ERROR].decode(errors="replace"))
@@ -70,9 +70,9 @@ class Groot2Client:
         if head[0] != PROTOCOL:
             raise Groot2Error(f"{self._address} speaks version {head[0]} of Groot2's protocol; {PROTOCOL} is supported")
         if head[1:_HEADER] != header[1:]:
-            raise Groot2Error(f"{self._address} answers another request than it was asked")
+            raise Groot2Error(f"{self._address} answers a different request from the one sent")
         if self._tree not in (b"", head[_HEADER:]):
-            raise TreeChangedError(f"{self._address} has another tree now")
+            raise TreeChangedError(f"{self._address} now has a different tree")
         self._tree = head[_HEADER:]
         return rest[0] if rest else b""
 
@@ -126,7 +126,7 @@ class Groot2Client:
         try:
             reply = msgpack.unpackb(content) if content else None
         except (ValueError, TypeError, RecursionError) as error:
-            raise Groot2Error(f"{self._address} sends blackboards that are no MessagePack: {error!r}") from error
+            raise Groot2Error(f"{self._address} sends blackboards that are not MessagePack: {error!r}") from error
         boards = reply if isinstance(reply, dict) else {}
         return {str(name): entries for name, entries in boards.items() if isinstance(entries, dict)}
 
@@ -149,7 +149,7 @@ class Groot2Client:
         try:
             reply = json.loads(self.ask(RequestKind.DUMP_HOOKS) or b"[]")
         except (ValueError, RecursionError) as error:
-            raise Groot2Error(f"{self._address} sends hooks that are no JSON: {error}") from error
+            raise Groot2Error(f"{self._address} sends hooks that are not JSON: {error}") from error
         return [hook for hook in reply if isinstance(hook, dict)] if isinstance(reply, list) else []
 
     def listen(self) -> None:
