@@ -13,7 +13,16 @@ from bestman_bt.task_planning.symbolic.grounding import ground
 from bestman_bt.task_planning.symbolic.pddl_reading import read_pddl
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
 from bestman_bt.task_planning.symbolic.plan_check import broken_in, state_after
-from bestman_bt.task_planning.symbolic.problem import Fact, GoalError, Unsolvable
+from bestman_bt.task_planning.symbolic.problem import (
+    Fact,
+    GoalError,
+    Joined,
+    Literal,
+    Operator,
+    PlanningProblem,
+    Unsolvable,
+    When,
+)
 from bestman_bt.task_planning.symbolic.search import SymbolicPlanner
 from bestman_bt.task_planning.symbolic.strips_plan import as_strips
 from tests.properties.profile import examples
@@ -278,3 +287,47 @@ def test_a_problem_of_adl_that_is_written_in_pddl_and_read_again_has_the_same_pl
         assert not broken_in(stated, operator, arguments, state)
         state = state_after(stated, operator, arguments, state)
     assert not stated.unmet_in(state)
+
+
+@st.composite
+def propositional(draw):
+    """A problem without objects, whose formulas are nested and often ask for what nothing reaches."""
+    facts = [Fact(f"f{number}") for number in range(6)]
+    literals = st.builds(Literal, st.sampled_from(facts), st.booleans())
+    nested = st.recursive(
+        literals,
+        lambda inside: st.builds(Joined, st.booleans(), st.lists(inside, min_size=1, max_size=3).map(tuple)),
+        max_leaves=8,
+    )
+    some = st.lists(st.sampled_from(facts), max_size=2, unique=True).map(tuple)
+    operators = [
+        Operator(
+            f"act{number}",
+            pre=tuple(draw(st.lists(literals, max_size=2))),
+            add=draw(some),
+            delete=draw(some),
+            formulas=tuple(draw(st.lists(nested, max_size=1))),
+            when=tuple(When(draw(nested), draw(literals)) for _ in range(draw(st.integers(0, 2)))),
+        )
+        for number in range(draw(st.integers(2, 6)))
+    ]
+    return PlanningProblem({}, draw(st.frozensets(st.sampled_from(facts))), (draw(nested),), tuple(operators))
+
+
+@examples(200)
+@given(propositional(), st.lists(st.integers(0, 1000), max_size=20))
+@pytest.mark.timeout(60)
+def test_ground_states_agree_with_facts_along_random_actions(problem, choices):
+    try:
+        found = ground(problem)
+    except (Unsolvable, GoalError):
+        return
+    state, facts = found.initial, problem.state
+    for choice in choices:
+        assert (found.goal & ~state == 0) == (not problem.unmet_in(facts))
+        applicable = [number for number, needs in enumerate(found.pre) if needs & ~state == 0]
+        assert applicable == [number for number, one in enumerate(found.actions) if not one.broken_in(facts)]
+        if not applicable:
+            return
+        action = applicable[choice % len(applicable)]
+        state, facts = found.after(state, action), found.actions[action].applied_to(facts)

@@ -144,7 +144,8 @@ class GroundProblem:
 
         ways: dict[int, list[int]] = {}
         for rule in derived:
-            ways.setdefault(bits(rule.gives), []).append(bits(rule.needs))
+            if fact := bits(rule.gives):  # else nothing that can be reached asks for it
+                ways.setdefault(fact, []).append(bits(rule.needs))
         self._derived = list(ways.items())
         self._derived_from = [
             sum(1 << number for number, (_, needs) in enumerate(self._derived) if any(need & one for need in needs))
