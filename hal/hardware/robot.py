@@ -5,8 +5,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
+from operator import methodcaller
 from pathlib import Path
 from types import MappingProxyType
 from typing import cast
@@ -112,14 +114,18 @@ class HardwareRobot(Robot):
         self._watchdog.start()
 
     def disconnect(self) -> None:
-        """End motions and periodic calls, disconnect all controllers; idempotent."""
-        if self._watchdog is None:
+        """End motions and periodic calls, disconnect all controllers, also after the error of one, which is raised at
+        the end; idempotent.
+        """
+        if not self.connected:
             return
-        self._watchdog.close()
-        self._watchdog = None
-        self._disconnect_all()
-        self._recorder.flush()
-        self.clock.cancel_timers()
+        if self._watchdog is not None:
+            self._watchdog.close()
+            self._watchdog = None
+        with ExitStack() as rest:
+            rest.callback(self.clock.cancel_timers)
+            rest.callback(self._recorder.flush)
+            self._disconnect_all()
 
     def stop(self, fault: Failure | None = None) -> None:
         """Bring all parts to rest and latch the stop, because of ``fault``; thread-safe, effective at once."""
@@ -132,8 +138,8 @@ class HardwareRobot(Robot):
 
     @property
     def connected(self) -> bool:
-        """Return whether it is between ``connect`` and ``disconnect``."""
-        return self._watchdog is not None
+        """Return whether it is between ``connect`` and ``disconnect``, or a controller could not be disconnected."""
+        return self._watchdog is not None or any(one.connected for one in self.connections.values())
 
     @property
     def stops(self) -> int:
@@ -224,8 +230,7 @@ class HardwareRobot(Robot):
         """
         first = self._latch.set(fault)
         fail()
-        for connection in self.connections.values():
-            connection.stop()
+        self._on_all(methodcaller("stop"))
         if first:
             self.stopped_at = self.clock.now()
             self._recorder.stopped("stop() was called" if fault is None else str(fault))
@@ -283,10 +288,16 @@ class HardwareRobot(Robot):
         self._stop(Failure(MotionErrorCode.FAULT, text))
 
     def _disconnect_all(self) -> None:
-        for connection in self.connections.values():
-            connection.disconnect()
-        if self._stop_input is not None:
-            self._stop_input.close()
+        with ExitStack() as rest:
+            if self._stop_input is not None:
+                rest.callback(self._stop_input.close)
+            self._on_all(methodcaller("disconnect"))
+
+    def _on_all(self, do: Callable[[Connection], None]) -> None:
+        """Call ``do`` with each connection, also after the error of one, which is raised at the end."""
+        with ExitStack() as calls:
+            for connection in reversed(self.connections.values()):
+                calls.callback(do, connection)
 
 
 def _in_order_of(model: RobotModel, parts: Mapping[str, Part]) -> list[str]:

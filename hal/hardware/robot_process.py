@@ -13,6 +13,7 @@ import signal
 import sys
 import threading
 from collections import OrderedDict
+from contextlib import ExitStack
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -102,12 +103,13 @@ class RobotServer:
 
     def close(self) -> None:
         """Bring the robot to rest, then disconnect it, unless the planning program has done so before it was gone."""
-        if self._robot.connected:
-            self._robot.stop()
-            threading.Event().wait(REST_TIME)
-            self._robot.disconnect()
-        if self._heartbeat is not None:
-            self._heartbeat.close()
+        with ExitStack() as rest:
+            if self._heartbeat is not None:
+                rest.callback(self._heartbeat.close)
+            if self._robot.connected:
+                rest.callback(self._robot.disconnect)
+                rest.callback(threading.Event().wait, REST_TIME)
+                self._robot.stop()
 
     def _do(self, call: Call) -> Any:
         if isinstance(call.target, int):

@@ -94,3 +94,45 @@ def test_of_very_many_motions_the_latest_are_remembered(ask: Ask) -> None:
     assert isinstance(before, MotionReport)
     assert before.status is MotionStatus.CANCELED  # superseded
     assert isinstance(ask(Call(numbers[0].number, "poll")), Exception)
+
+
+def test_a_controller_that_could_not_be_disconnected_is_stopped_when_the_server_ends(
+    robot_model: RobotModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[Breaking] = []
+
+    class Breaking(Controller):
+        """Its wire breaks when it is closed, at the first try."""
+
+        def factories(self) -> Mapping[str, PartFactory]:
+            made.append(self)
+            self.calls: list[str] = []
+            return {} if "base" not in self.settings.parts else super().factories()
+
+        def close(self) -> None:
+            self.calls.append("close")
+            if self.calls == ["close"] and self.name == "platform":
+                raise OSError("broken pipe")
+
+        def stop(self) -> None:
+            self.calls.append("stop")
+
+    monkeypatch.setattr(CONNECTIONS, "resolve", lambda driver: Breaking)
+    connections = {"platform": ConnectionConfig("any", ("base",)), "other": ConnectionConfig("any", ())}
+    server = RobotServer(ServerSetup(replace(robot_model, connections=connections), 0.0))
+    ours, theirs = multiprocessing.Pipe()
+    serving = threading.Thread(target=server.serve, args=(theirs,), daemon=True)
+    serving.start()
+    for method in ("connect", "disconnect"):
+        ours.send(Call(ROBOT, method))
+        assert ours.poll(60.0)
+        answer = ours.recv()
+    assert "broken pipe" in str(answer)
+    platform, other = made
+    assert [one.connected for one in made] == [True, False]
+    ours.close()
+    serving.join(60.0)
+    server.close()
+    assert platform.calls == ["close", "stop", "close"]
+    assert other.calls[0] == "close"
+    assert not platform.connected

@@ -51,6 +51,7 @@ class Controller(Connection):
     broken = False
     silent_since: float | None = None
     reachable = True
+    closes = True
     recovers = True
     during_recovery: Callable[[], None] = staticmethod(lambda: None)
 
@@ -68,6 +69,8 @@ class Controller(Connection):
 
     def close(self) -> None:
         self.calls.append("close")
+        if not self.closes:
+            raise OSError(f"{self.name}: broken pipe")
 
     def abandon(self) -> None:
         self.calls.append("abandon")
@@ -376,3 +379,29 @@ def test_parts_that_cannot_be_attached_leave_nothing_open(
     platform.connect()
     assert len(platform.loops) == 1
     platform.disconnect()
+
+
+def test_disconnecting_goes_on_after_the_error_of_a_controller_and_can_be_repeated(robot: HardwareRobot) -> None:
+    platform, hand = controller(robot, "platform"), controller(robot, "hand")
+    platform.closes = False
+    with pytest.raises(OSError, match="platform: broken pipe"):
+        robot.disconnect()
+    assert not hand.connected
+    assert robot.connected
+    platform.closes = True
+    robot.disconnect()
+    assert platform.calls == ["open", "close", "close"]
+    assert not robot.connected
+
+
+def test_a_stop_reaches_the_controllers_after_one_that_cannot_be_stopped(
+    robot: HardwareRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken() -> None:
+        raise OSError("broken pipe")
+
+    monkeypatch.setattr(controller(robot, "platform"), "stop", broken)
+    motion = robot.part("gripper", Gripper).move(0.0)
+    with pytest.raises(OSError, match="broken pipe"):
+        robot.stop()
+    assert motion.status is MotionStatus.CANCELED
