@@ -88,6 +88,45 @@ def test_leaves_that_were_rewritten_by_hand_are_recognised(folder: Path) -> None
     (folder / "t.xml").write_text(TREE.replace("<OpenLid ", "<Wipe/><OpenLid "))
     before = (folder / "leaves.py").read_bytes()
     assert stub(folder) == ["Wipe"]
-    assert (folder / "leaves.py").read_bytes().startswith(before.rstrip()), "byte order mark and line ends stay"
+    after = (folder / "leaves.py").read_bytes()
+    assert after.startswith(before.rstrip()), "byte order mark and line ends stay"
+    assert after.count(b"\n") == after.count(b"\r\n")
     registry = node_registry([str(folder / "leaves.py")])
     assert all(name in registry for name in ("Wipe", "LidOpen", "Move to Waypoint", "OpenLid"))
+
+
+@pytest.mark.parametrize(
+    ("lines", "there"),
+    [
+        ("class Opener:\n    pass\nregistry.register(Opener, name='OpenLid')", True),
+        ("class Opener:\n    pass\nregistry.register(name='OpenLid', cls=Opener)", True),
+        ("from leaves_of_lids import Opener\nregistry.register(Opener, 'OpenLid')", True),
+        ("import leaves_of_lids\nregistry.register(leaves_of_lids.Opener, 'OpenLid')", True),
+        ("import atexit\nimport os\natexit.register(os.remove, 'OpenLid')", False),
+        ("import atexit\natexit.register(print, 'OpenLid')", False),
+        ("import atexit\ndef close():\n    pass\natexit.register(close, 'OpenLid')", False),
+        ("def opener():\n    pass\nhandlers.register('OpenLid', opener)\nhandlers.register(*'OpenLid')", False),
+        ("class Opener:\n    pass\nregistry.register(Opener)\nregistry.register()", False),
+    ],
+)
+def test_a_registered_class_is_recognised_and_nothing_else_that_is_registered(
+    folder: Path, lines: str, there: bool
+) -> None:
+    (folder / "leaves.py").write_text(lines)
+    assert ("OpenLid" not in stub(folder)) is there
+
+
+def test_new_classes_have_the_encoding_of_their_file(folder: Path) -> None:
+    xml = (folder / "t.xml").read_text()
+    (folder / "t.xml").write_text(xml.replace("slowly", "größtenteils"), encoding="utf-8")
+    file = folder / "leaves.py"
+    before = "# -*- coding: latin-1 -*-\nTÜR = 1\n".encode("latin-1")
+    file.write_bytes(before)
+    stub(folder)
+    assert file.read_bytes().startswith(before.rstrip())
+    assert node_registry([str(file)]).info("OpenLid").description == "Opens a lid / größtenteils."
+    file.write_bytes(before)
+    (folder / "t.xml").write_text(xml.replace("slowly", "→"), encoding="utf-8")
+    with pytest.raises(TreeLoadError, match=r"leaves\.py: its encoding iso-8859-1 has no '→'"):
+        stub(folder)
+    assert file.read_bytes() == before

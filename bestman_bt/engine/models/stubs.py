@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import io
 import keyword
 import re
 import textwrap
+import tokenize
 from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
@@ -41,13 +43,15 @@ _HEAD: Final = (
 def stub_source(infos: Iterable[NodeInfo], existing: bytes, file: str) -> tuple[bytes, list[str]]:
     """Return the content of a Python file with a class for each leaf, and the names of the added classes.
 
-    ``existing``: current content of the file, which is preserved; leaves that already have a class are not added.
+    ``existing``: current content of the file, which is preserved, as are its encoding and line ends; leaves that
+    already have a class are not added.
 
     Raises:
-        TreeLoadError: ``existing`` is not valid Python, with the line.
+        TreeLoadError: ``existing`` is not valid Python, with the line, or its encoding lacks a needed character.
     """
     try:
         module = ast.parse(existing)
+        encoding, _ = tokenize.detect_encoding(io.BytesIO(existing).readline)
     except (SyntaxError, ValueError) as error:
         line = getattr(error, "lineno", 0) or 0
         raise TreeLoadError([TreeProblem(file, line, "", "", f"it is not Python: {error.args[0]}")]) from None
@@ -62,26 +66,40 @@ def stub_source(infos: Iterable[NodeInfo], existing: bytes, file: str) -> tuple[
     imports = ["from typing import Any\n"] if re.search(r"\bAny\b", body) and "Any" not in imported else []
     if needed:
         imports.append(f"from bestman_bt.engine import {', '.join(needed)}")
-    head = existing.rstrip() + b"\n\n\n" if existing.strip() else f"{_HEAD}\n".encode()
-    text = "".join(["\n".join(imports), "\n\n\n" if imports else "", body])
-    return head + text.encode(), [info.name for info in added]
+    head = "\n\n\n" if existing.strip() else f"{_HEAD}\n"
+    text = "".join([head, "\n".join(imports), "\n\n\n" if imports else "", body])
+    if b"\r\n" in existing:
+        text = text.replace("\n", "\r\n")
+    try:
+        content = existing.rstrip() + text.encode(encoding.removesuffix("-sig"))
+    except UnicodeEncodeError as error:
+        what = f"its encoding {encoding} has no {text[error.start]!r}, which the new classes need; save it as UTF-8"
+        raise TreeLoadError([TreeProblem(file, 0, "", "", what)]) from None
+    return content, [info.name for info in added]
 
 
 def _names(module: ast.Module) -> tuple[set[str], set[str]]:
     """Return the node types that a module brings, and the names that it imports."""
-    types, imported = set[str](), set[str]()
+    types, classes, imported = set[str](), set[str](), set[str]()
     for statement in _at_module_level(module):
-        if isinstance(statement, ast.ImportFrom):
+        if isinstance(statement, (ast.Import, ast.ImportFrom)):
             imported |= {alias.asname or alias.name for alias in statement.names}
         elif isinstance(statement, (ast.ClassDef, ast.FunctionDef)):
             types.add(statement.name)
+            if isinstance(statement, ast.ClassDef):
+                classes.add(statement.name)
             for inner in statement.body:
                 targets = inner.targets if isinstance(inner, ast.Assign) else [getattr(inner, "target", None)]
                 if isinstance(inner, (ast.Assign, ast.AnnAssign)) and isinstance(inner.value, ast.Constant):
                     types |= {str(inner.value.value) for name in targets if getattr(name, "id", "") == "NAME"}
     for call in ast.walk(module):
         if isinstance(call, ast.Call) and getattr(call.func, "attr", "") == "register":
-            types |= {str(given.value) for given in call.args if isinstance(given, ast.Constant)}
+            given: dict[str | None, ast.expr] = dict(zip(("cls", "name"), call.args, strict=False))
+            given |= {word.arg: word.value for word in call.keywords}
+            cls, name = ast.unparse(given["cls"]) if "cls" in given else "", given.get("name")
+            is_class = cls in classes or (cls.partition(".")[0] in imported and cls.rpartition(".")[2][0].isupper())
+            if is_class and isinstance(name, ast.Constant):
+                types.add(str(name.value))
     return types, imported
 
 
