@@ -15,7 +15,6 @@ import argparse
 import json
 import os
 import platform
-import random
 import socket
 import statistics
 import subprocess
@@ -34,6 +33,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from bestman_bt.engine import SUCCESS
 from bestman_bt.records.reader import read
+from tests.rigs.free_port import free_port
 
 NODES, RATE, CHANGES = 1000, 100.0, 50
 LARGE = 10_000
@@ -162,19 +162,6 @@ def watched(port: int) -> Iterator[Monitor]:
             yield monitor
         finally:
             monitor.end()
-
-
-def free_port() -> int:
-    """The first of two that nobody has, below those that the system gives to outgoing connections."""
-    while True:
-        port = random.randrange(20_000, 32_000)
-        with socket.socket() as first, socket.socket() as second:
-            try:
-                first.bind(("127.0.0.1", port))
-                second.bind(("127.0.0.1", port + 1))
-            except OSError:
-                continue
-            return port
 
 
 def losses_and_lag(seconds: float) -> Message:

@@ -28,10 +28,11 @@ MEASURED = 0.01
 """Largest position error of furniture, metres, up to which its doors count as known, for the palm too."""
 
 Touching = Literal["free", "nothing", "fingers", "hand"]
-"""Which parts of the robot may touch the furniture: the fingers its door, or the hand all of it.
+"""What of the robot may touch the furniture.
 
-``nothing``: allowed if the pose of the furniture is known well; otherwise, and for the fingers too, its boards are
-thickened by the map's error, and the hand may be within them. ``free``: no contact is allowed.
+``fingers``: the fingers, only the door or drawer. ``hand``: the whole hand, all of the furniture. ``nothing``: nothing,
+if the pose of the furniture is known well; otherwise, and for the fingers too, its boards are thickened by the map's
+error, and the hand may be within them. ``free``: nothing, whatever is known.
 """
 
 OpeningWorlds: TypeAlias = "dict[tuple[Pose2D | None, float, Touching], CollisionWorld]"
@@ -46,7 +47,7 @@ class FurnitureArticulation:
 
     name: str
     furniture: MapFurniture
-    mapped: MapArticulation
+    articulation: MapArticulation
 
     def bodies(self) -> list[str]:
         """Return the names of the bodies in the planning scene that the hand works at."""
@@ -56,18 +57,18 @@ class FurnitureArticulation:
         """Return the pose of the front board's centre in the map frame, with the furniture's axes, at an opening of
         ``position``.
         """
-        return self.furniture.pose.to_pose() @ self.mapped.moved(position) @ self.mapped.shapes[0].pose
+        return self.furniture.pose.to_pose() @ self.articulation.moved(position) @ self.articulation.shapes[0].pose
 
     def axis(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return a point on the axis and its direction, (3,) each, in the map frame; a positive motion opens the
         joint.
         """
         frame = self.furniture.pose.to_pose()
-        return frame.apply(np.array([self.mapped.origin]))[0], frame.rotation @ np.array(self.mapped.axis)
+        return frame.apply(np.array([self.articulation.origin]))[0], frame.rotation @ np.array(self.articulation.axis)
 
     def check_opening(self, port: str, opening: float) -> None:
         """Raise SkillFailure (``bad_input``) if the door cannot be open by ``opening``, radians or metres."""
-        upper, unit = self.mapped.upper, "rad" if self.mapped.kind == "revolute" else "m"
+        upper, unit = self.articulation.upper, "rad" if self.articulation.kind == "revolute" else "m"
         if not 0.0 <= opening <= upper:
             raise SkillFailure("bad_input", f"{port} is {opening}; {self.name} opens by 0 to {upper:.2f} {unit}")
 
@@ -75,7 +76,7 @@ class FurnitureArticulation:
         """Return the metres that a point (3,) of the map moves per unit of the joint: the distance from the hinge, or
         1.
         """
-        if self.mapped.kind == "prismatic":
+        if self.articulation.kind == "prismatic":
             return 1.0
         point, axis = self.axis()
         return float(np.linalg.norm(np.cross(axis, position - point)))
@@ -153,8 +154,8 @@ def _scene_at_opening(
 
 def _seen_with(world: WorldModel, door: FurnitureArticulation, base_from_map: Pose) -> PlacedShape:
     """Return a box, base frame, around the believed door and its contents, which move along."""
-    opened = base_from_map @ door.furniture.pose.to_pose() @ world.opening_of(door.furniture, door.mapped)
-    return PlacedShape(door.mapped.hull.shape, opened @ door.mapped.hull.pose)
+    opened = base_from_map @ door.furniture.pose.to_pose() @ world.opening_of(door.furniture, door.articulation)
+    return PlacedShape(door.articulation.hull.shape, opened @ door.articulation.hull.pose)
 
 
 def free_along(
@@ -200,7 +201,7 @@ def room_beside(
     """
     from bestman_bt.manipulation.kinematics.link_hulls import body_between
 
-    front = door.mapped.shapes[0]
+    front = door.articulation.shapes[0]
     assert isinstance(front.shape, Box)
     height, thickness = front.shape.size[2], front.shape.size[0]
     low, apart = float(front.pose.position[2]) - height / 2, skills.parameters.furniture.base_clearance
@@ -222,7 +223,7 @@ def room_beside(
 
 def swept_by(door: FurnitureArticulation, positions: Sequence[float]) -> NDArray[np.float64]:
     """Return the points (N, 2) of the map, metres, over which the front passes."""
-    front = door.mapped.shapes[0]
+    front = door.articulation.shapes[0]
     assert isinstance(front.shape, Box)
     across = np.column_stack([np.zeros(len(ACROSS)), ACROSS * front.shape.size[1], np.zeros(len(ACROSS))])
     return np.concatenate([door.front(position).apply(across)[:, :2] for position in positions])

@@ -152,7 +152,7 @@ def articulation_from_motion(
     front to both sides comes from the map, with its error.
     """
     door, handle = opening.door, opening.handle
-    front, believed = door.mapped.shapes[0], door.front(opening.start)
+    front, believed = door.articulation.shapes[0], door.front(opening.start)
     assert isinstance(front.shape, Box)
     facing = math.atan2(-float(handle.outward[1]), -float(handle.outward[0]))
     outward = np.array([-math.cos(facing), -math.sin(facing), 0.0])
@@ -163,7 +163,7 @@ def articulation_from_motion(
     moved = motion @ seen @ front.pose.inverse()
     boards = [
         PlacedShape(_larger(placed.shape, (0.0, door.furniture.position_error, 0.0)), moved @ placed.pose)
-        for placed in door.mapped.shapes
+        for placed in door.articulation.shapes
     ]
     bar = handle_shape(handle)
     return Obstacle(door.name, (*boards, PlacedShape(bar.shape, motion @ bar.pose)), stamp)
@@ -218,7 +218,7 @@ def opening_seen(door: FurnitureArticulation, handle: Handle) -> float | None:
 
     A door is measured by the direction of its handle, a drawer by its distance; the map's error is tolerated.
     """
-    piece, front = door.furniture, door.mapped.shapes[0]
+    piece, front = door.furniture, door.articulation.shapes[0]
     if not isinstance(front.shape, Box):
         return None
     thickness, width, height = front.shape.size
@@ -227,7 +227,7 @@ def opening_seen(door: FurnitureArticulation, handle: Handle) -> float | None:
     position = _position(door, on_front, handle.outward)
     if position is None:
         return None
-    if door.mapped.kind == "revolute" and door.lever(handle.pose.position) < LEVER * width:
+    if door.articulation.kind == "revolute" and door.lever(handle.pose.position) < LEVER * width:
         return None
     x, y, z = door.front(position).inverse().apply(handle.pose.position[None])[0]
     before = abs(x + thickness / 2 + handle.standoff) < slack
@@ -241,7 +241,7 @@ def opening_by_board(door: FurnitureArticulation, plane: SupportPlane) -> float 
 
     A door seen at a flat angle shows its board where its handle is not recognised.
     """
-    front = door.mapped.shapes[0]
+    front = door.articulation.shapes[0]
     if not isinstance(front.shape, Box):
         return None
     size, piece = np.array(front.shape.size), door.furniture
@@ -294,13 +294,13 @@ def opening_by_rays(
     error, which suffices to choose a view of the front. ``view``: in the map frame. ``known``: other bodies, in the map
     frame; points on them count for no opening.
     """
-    front, piece = door.mapped.shapes[0], door.furniture
+    front, piece = door.articulation.shapes[0], door.furniture
     if not isinstance(front.shape, Box):
         return None
     thickness, *size = front.shape.size
     beside = _place_error(piece)
     deep = thickness / 2 + SLACK + beside
-    openings = np.array([believed, *np.linspace(0.0, door.mapped.upper, OPENINGS)])
+    openings = np.array([believed, *np.linspace(0.0, door.articulation.upper, OPENINGS)])
     boards = [door.front(opening) for opening in openings]
     corners = np.concatenate([board.apply(bounding_corners(front.shape)) for board in boards])
     points = view.cloud(corners).points
@@ -351,7 +351,7 @@ def _place_error(piece: MapFurniture) -> float:
 def _error(door: FurnitureArticulation) -> float:
     """Return the largest error of the map about the articulation's opening, radians or metres."""
     piece = door.furniture
-    return piece.heading_error if door.mapped.kind == "revolute" else _place_error(piece)
+    return piece.heading_error if door.articulation.kind == "revolute" else _place_error(piece)
 
 
 def _position(door: FurnitureArticulation, on_front: NDArray[np.float64], outward: NDArray[np.float64]) -> float | None:
@@ -363,22 +363,22 @@ def _position(door: FurnitureArticulation, on_front: NDArray[np.float64], outwar
     _, axis = door.axis()
     closed = door.front(0.0)
     facing = -closed.rotation[:, 0]
-    if door.mapped.kind == "prismatic":
+    if door.articulation.kind == "prismatic":
         if float(outward @ facing) < FACING:
             return None
-        front = door.mapped.shapes[0].shape
+        front = door.articulation.shapes[0].shape
         assert isinstance(front, Box)
         face = closed.apply(np.array([[-front.size[0] / 2, 0.0, 0.0]]))[0]
         position = float((on_front - face) @ axis)
     else:
         position = math.atan2(float(np.cross(facing, outward) @ axis), float(facing @ outward))
     error = _error(door)
-    return position if -error - SHUT[door.mapped.kind] <= position <= door.mapped.upper + error else None
+    return position if -error - SHUT[door.articulation.kind] <= position <= door.articulation.upper + error else None
 
 
 def _rounded(door: FurnitureArticulation, position: float) -> float:
     """Return the opening, clipped to the articulation's range; 0 if it counts as shut."""
-    return 0.0 if position < _error(door) + SHUT[door.mapped.kind] else min(position, door.mapped.upper)
+    return 0.0 if position < _error(door) + SHUT[door.articulation.kind] else min(position, door.articulation.upper)
 
 
 def opening_since(door: FurnitureArticulation, believed: float, known: Handle, seen: Handle) -> float | None:
@@ -388,15 +388,15 @@ def opening_since(door: FurnitureArticulation, believed: float, known: Handle, s
     or metres, or None if ``seen`` is not that handle.
     """
     frame, (_, axis) = door.furniture.pose.to_pose(), door.axis()
-    if door.mapped.kind == "prismatic":
+    if door.articulation.kind == "prismatic":
         further = float((seen.pose.position - known.pose.position) @ axis)
     else:
         further = math.atan2(float(np.cross(known.outward, seen.outward) @ axis), float(known.outward @ seen.outward))
     position = believed + further
-    moved = frame @ door.mapped.moved(position) @ door.mapped.moved(believed).inverse() @ frame.inverse()
+    moved = frame @ door.articulation.moved(position) @ door.articulation.moved(believed).inverse() @ frame.inverse()
     apart = seen.pose.position - moved.apply(known.pose.position[None])[0]
     along = float(apart @ seen.axis)
     beside = float(np.linalg.norm(apart - along * seen.axis))
     if beside > ACROSS + _place_error(door.furniture) or abs(along) > max(ACROSS, (known.length + seen.length) / 2):
         return None
-    return 0.0 if position < SHUT[door.mapped.kind] else min(position, door.mapped.upper)
+    return 0.0 if position < SHUT[door.articulation.kind] else min(position, door.articulation.upper)

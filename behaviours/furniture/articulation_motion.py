@@ -82,7 +82,7 @@ def _around(
     the grip was lost earlier, and the hand moved on alone. Other contacts of the arm, such as with itself, are no
     evidence.
     """
-    mapped: list[dict[str, Any]] = [{"margin": UNSURE[door.mapped.kind]}, {"margin": 0.0}]
+    mapped: list[dict[str, Any]] = [{"margin": UNSURE[door.articulation.kind]}, {"margin": 0.0}]
     measured: list[dict[str, Any]] = [] if felt is None else [{"felt": grown(felt, FELT)}, {"felt": felt}]
     positions = skills.arm_positions()
     for doors in (measured, mapped):

@@ -154,7 +154,7 @@ class FindOpenStand(_FindStandAtArticulation):
     FAILS: ClassVar = {
         **UNKNOWN_ARTICULATION,
         "handle_not_found": "DetectHandle first",
-        "no_stand": "ask for less opening, or another door",
+        "no_stand": "ask for less opening, or open another door or drawer",
     }
     DECLARATION = Declaration(pre=("handle_known({handle})",), effects=("stand_known({articulation})",))
 

@@ -96,7 +96,9 @@ class FrontPush:
         A drawer has only 0. Empty if the palm would touch the front or a handle in each of them.
         """
         return tuple(
-            tilt for tilt in ((0.0,) if self.door.mapped.kind == "prismatic" else TILTS) if self._palm_is_free(tilt)
+            tilt
+            for tilt in ((0.0,) if self.door.articulation.kind == "prismatic" else TILTS)
+            if self._palm_is_free(tilt)
         )
 
     def at(self, position: float) -> NDArray[np.float64]:
@@ -120,7 +122,7 @@ class FrontPush:
         from bestman_bt.control.arm.joint_axis import JointAxis
 
         point, direction = self.door.axis()
-        if self.door.mapped.kind == "prismatic":
+        if self.door.articulation.kind == "prismatic":
             return JointAxis("prismatic", self.at(self.start), -direction, 0.0, 0.0)
         return JointAxis("revolute", point, -direction, self.lever, 0.0)
 
@@ -137,7 +139,7 @@ class FrontPush:
 
         closed_by = self.start - np.array(self.positions()[: len(arc.path)])
         tilts = np.array([self.tilts[option] for option in arc.options])
-        door = np.zeros(len(tilts)) if self.door.mapped.kind == "prismatic" else closed_by
+        door = np.zeros(len(tilts)) if self.door.articulation.kind == "prismatic" else closed_by
         return FollowGuide(self.lever * closed_by, door - (tilts - tilts[0]), arc.path, np.array([0.0, 0.0, self.tip]))
 
     def _palm_is_free(self, tilt: float) -> bool:
@@ -146,11 +148,11 @@ class FrontPush:
         The contact defines the position of the front; its orientation and the contact point on it have the error of the
         map.
         """
-        board, piece = self.door.mapped.shapes[0].shape, self.door.furniture
+        board, piece = self.door.articulation.shapes[0].shape, self.door.furniture
         assert isinstance(board, Box)
         palm = self._front_from_tool(tilt).apply(self.palm)
         room = -palm[:, 0] - board.size[0] / 2 - self.parameters.palm_gap
-        if self.door.mapped.kind == "revolute":
+        if self.door.articulation.kind == "revolute":
             from_hinge = np.cross(self._hinge, [1.0, 0.0, 0.0])
             turned = piece.position_error / self.lever + piece.heading_error
             room -= turned * np.abs((palm - self.point) @ from_hinge)
@@ -194,7 +196,7 @@ def pushes(skills: SkillContext, door: FurnitureArticulation) -> Iterator[FrontP
     start = max(SHUT, skills.world.articulations.get(door.name, 0.0))
     tip, palm = skills.gripper_model.part.pad_size[1] / 2, _palm(skills.gripper_model)
     map_from_front = door.front(start)
-    seen = [handle_shape(belief.handle) for belief in skills.world.handles_of(door.furniture, door.mapped)]
+    seen = [handle_shape(belief.handle) for belief in skills.world.handles_of(door.furniture, door.articulation)]
     handles = tuple(PlacedShape(bar.shape, map_from_front.inverse() @ bar.pose) for bar in seen)
     points = _points(door, handles, parameters)
     for pitch in PITCHES:
@@ -229,7 +231,7 @@ def _distance(placed: PlacedShape, points: NDArray[np.float64]) -> NDArray[np.fl
 def _points(
     door: FurnitureArticulation, handles: Sequence[PlacedShape], parameters: CloseParameters
 ) -> list[NDArray[np.float64]]:
-    front = door.mapped.shapes[0]
+    front = door.articulation.shapes[0]
     assert isinstance(front.shape, Box)
     thickness, width, height = front.shape.size
     grid = np.array([[-thickness / 2, y * width, z * height] for y in ACROSS for z in UP])
@@ -237,7 +239,7 @@ def _points(
     for bar in handles:
         free &= _distance(bar, grid) > parameters.handle_clearance
     aside = np.linalg.norm(grid[:, 1:] / (width, height), axis=1)
-    if door.mapped.kind == "prismatic":
+    if door.articulation.kind == "prismatic":
         order = np.argsort(aside, kind="stable")
     else:
         levers = np.array([door.lever(point) for point in door.front(0.0).apply(grid)])
@@ -385,7 +387,7 @@ class Close(ArmNode, Skill):
             return left
         if failure is None:
             raise SkillFailure("lost_contact", f"no resistance up to the closed position of {door.name}")
-        skills.world.believe_articulation(door.name, min(left, door.mapped.upper))
+        skills.world.believe_articulation(door.name, min(left, door.articulation.upper))
         if left > self.opening:
             self.left = left
             code = "jammed" if resisted else error_code(motion.end)
@@ -395,6 +397,6 @@ class Close(ArmNode, Skill):
     def _uncertainty(self, push: FrontPush) -> float:
         """Return how far from shut, by the map, the end stop may be felt, metres or radians."""
         piece = push.door.furniture
-        turned = piece.heading_error * (1.0 if push.door.mapped.kind == "revolute" else 0.0)
+        turned = piece.heading_error * (1.0 if push.door.articulation.kind == "revolute" else 0.0)
         tolerance = self.skills.parameters.close.end_stop_tolerance
         return (tolerance + 1.5 * piece.position_error) / push.lever + turned

@@ -26,7 +26,7 @@ class TakeContainer(_OfContainer):
     def act(self) -> None:
         """Read the map."""
         door = find_articulation(self.skills, self.container)
-        openness = openness_of(door.mapped)
+        openness = openness_of(door.articulation)
         self.furniture = door.furniture.name
         self.opening = openness.asked
         self.shut = openness.shut
@@ -67,7 +67,7 @@ class IsOpen(SkillCondition):
         """Check the belief, without an image."""
         name: str = self.articulation
         at_least, at_most = self.at_least, self.at_most
-        door = find_articulation(self.skills, name).mapped
+        door = find_articulation(self.skills, name).articulation
         position = self.skills.world.articulations.get(name, 0.0)
         unit = "rad" if door.kind == "revolute" else "m"
         if not position >= at_least:  # nor if the belief is not a number

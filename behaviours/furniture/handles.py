@@ -105,7 +105,7 @@ class DetectHandle(Skill):
             handle, opening = max(found, key=lambda entry: entry[0].confidence)
             believed = skills.world.articulations.get(door.name, 0.0)
             # A handle that was pushed shut unseen has its place from the map, and is no further evidence.
-            for known in skills.world.handles_of(door.furniture, door.mapped) if believed > 0.0 else ():
+            for known in skills.world.handles_of(door.furniture, door.articulation) if believed > 0.0 else ():
                 since = opening_since(door, believed, known.handle, handle)
                 opening = opening if since is None else since
             skills.world.believe_articulation(door.name, opening)
@@ -129,7 +129,7 @@ class DetectHandle(Skill):
             if explaining is None:
                 return
             opening = explaining
-        if abs(opening - believed) > SHUT[door.mapped.kind]:
+        if abs(opening - believed) > SHUT[door.articulation.kind]:
             world.believe_articulation(door.name, opening)
         self.opening = opening
 

@@ -145,14 +145,14 @@ class Open(ArmNode, Skill):
                 axis=opening.axis(skills.map_from_base.inverse()),
             ),
             grip=skills.gripper.watch_slip(HELD_WIDTH.slip_turning if opening.bar_turns else HELD_WIDTH.slip),
-            hint=door.mapped.kind,
+            hint=door.articulation.kind,
         )
         motion, failure = yield from followed(following)
         held_after = self._held(plan, motion.tool)
         self._felt = articulation_from_motion(opening, held_before, held_after, motion.angle, skills.clock.now())
         opened = opening.start + (motion.angle if opening.angle is not None else motion.distance)
         # Where the grip was lost, too: the door is left about there, and the base has to keep clear of it.
-        skills.world.believe_articulation(door.name, max(0.0, min(opened, door.mapped.upper)))
+        skills.world.believe_articulation(door.name, max(0.0, min(opened, door.articulation.upper)))
         if opened < opening.asked:
             why = f"{door.name} is open by {opened:.2f} of {opening.asked:.2f} only"
             if failure is None and share < 1.0:

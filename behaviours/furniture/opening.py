@@ -124,11 +124,11 @@ def plan_opening(skills: SkillContext, articulation: str, belief: HandleBelief, 
     door.check_opening("opening", asked)
     start = skills.world.articulations.get(articulation, 0.0)
     parameters = skills.parameters.open
-    margin = parameters.drawer_margin if door.mapped.kind == "prismatic" else parameters.door_margin
-    end = min(asked + margin, parameters.max_opening * door.mapped.upper)
+    margin = parameters.drawer_margin if door.articulation.kind == "prismatic" else parameters.door_margin
+    end = min(asked + margin, parameters.max_opening * door.articulation.upper)
     further = max(end - start, STEP)
     handle = belief.handle
-    if door.mapped.kind == "prismatic":
+    if door.articulation.kind == "prismatic":
         _, direction = door.axis()
         handle = replace(handle, joint="prismatic", opening_direction=direction)
         return Opening(door, handle, asked, start, further, None, parameters=parameters)

@@ -47,6 +47,8 @@ class Connections:
     def watchers(self) -> list[Groot2Watcher]:
         """Return one watcher for each process, not started."""
         if not self.connect:
+            if self.states_only:
+                raise wrong_input("--states-only", "is of processes that --connect watches")
             return []
         from bestman_bt.monitor.groot2.client import parse_address
         from bestman_bt.monitor.groot2.protocol import Groot2Error

@@ -86,7 +86,7 @@ def _simulator(name: str) -> str:
     return name
 
 
-Seed = Annotated[int, typer.Option(min=0, help="Seed of the scene, the noise and all samples.")]
+Seed = Annotated[int, typer.Option(min=0, max=2**62 - 1, help="Seed of the scene, the noise and all samples.")]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a setting: scene.…, robot.… or a field of the task."),

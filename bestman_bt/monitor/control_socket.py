@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from bestman_bt.errors import Error
-from bestman_bt.monitor.control_client import link_folder, remove_socket, socket_folder
+from bestman_bt.monitor.control_client import ControlError, link_folder, remove_socket, socket_folder
 from bestman_bt.monitor.subscriber_queue import SubscriberQueue
 from bestman_bt.records.events import TOPICS, Topic
 
@@ -46,15 +46,17 @@ def serve(channel: Channel, run_folder: Path | None = None) -> Iterator[Path]:
     """Serve until the context ends; ``control.sock`` in ``run_folder`` links to the socket.
 
     Raises:
-        ControlError: the folder of sockets is not this user's own.
+        ControlError: the folder of sockets is not this user's own, or its path is too long for a socket.
     """
     path = socket_folder() / f"{os.getpid()}-{id(channel):x}.sock"
     remove_socket(path)
-    bound = path.with_suffix(".bound")
+    bound = path.with_suffix(".new")
     bound.unlink(missing_ok=True)
     mask = os.umask(0o177)
     try:
         server = _Server(str(bound), channel)
+    except OSError as error:
+        raise ControlError(f"no control socket {path}: {error}") from error
     finally:
         os.umask(mask)
     bound.rename(path)  # once it listens: clients remove a socket that refuses connections

@@ -21,7 +21,9 @@ def boards(model: FurnitureModel, elevation: float) -> tuple[PlacedShape, ...]:
     return _raised(_boxes(model.parts), elevation) if model.articulations else ()
 
 
-def doors(model: FurnitureModel, elevation: float, opened: Mapping[str, float]) -> tuple[MapArticulation, ...]:
+def map_articulations(
+    model: FurnitureModel, elevation: float, opened: Mapping[str, float]
+) -> tuple[MapArticulation, ...]:
     """Return doors and drawers as slabs, drawers with their inner boards, without grooves; of handles only the depth.
 
     ``opened``: their mapped openings, by name.
@@ -98,7 +100,7 @@ def semantic_map(world: World) -> SemanticMap:
             ),
             solid_at_lidar=piece.elevation == 0.0 and _fills_scan_band(piece.model),
             shapes=boards(piece.model, piece.elevation),
-            articulations=doors(piece.model, piece.elevation, piece.mapped_open),
+            articulations=map_articulations(piece.model, piece.elevation, piece.mapped_open),
             is_passage=piece.model.is_passage,
             # doors stand in walls, which are exact
             position_error=0.0 if piece.model.is_passage else MapFurniture.position_error,

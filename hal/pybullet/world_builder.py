@@ -137,7 +137,7 @@ def _wall(client: PhysicsClient, name: str, box: Box, pose: Pose, folder: Path) 
 
 
 def _furniture(client: PhysicsClient, piece: PlacedFurniture, folder: Path) -> tuple[int, dict[str, tuple[int, int]]]:
-    """Return a piece that stands fixed, its leaves open as the scene says: only the friction of their joints holds
+    """Return a fixed piece with its doors and drawers open as in the scene; only the friction of their joints holds
     them.
     """
     model = piece.model

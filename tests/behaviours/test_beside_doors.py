@@ -60,7 +60,7 @@ def test_a_door_that_is_half_open_is_opened_by_the_rest(name: str, part: str, po
     skills.world.believe_articulation(door.name, 0.0)
     shut = plan_opening(skills, door.name, belief, asked)
     assert (half.start, shut.start) == (position, 0.0)
-    if door.mapped.kind == "prismatic":
+    if door.articulation.kind == "prismatic":
         assert shut.distance - half.distance == pytest.approx(position)
     else:
         assert shut.angle - half.angle == pytest.approx(position)
@@ -75,7 +75,7 @@ def test_a_base_stands_where_its_body_is_clear_of_where_the_door_passes(
     monkeypatch.setattr("behaviours.furniture.articulation.swept_by", lambda *_: passed)
     skills.known_costmap = lambda _: SimpleNamespace(clearance_at=lambda stand: 1.0)
     apart = skills.parameters.furniture.base_clearance
-    front = door.mapped.shapes[0]
+    front = door.articulation.shapes[0]
     low = float(front.pose.position[2]) - front.shape.size[2] / 2
     body = body_between(
         skills.robot, skills.joints.positions(), skills.arm.name, low - apart, low + front.shape.size[2]
@@ -119,12 +119,12 @@ def test_asked_again_it_gives_another_stand(door_name: str, monkeypatch: pytest.
 def test_no_push_is_near_any_of_two_handles(places: tuple[float, float]) -> None:
     skills, door, handle = standing_at(*DRAWER, 0.2)
     front = door.front(0.2)
-    width = door.mapped.shapes[0].shape.size[1]
+    width = door.articulation.shapes[0].shape.size[1]
     skills.world.handles.clear()
     for number, place in enumerate(places):
         moved = handle.seen_from(Pose(place * width * front.rotation[:, 1]))
         skills.world.handles[f"handle_{number}"] = HandleBelief(f"handle_{number}", moved, 0.0, door.furniture.name)
-    assert len(skills.world.handles_of(door.furniture, door.mapped)) == 2
+    assert len(skills.world.handles_of(door.furniture, door.articulation)) == 2
     points = [push.at(0.2) for push in pushes(skills, door)]
     assert points
     for belief in skills.world.handles.values():
@@ -138,7 +138,7 @@ def test_on_its_way_home_the_arm_keeps_clear_of_a_door_as_unsure_as_it_is_if_it_
     name: str, part: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     skills, door, _ = standing_at(name, part, 0.2)
-    unsure, told = UNSURE[door.mapped.kind], []
+    unsure, told = UNSURE[door.articulation.kind], []
     refused: list[tuple[float, tuple[str, ...]]] = []
     touches: set[tuple[float, tuple[str, ...]]] = set()
     others: list[tuple[str, str]] = []

@@ -31,7 +31,7 @@ def standing_open(
     door = find_articulation(skills, articulation)
     if handle_seen:
         model = read_furniture(door.furniture.name)
-        part = next(one for one in model.articulations if one.name == door.mapped.name)
+        part = next(one for one in model.articulations if one.name == door.articulation.name)
         name = f"{door.furniture.name}/handle_1"
         true = part.handle.seen_from(door.furniture.pose.to_pose())
         skills.world.handles[name] = HandleBelief(name, true, 50.0, door.furniture.name)
@@ -74,7 +74,7 @@ def test_the_palm_stays_clear_of_the_handle_by_what_the_map_is_wrong_by(
     task: str, articulation: str, position: float
 ) -> None:
     skills, door = standing_open(task, articulation, position)
-    (seen,) = skills.world.handles_of(door.furniture, door.mapped)
+    (seen,) = skills.world.handles_of(door.furniture, door.articulation)
     placed = handle_shape(seen.handle)
     assert isinstance(placed.shape, Box)
     handle = surface(placed.shape, placed.pose)
@@ -87,7 +87,7 @@ def test_the_palm_stays_clear_of_the_handle_by_what_the_map_is_wrong_by(
 
 def test_the_palm_stays_clear_of_a_door_that_is_turned_by_what_the_map_is_wrong_by() -> None:
     skills, door = standing_open(*DOOR)
-    front = door.mapped.shapes[0].shape
+    front = door.articulation.shapes[0].shape
     assert isinstance(front, Box)
     for push in islice(pushes(skills, door), 4):
         for off in (-0.08, 0.08):  # 3 cm at the lever, and 2°
@@ -107,7 +107,7 @@ def test_beside_a_handle_the_hand_is_held_along_it_and_tilted_less_where_it_is_b
     assert any(len(tilts) < len(without[way]) for way, tilts in with_handle.items() if way in without)
 
 
-def test_a_piece_that_was_measured_doors_the_hand_more_room() -> None:
+def test_a_piece_that_was_measured_leaves_the_hand_more_room() -> None:
     skills, door = standing_open(*DOOR)
     vague = next(pushes(skills, door)).tilts
     known = replace(door, furniture=replace(door.furniture, position_error=0.0, heading_error=0.0))

@@ -69,7 +69,7 @@ def test_an_opening_out_of_range_is_refused_in_the_unit_of_the_joint(
 ) -> None:
     door = find_articulation(furnished.skills, name)
     door.check_opening("opening", 0.0)
-    door.check_opening("opening", door.mapped.upper)
+    door.check_opening("opening", door.articulation.upper)
     with pytest.raises(SkillFailure, match=range_told) as refused:
         door.check_opening("opening", beyond)
     assert refused.value.code == "bad_input"

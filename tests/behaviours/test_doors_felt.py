@@ -18,18 +18,18 @@ from tests.behaviours.test_doors_seen import OFF, door_and_handle
 def test_the_front_is_where_it_really_is_in_the_direction_that_it_faces(name: str, part: str, opened: float) -> None:
     door, handle = door_and_handle(name, part, 0.0)
     _, moved = door_and_handle(name, part, opened)
-    revolute = door.mapped.kind == "revolute"
+    revolute = door.articulation.kind == "revolute"
     handle = replace(handle, hinge_direction=door.axis()[1] if revolute else None)
     opening = Opening(door, handle, opened, 0.0, 1.0, opened if revolute else None)
     angle = opened if revolute else 0.0
     felt = articulation_from_motion(opening, handle.pose.position, moved.pose.position, angle, 0.0)
-    really = OFF.to_pose() @ door.mapped.moved(opened) @ door.mapped.shapes[0].pose
+    really = OFF.to_pose() @ door.articulation.moved(opened) @ door.articulation.shapes[0].pose
     front = felt.shapes[0]
     apart = front.pose.position - really.position
     assert abs(float(apart @ moved.outward)) < 1e-3
     assert float(np.linalg.norm(apart)) < 0.06  # along the front the map's error stays
     assert float(front.pose.rotation[:, 0] @ really.rotation[:, 0]) > math.cos(math.radians(0.1))
-    size = door.mapped.shapes[0].shape.size
+    size = door.articulation.shapes[0].shape.size
     assert front.shape.size == pytest.approx((size[0], size[1] + 2 * door.furniture.position_error, size[2]))
 
 

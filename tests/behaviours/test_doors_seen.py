@@ -112,9 +112,9 @@ def board_seen(
 ) -> tuple[FurnitureArticulation, SupportPlane]:
     """The door as the map has it, and the middle ``share`` of a face of its true board, open by ``position``."""
     door, _ = door_and_handle(name, part, position)
-    front = door.mapped.shapes[0]
+    front = door.articulation.shapes[0]
     assert isinstance(front.shape, Box)
-    true = OFF.to_pose() @ door.mapped.moved(position) @ front.pose
+    true = OFF.to_pose() @ door.articulation.moved(position) @ front.pose
     out = np.array(face)
     beside = np.cross([0.0, 0.0, 1.0], out)
     size = np.array(front.shape.size)
@@ -149,7 +149,7 @@ def test_the_board_of_a_shut_door_reports_that_it_is_shut(name: str, part: str) 
 
 def test_the_frame_behind_a_door_that_stands_open_does_not_report_that_it_is_shut() -> None:
     door, front = board_seen("fridge", "upper_door", 0.0)
-    board = door.mapped.shapes[0].shape
+    board = door.articulation.shapes[0].shape
     assert isinstance(board, Box)
     measured = replace(door.furniture, pose=OFF, position_error=POSITION_ERROR, heading_error=HEADING_ERROR)
     door = replace(door, furniture=measured)
@@ -253,11 +253,11 @@ def test_a_hand_that_turns_about_a_bar_keeps_holding_it_at_the_same_point() -> N
     matrix[:3, :3] = np.stack([along, np.cross(outward, along), outward], axis=1)
     matrix[:3, 3] = handle.pose.position
     bar = replace(handle, kind="bar", pose=Pose.from_matrix(matrix))
-    door = Opening(door, bar, 1.0, 0.0, 0.3, 1.0)
+    opening = Opening(door, bar, 1.0, 0.0, 0.3, 1.0)
     grasp = Pose(bar.pose.position + np.array([0.03, -0.02, 0.05]), OFF.to_pose().quaternion)  # its origin: not on it
-    assert door.bar_turns
-    held, tilts = door.held_at(grasp), (-0.5, 0.0, 0.8)
-    for tilt, tool in zip(tilts, stations(door, grasp, tilts)[0], strict=True):
+    assert opening.bar_turns
+    held, tilts = opening.held_at(grasp), (-0.5, 0.0, 0.8)
+    for tilt, tool in zip(tilts, stations(opening, grasp, tilts)[0], strict=True):
         np.testing.assert_allclose(tool.apply(held[None]), grasp.apply(held[None]), atol=1e-9)
         turned = (tool @ grasp.inverse()).rotation
         assert math.acos((np.trace(turned) - 1.0) / 2.0) == pytest.approx(abs(tilt), abs=1e-6)

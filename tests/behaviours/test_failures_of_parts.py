@@ -67,7 +67,7 @@ class Hand:
 
 def test_open_tells_part_and_vendor_code(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("behaviours.furniture.open.articulation_from_motion", lambda *_: None)
-    door = SimpleNamespace(name="fridge/door", mapped=SimpleNamespace(kind="revolute", upper=1.5))
+    door = SimpleNamespace(name="fridge/door", articulation=SimpleNamespace(kind="revolute", upper=1.5))
     opening = SimpleNamespace(
         door=door,
         handle=SimpleNamespace(opening_direction=np.array([1.0, 0.0, 0.0])),
@@ -85,7 +85,7 @@ def test_open_tells_part_and_vendor_code(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_close_tells_part_and_vendor_code() -> None:
-    door = SimpleNamespace(name="fridge/door", mapped=SimpleNamespace(upper=1.5))
+    door = SimpleNamespace(name="fridge/door", articulation=SimpleNamespace(upper=1.5))
     axis = JointAxis("revolute", np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.4, 0.0)
     push = SimpleNamespace(door=door, axis=lambda: axis, lever=0.4, opening=lambda _: 0.8)
     hand = Hand()

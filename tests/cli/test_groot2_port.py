@@ -12,14 +12,14 @@ from bestman_bt.cli.run_command import Groot2View
 from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.engine import RUNNING, load_tree
 from tests.monitor.groot2.wire_client import groot2_client, hook
-from tests.rigs.free_ports import free_ports
+from tests.rigs.free_port import free_port
 
 XML = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Sleep name="nap" msec="60000"/></BehaviorTree></root>'
 
 
 @pytest.mark.parametrize("taken", [0, 1])
 def test_a_port_that_is_taken_is_reported_before_anything_starts(taken: int) -> None:
-    port = free_ports()
+    port = free_port()
     with socket.socket() as other:
         other.bind(("127.0.0.1", port + taken))
         other.listen()
@@ -30,12 +30,12 @@ def test_a_port_that_is_taken_is_reported_before_anything_starts(taken: int) -> 
 @pytest.mark.parametrize("missing", ["zmq", "msgpack"])
 def test_without_the_extra_it_is_named(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, missing, None)
-    with pytest.raises(ConfigurationError, match=r"pip install .*\[groot2\]"), Groot2View(free_ports()):
+    with pytest.raises(ConfigurationError, match=r"pip install .*\[groot2\]"), Groot2View(free_port()):
         pass
 
 
 def test_the_tree_of_a_run_is_served_until_the_run_ends(capsys: pytest.CaptureFixture[str]) -> None:
-    port, tree = free_ports(), load_tree(XML)
+    port, tree = free_port(), load_tree(XML)
     by_hand: list[str] = []
     with Groot2View(port) as view, groot2_client(port) as client:
         after_tick = view.watch(SimpleNamespace(intervened=by_hand.append), tree)

@@ -24,7 +24,7 @@ from bestman_bt.monitor.recorded import identity_of
 from bestman_bt.records.reader import read
 from tests.cli.command_line import Program, wait_for
 from tests.monitor.conftest import wait_until
-from tests.rigs.free_ports import free_ports
+from tests.rigs.free_port import free_port
 
 
 @pytest.fixture(autouse=True)
@@ -35,12 +35,12 @@ def own_sockets(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Mo
 
 
 @pytest.fixture
-def free_port() -> int:
-    return free_ports()
+def port() -> int:
+    return free_port()
 
 
 @pytest.fixture
-def ended(free_port: int) -> Iterator[None]:
+def ended(port: int) -> Iterator[None]:
     """Ends the monitor that a test has started on the free port."""
     yield
     for process in Path("/proc").glob("[0-9]*"):
@@ -48,7 +48,7 @@ def ended(free_port: int) -> Iterator[None]:
             words = (process / "cmdline").read_bytes().split(b"\0")
         except OSError:
             continue
-        if b"monitor" in words and str(free_port).encode() in words:
+        if b"monitor" in words and str(port).encode() in words:
             os.kill(int(process.name), signal.SIGTERM)
 
 
@@ -66,13 +66,13 @@ def address_of(program: Program) -> str:
 
 
 @pytest.mark.slow
-def test_what_cannot_be_shown_is_reported_before_anything_starts(tmp_path: Path, free_port: int) -> None:
+def test_what_cannot_be_shown_is_reported_before_anything_starts(tmp_path: Path, port: int) -> None:
     assert "is not a run folder or log, and contains none" in refusal(tmp_path, tmp_path / "nothing")
     assert "at least 16 characters" in refusal(tmp_path, "--token", "short")
     with socket.socket() as other:
-        other.bind(("127.0.0.1", free_port))
+        other.bind(("127.0.0.1", port))
         other.listen()
-        assert f"--port {free_port}: cannot listen there" in refusal(tmp_path, "--port", free_port)
+        assert f"--port {port}: cannot listen there" in refusal(tmp_path, "--port", port)
 
 
 @pytest.mark.slow
@@ -104,46 +104,46 @@ def test_a_monitor_ends_by_itself_where_nobody_needs_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("ended")
-def test_a_monitor_is_started_once_and_found_again(free_port: int, capsys: pytest.CaptureFixture[str]) -> None:
-    show_in_monitor(free_port)
+def test_a_monitor_is_started_once_and_found_again(port: int, capsys: pytest.CaptureFixture[str]) -> None:
+    show_in_monitor(port)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(subprocess, "Popen", None)
-        show_in_monitor(free_port)
-    assert capsys.readouterr().err == f"monitor: http://127.0.0.1:{free_port}/\n" * 2
+        show_in_monitor(port)
+    assert capsys.readouterr().err == f"monitor: http://127.0.0.1:{port}/\n" * 2
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("ended")
 def test_runs_that_begin_together_share_the_monitor_that_one_of_them_starts(
-    free_port: int, capsys: pytest.CaptureFixture[str]
+    port: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with ThreadPoolExecutor(2) as runs:
-        list(runs.map(show_in_monitor, [free_port, free_port]))
-    assert capsys.readouterr().err == f"monitor: http://127.0.0.1:{free_port}/\n" * 2
+        list(runs.map(show_in_monitor, [port, port]))
+    assert capsys.readouterr().err == f"monitor: http://127.0.0.1:{port}/\n" * 2
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("ended")
 def test_a_monitor_with_a_token_is_found_by_who_knows_it_and_told_to_who_does_not(
-    free_port: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    port: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("BESTMAN_BT_MONITOR_TOKEN", "sixteen & more #s")
     for _ in range(2):
-        show_in_monitor(free_port)
-    told = f"monitor: http://127.0.0.1:{free_port}/?token=sixteen%20%26%20more%20%23s\n"
+        show_in_monitor(port)
+    told = f"monitor: http://127.0.0.1:{port}/?token=sixteen%20%26%20more%20%23s\n"
     assert capsys.readouterr().err == told * 2
     monkeypatch.delenv("BESTMAN_BT_MONITOR_TOKEN")
     with pytest.raises(ConfigurationError, match="demands another token: set BESTMAN_BT_MONITOR_TOKEN"):
-        show_in_monitor(free_port)
+        show_in_monitor(port)
 
 
-def test_a_port_that_another_program_has_is_reported(free_port: int) -> None:
+def test_a_port_that_another_program_has_is_reported(port: int) -> None:
     with socket.socket() as other:
-        other.bind(("127.0.0.1", free_port))
+        other.bind(("127.0.0.1", port))
         other.listen()
-        told = f"^--monitor: the monitor does not start on port {free_port}: cannot listen there: .*--monitor-port"
+        told = f"^--monitor: the monitor does not start on port {port}: cannot listen there: .*--monitor-port"
         with pytest.raises(ConfigurationError, match=told):
-            show_in_monitor(free_port)
+            show_in_monitor(port)
 
 
 @pytest.mark.slow
@@ -159,13 +159,15 @@ def test_one_or_two_recorded_runs_are_opened_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ends_by", [signal.SIGTERM, signal.SIGINT])
-def test_a_process_that_is_watched_leaves_a_run_folder_with_an_end(tmp_path: Path, ends_by: signal.Signals) -> None:
+@pytest.mark.parametrize(("ends_by", "options"), [(signal.SIGTERM, []), (signal.SIGINT, ["--states-only"])])
+def test_a_process_that_is_watched_leaves_a_run_folder_with_an_end(
+    tmp_path: Path, ends_by: signal.Signals, options: list[str]
+) -> None:
     xml = '<root BTCPP_format="4"><BehaviorTree ID="Nap"><Sleep name="nap" msec="60000"/></BehaviorTree></root>'
-    port, tree = free_ports(), load_tree(xml)
+    port, tree = free_port(), load_tree(xml)
     connected = ("--connect", f"groot2://127.0.0.1:{port}", "--runs", "kept")
     with Groot2Publisher(tree, port):
-        program = Program("monitor", "--port", 0, "--no-browser", *connected, folder=tmp_path)
+        program = Program("monitor", "--port", 0, "--no-browser", *connected, *options, folder=tmp_path)
         assert address_of(program)
         tree.tick_exactly_once()
         found = wait_for(tmp_path, "kept/*-Nap/transitions.btlog")
@@ -175,9 +177,14 @@ def test_a_process_that_is_watched_leaves_a_run_folder_with_an_end(tmp_path: Pat
     history = read(found.parent)
     assert history.end is not None
     assert (history.end["outcome"], history.end["why"]) == ("cancelled", "the watching ended")
+    assert any("changes are not recorded" in line.message for _, line in history.log) == bool(options)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("address", ["127.0.0.1:1667", "groot2://:1667", "groot2://robot:0", "groot1://robot:1667"])
 def test_an_address_that_is_none_starts_nothing(tmp_path: Path, address: str) -> None:
     assert f"--connect: '{address}'" in refusal(tmp_path, "--connect", address)
+
+
+def test_states_only_without_a_process_is_refused(tmp_path: Path) -> None:
+    assert "--states-only: is of processes that --connect watches" in refusal(tmp_path, "--states-only")

@@ -181,7 +181,7 @@ def test_a_read_that_was_taken_from_the_module_early_is_counted(robot, door) -> 
 
 
 def test_the_truth_is_closed_as_soon_as_those_who_evaluate_have_it(world) -> None:
-    """Before the first step: what watched do while their tree is loaded is counted."""
+    """Before the first step: what leaves do while their tree is loaded is counted."""
     with PyBulletRobot(load_robot_model("diff_panda"), world) as robot:
         early = GroundTruth(robot)
         robot.close_truth()
@@ -195,7 +195,7 @@ def test_the_truth_is_closed_as_soon_as_those_who_evaluate_have_it(world) -> Non
 
 
 def test_a_judged_run_closes_the_truth_before_its_first_tick(tmp_path: Path) -> None:
-    """Time has not run yet when ``watch`` is called, as it has not when watched are loaded."""
+    """Time has not run yet when ``watch`` is called, as it has not when leaves are loaded."""
     views: list[GroundTruth] = []
 
     def prepare_robot(robot: Robot) -> None:

@@ -71,7 +71,7 @@ class FakeExecutor:
         self.unanswered: set[str] = set()
         self.subscribers: list[socket.socket] = []
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        bound = self.path.with_suffix(".bound")
+        bound = self.path.with_suffix(".new")
         self._socket.bind(str(bound))
         self._socket.listen()
         bound.rename(self.path)

@@ -510,6 +510,16 @@ def test_an_executor_that_begins_while_others_are_looked_for_keeps_its_socket(mo
     assert found == [[], [path]]
 
 
+def test_a_folder_whose_path_is_too_long_for_a_socket_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / ("long" * 30)
+    folder.mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    with pytest.raises(ControlError, match="no control socket .*too long"), serve(Mock(), None):
+        pass
+
+
 def test_an_executor_that_is_too_busy_to_answer_keeps_its_socket() -> None:
     path = socket_folder() / "2-busy.sock"
     with socket.socket(socket.AF_UNIX) as busy, ExitStack() as waiting:

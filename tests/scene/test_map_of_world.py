@@ -11,7 +11,7 @@ from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
 from bestman_bt.messages.shapes import bounding_corners
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
-from bestman_bt.scene.map_of_world import doors, semantic_map
+from bestman_bt.scene.map_of_world import map_articulations, semantic_map
 from bestman_bt.scene.plane_geometry import rectangle, segment_outside, wall_rectangle
 from bestman_bt.scene.scene import World
 
@@ -79,7 +79,7 @@ def test_surfaces_are_found_by_name(world: World) -> None:
     assert (furniture.name, surface.name, surface.size) == ("counter", "top", (0.6, 1.6))
 
 
-def test_cutting_a_segment_doors_what_lies_outside() -> None:
+def test_cutting_a_segment_leaves_what_lies_outside() -> None:
     square = rectangle(Pose2D(), (1.0, 1.0))
     pieces = segment_outside(np.array([[-1.0, 0.0], [1.0, 0.0]]), square)
     np.testing.assert_allclose(pieces, [[[-1, 0], [-0.5, 0]], [[0.5, 0], [1, 0]]], atol=1e-5)
@@ -101,7 +101,9 @@ def test_a_board_that_is_laid_on_its_side_is_as_large_on_the_map_as_it_is() -> N
         return PlacedShape(Box((x, z, y)), part.pose @ quarter)
 
     turned = tuple(replace(door, parts=tuple(map(on_its_side, door.parts))) for door in model.articulations)
-    for plain, other in zip(doors(model, 0.0, {}), doors(replace(model, articulations=turned), 0.0, {}), strict=True):
+    for plain, other in zip(
+        map_articulations(model, 0.0, {}), map_articulations(replace(model, articulations=turned), 0.0, {}), strict=True
+    ):
         slab, same = plain.shapes[0], other.shapes[0]
         assert isinstance(slab.shape, Box)
         assert isinstance(same.shape, Box)
@@ -112,7 +114,7 @@ def test_a_board_that_is_laid_on_its_side_is_as_large_on_the_map_as_it_is() -> N
 @pytest.mark.parametrize("scene", ["chest_room", "kitchen_furnished", "apartment"])
 def test_the_room_before_a_front_is_as_deep_as_its_handle_stands_out(scene: str) -> None:
     for piece in draw_world(load_scene(scene), 5).furniture:
-        for door, on_map in zip(piece.model.articulations, doors(piece.model, 0.0, {}), strict=True):
+        for door, on_map in zip(piece.model.articulations, map_articulations(piece.model, 0.0, {}), strict=True):
             nearest = min(float((part.pose.apply(bounding_corners(part.shape)))[:, 0].min()) for part in door.parts)
             front = on_map.shapes[0]
             assert isinstance(front.shape, Box)

@@ -173,8 +173,10 @@ class _Session:
             return
         news, lost = self._client.transitions()
         while (lost or len(news) >= MOST_TRANSITIONS) and not self._stopping.is_set():
-            many = f"{len(news)} changes at once, as many as the process keeps; some are lost"
-            self._shown.log("warning", f"a gap: {f'the process lost {lost} changes' if lost else many}")
+            why = [f"the process lost {lost} changes"] if lost else []
+            if len(news) + lost >= MOST_TRANSITIONS:
+                why.append(f"{len(news)} changes at once, as many as the process keeps; some are lost")
+            self._shown.log("warning", f"a gap: {'; '.join(why)}")
             self._publish_changes(news)
             self._standing = self._client.states()
             news, lost = self._client.transitions()

@@ -41,7 +41,7 @@ class ApartmentOptions:
     ``rooms``: number. ``area``: square metres within the outer walls; 14 to 24 per room. ``doorway``: clear width of
     the openings between rooms. ``loops``: probability of a redundant doorway. ``moved_chairs``: probability that a
     chair was moved by up to 60 cm each way since the map was made. ``doors``: probability that a doorway has a door;
-    its leaf is open, or half open (66° to 80°) with the probability ``half_open``. ``moved_doors``: probability that a
+    it is open, or half open (66° to 80°) with the probability ``half_open``. ``moved_doors``: probability that a
     door's opening has changed since the map was made. ``seed``: of the apartment; None: drawn from the world's seed.
     """
 

@@ -19,7 +19,7 @@ import pytest
 from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, load_tree, status_name
 from bestman_bt.monitor.groot2.publisher import Groot2Publisher
 from tests.monitor.groot2.wire_client import Groot2Client, groot2_client, hook
-from tests.rigs.free_ports import free_ports
+from tests.rigs.free_port import free_port
 
 pytest.importorskip("behaviortreepy", reason="the C++ engine's binding has no wheel for this platform")
 
@@ -77,7 +77,7 @@ Side = tuple[Any, Groot2Client]
 
 @pytest.fixture
 def sides(tmp_path: Path) -> Iterator[tuple[Side, Side]]:
-    file, port = tmp_path / "tree.xml", free_ports()
+    file, port = tmp_path / "tree.xml", free_port()
     file.write_text(XML)
     script = Path(__file__).with_name("behaviortreepy_publisher.py")
     command = [sys.executable, str(script), str(file), str(port)]
@@ -85,7 +85,7 @@ def sides(tmp_path: Path) -> Iterator[tuple[Side, Side]]:
     try:
         assert process.stdout is not None
         assert process.stdout.readline().strip() == "ready"
-        ours, our_port = OurTree(), free_ports()
+        ours, our_port = OurTree(), free_port()
         with (
             Groot2Publisher(ours.tree, our_port),
             groot2_client(port) as theirs,

@@ -19,7 +19,7 @@ from bestman_bt.monitor.groot2.protocol import Groot2Error, dump_blackboards
 from bestman_bt.monitor.groot2.publisher import Groot2Publisher, ObservedStates
 from bestman_bt.runtime.executor import Execution, Executor, TerminationReason
 from tests.monitor.groot2.wire_client import Groot2Client, groot2_client, hook
-from tests.rigs.free_ports import free_ports
+from tests.rigs.free_port import free_port
 
 msgpack = pytest.importorskip("msgpack", reason="the extra groot2 is not installed")
 
@@ -35,7 +35,7 @@ def tree() -> Tree:
 
 @pytest.fixture
 def publisher(tree: Tree) -> Iterator[Groot2Publisher]:
-    with Groot2Publisher(tree, free_ports()) as serving:
+    with Groot2Publisher(tree, free_port()) as serving:
         yield serving
 
 
@@ -77,7 +77,7 @@ def test_a_cancelled_execution_leaves_a_breakpoint(tree: Tree, client: Groot2Cli
 
 
 def test_breakpoints_let_go_when_nobody_asks_any_more_and_hold_again_afterwards(tree: Tree) -> None:
-    port = free_ports()
+    port = free_port()
     with Groot2Publisher(tree, port, heartbeat=2.0), groot2_client(port) as client:
         client.ask("I", hook(FIRST, 0))
         thread, ends = running(Executor(tree, tree.clock))
@@ -89,7 +89,7 @@ def test_breakpoints_let_go_when_nobody_asks_any_more_and_hold_again_afterwards(
 
 
 def test_closing_lets_go_what_a_breakpoint_holds(tree: Tree) -> None:
-    port = free_ports()
+    port = free_port()
     with Groot2Publisher(tree, port), groot2_client(port) as client:
         client.ask("I", hook(FIRST, 0))
         thread, ends = running(Executor(tree, tree.clock))
@@ -149,7 +149,7 @@ def test_only_this_machine_is_served(publisher: Groot2Publisher) -> None:
 
 @pytest.mark.parametrize("taken", [0, 1])
 def test_a_port_that_is_taken_is_named(tree: Tree, taken: int) -> None:
-    port = free_ports()
+    port = free_port()
     with socket.socket() as other:
         other.bind(("127.0.0.1", port + taken))
         other.listen()
@@ -158,7 +158,7 @@ def test_a_port_that_is_taken_is_named(tree: Tree, taken: int) -> None:
 
 
 def test_a_tree_that_has_been_served_is_served_again(tree: Tree) -> None:
-    port = free_ports()
+    port = free_port()
     for _ in range(2):
         with Groot2Publisher(tree, port), groot2_client(port) as client:
             tree.tick_exactly_once()
@@ -167,7 +167,7 @@ def test_a_tree_that_has_been_served_is_served_again(tree: Tree) -> None:
 
 def test_states_from_before_it_was_opened_are_shown(tree: Tree) -> None:
     tree.tick_exactly_once()
-    port = free_ports()
+    port = free_port()
     with Groot2Publisher(tree, port), groot2_client(port) as client:
         assert client.states() == {1: RUNNING, 2: SUCCESS, 3: RUNNING}
 

@@ -24,7 +24,7 @@ from bestman_bt.engine import (
 )
 from bestman_bt.monitor.groot2.publisher import Groot2Publisher
 from tests.monitor.groot2.wire_client import Groot2Client, groot2_client
-from tests.rigs.free_ports import free_ports
+from tests.rigs.free_port import free_port
 
 DATA = Path(__file__).parent / "data"
 SAMPLES: dict[str, Any] = json.loads((DATA / "samples.json").read_text())
@@ -71,7 +71,7 @@ def tree() -> Tree:
 
 @pytest.fixture
 def client(tree: Tree) -> Iterator[Groot2Client]:
-    port = free_ports()
+    port = free_port()
     with Groot2Publisher(tree, port), groot2_client(port) as asking:
         yield asking
 

@@ -26,7 +26,7 @@ from bestman_bt.monitor.groot2.watcher import Groot2Watcher, read_tree
 from bestman_bt.monitor.groot2.zmtp import GREETING, frame_of
 from bestman_bt.records.reader import read
 from tests.monitor.conftest import wait_until
-from tests.rigs.free_ports import free_ports
+from tests.rigs.free_port import free_port
 
 XML = """<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence name="main">
 <Script name="init" code="i := 3; s := 'text'"/><SubTree ID="Sub" name="sub" x="{i}"/></Sequence></BehaviorTree>
@@ -101,7 +101,7 @@ def entries_of(runs: Path) -> dict[str, Any]:
 @pytest.mark.slow
 def test_a_process_of_behaviortree_cpp_is_watched_held_and_recorded(tmp_path: Path) -> None:
     pytest.importorskip("behaviortreepy", reason="the C++ engine's binding has no wheel for this platform")
-    port, runs = free_ports(), tmp_path / "runs"
+    port, runs = free_port(), tmp_path / "runs"
     cpp = CppProcess(tmp_path, port)
     with watched(port, runs):
         wait_until(is_watched, "the process is found")
@@ -147,7 +147,7 @@ def test_a_process_of_behaviortree_cpp_is_watched_held_and_recorded(tmp_path: Pa
 @pytest.fixture
 def begun(tmp_path: Path) -> Iterator[Tree]:
     """A tree of four nodes whose publisher is watched, with run folders in ``tmp_path``."""
-    port, tree = free_ports(), load_tree(OURS, clock=ManualClock())
+    port, tree = free_port(), load_tree(OURS, clock=ManualClock())
     with Groot2Publisher(tree, port, poll=0.001), watched(port, tmp_path):
         wait_until(lambda: tasks() == ["Main"], "the process is found")
         yield tree
@@ -211,7 +211,7 @@ def test_of_a_process_that_records_nothing_the_states_are_looked_at(
         raise RequestError("Request not recognized")
 
     monkeypatch.setattr(ObservedStates, "start_recording", refuse)
-    port, tree = free_ports(), load_tree(OURS, clock=ManualClock())
+    port, tree = free_port(), load_tree(OURS, clock=ManualClock())
     with Groot2Publisher(tree, port), watched(port, tmp_path, every_change=asked):
         wait_until(lambda: tasks() == ["Main"], "the process is found")
         tree.tick_exactly_once()
@@ -232,7 +232,7 @@ def gaps_of(runs: Path) -> list[str]:
 
 @pytest.mark.slow
 def test_a_tree_that_changes_begins_another_run(tmp_path: Path) -> None:
-    port = free_ports()
+    port = free_port()
     with watched(port, tmp_path):
         for name in ("One", "Other"):
             xml = OURS.replace("Main", name)
@@ -258,7 +258,7 @@ def answer(*parts: bytes) -> bytes:
         (GREETING + frame_of(b"\x05ERROR\x03no!", 4), "refuses the connection"),
         (GREETING + READY + answer(HEAD[:9]), "does not speak Groot2's protocol"),
         (GREETING + READY + answer(b"\x01" + HEAD[1:], b"<root/>"), "version 1 of Groot2's protocol"),
-        (GREETING + READY + answer(HEAD[:2] + b"\x09" + HEAD[3:], b"<root/>"), "answers another request"),
+        (GREETING + READY + answer(HEAD[:2] + b"\x09" + HEAD[3:], b"<root/>"), "answers a different request"),
         (GREETING + READY + answer(HEAD, b"<root"), "cannot be read"),
         (GREETING + READY + answer(HEAD, b"\xff\xfe"), "not UTF-8"),
         (

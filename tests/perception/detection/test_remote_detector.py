@@ -21,7 +21,7 @@ from bestman_bt.perception.detection.remote_detector import RemoteDetector
 from bestman_bt.perception.errors import DetectorReplyError, DetectorUnreachableError
 from tests.answering_server import Server, Way, drips, drips_headers, raw, serving_at, sleeps
 from tests.hal.twinned import wait_for
-from tests.rigs.free_ports import free_ports
+from tests.rigs.free_port import free_port
 
 WIDTH, HEIGHT = 64, 48
 
@@ -185,7 +185,7 @@ def test_a_late_answer_is_given_up_in_time(server: Server, answer: Way) -> None:
 
 
 def test_a_refused_connection_is_reported(server: Server) -> None:
-    port = free_ports()
+    port = free_port()
     with pytest.raises(DetectorUnreachableError, match=f"127.0.0.1:{port}/detect gave no answer in 2 tries; .*refused"):
         detector(f"http://127.0.0.1:{port}/detect", retries=1).find(picture(), ["cup"])
 
@@ -209,7 +209,7 @@ def documented_server(tmp_path: Path) -> Iterator[str]:
     assert source is not None
     path = tmp_path / "server.py"
     path.write_text(source.group(1), encoding="utf-8")
-    port = free_ports()  # one that a probe may have for its own end would answer itself
+    port = free_port()  # one that a probe may have for its own end would answer itself
     process = subprocess.Popen([sys.executable, str(path), str(port)], stderr=subprocess.DEVNULL)
 
     def answers() -> bool:

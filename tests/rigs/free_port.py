@@ -6,8 +6,8 @@ import random
 import socket
 
 
-def free_ports() -> int:
-    """The first of two free ports, one after the other, below those that the system gives to outgoing connections.
+def free_port() -> int:
+    """A port that is free, as is the next one, below those that the system gives to outgoing connections.
 
     One of those may be taken before the port is used.
     """
