@@ -49,7 +49,7 @@ def command(
         _print(overview_svg(package) if svg else overview_dot(package) if dot else overview_text(package), svg)
         package.refuse_broken()
         return
-    path = Path(package.file_of(tree_id or "")) if whole else find_data("tree", tree)
+    path = Path(package.file_of(tree_id or "", tree)) if whole else find_data("tree", tree)
     if tree_id is not None and path.suffix == ".py":
         raise ConfigurationError([Problem("--tree", None, "", f"{path} is a Python file, which defines one tree")])
     if tree_id is None and (described := _nodes_of_a_file_without_trees(path)):

@@ -73,10 +73,11 @@ def command(  # noqa: PLR0913 - its options, each by its name
                 "drive": partial(run_shown, name=tree, seed=seed, period=period, limit=limit),
             }
         whole = is_package(tree)
-        if whole and tree_id is None:
-            raise typer.BadParameter(f"{tree} is a package: name one of its trees", param_hint="--tree")
         package = Package.open([*([tree] if whole else ()), *others.paths], shipped_trees())
-        path = Path(package.file_of(tree_id or "")) if whole else find_data("tree", tree)
+        if whole and tree_id is None:
+            what = f"{tree} is a package: name one of its trees: {package.tree_names()}"
+            raise typer.BadParameter(what, param_hint="--tree")
+        path = Path(package.file_of(tree_id or "", tree)) if whole else find_data("tree", tree)
         results: list[tuple[int, SimulatedRun]] = []
         coverage: Coverage | None = None
         for number in range(seed, seed + runs):

@@ -127,7 +127,11 @@ def test_simulate_takes_a_tree_of_a_package(bestman_bt: Command, folder: Path) -
     assert "100% of 2 nodes began" in answer.out
     unnamed = bestman_bt("simulate", ".")
     assert unnamed.code == 2
-    assert "name one of its trees" in unnamed.err
+    assert "name one of its trees: Main, B" in " ".join(unnamed.err.split())
+    for command in ("simulate", "show"):
+        unknown = bestman_bt(command, ".", "--tree", "Nope")
+        assert unknown.code == 2
+        assert ".: there is no tree 'Nope' (its trees: Main, B)" in " ".join(unknown.err.split())
 
 
 def test_simulate_counts_nodes_of_one_name_apart(bestman_bt: Command, folder: Path) -> None:
@@ -143,7 +147,15 @@ def test_simulate_refuses_substitution_rules_that_are_wrong(bestman_bt: Command,
     (folder / "rules.json").write_text('{"SubstitutionRules": {"OpenLid": "Opened"}}')
     unknown = bestman_bt("simulate", "t.xml", "--scenario", "rules.json")
     assert (unknown.code, unknown.out) == (2, "")
-    assert "'Opened', the replacement of 'OpenLid::1', is not registered" in unknown.err
+    what = "'Opened', the replacement of 'OpenLid::1', is not registered"
+    assert f"rules.json: SubstitutionRules 'OpenLid': {what}" in unknown.err
+    (folder / "rules.json").write_text(
+        '{"TestNodeConfigs": {"a": {"return_status": "SUCCESS", "post_script": "x ="}}, '
+        '"SubstitutionRules": {"OpenLid": "a"}}'
+    )
+    wrong_script = bestman_bt("simulate", "t.xml", "--scenario", "rules.json")
+    assert (wrong_script.code, wrong_script.out) == (2, "")
+    assert "rules.json: TestNodeConfig 'a': post_script: " in wrong_script.err
     (folder / "rules.json").write_text('{"SubstitutionRules": [1]}')
     wrong = bestman_bt("simulate", "t.xml", "--scenario", "rules.json")
     assert (wrong.code, wrong.out) == (2, "")

@@ -20,6 +20,8 @@ from bestman_bt.engine.xml.elements import Element, parse_xml
 
 MAX_FILES: Final = 5_000
 """Largest number of XML files in a package."""
+MOST_NAMES: Final = 20
+"""Largest number of trees that a message lists."""
 _SKIPPED: Final = frozenset(("build", "install", "log", "node_modules", "__pycache__"))
 
 
@@ -63,8 +65,8 @@ class Package:
         for found in self._by_id.values():
             yield from found
 
-    def file_of(self, tree_id: str) -> str:
-        """Return the file that defines a tree.
+    def file_of(self, tree_id: str, package: str) -> str:
+        """Return the file that defines a tree; ``package``: the name of the package in messages.
 
         Raises:
             TreeLoadError: no file defines it, or several do.
@@ -74,10 +76,15 @@ class Package:
             hint = closest(tree_id, self._by_id)
             places = ", ".join(f"{one.file}:{one.element.line}" for one in found)
             message = f"the tree '{tree_id}' is defined twice: {places}" if found else f"there is no tree '{tree_id}'"
-            where = next(iter(self.files), "")
-            suggestion = f"did you mean '{hint}'?" if hint and not found else ""
-            raise TreeLoadError([TreeProblem(where, 0, "", "", message, suggestion)])
+            suggestion = "" if found else f"did you mean '{hint}'?" if hint else f"its trees: {self.tree_names()}"
+            raise TreeLoadError([TreeProblem(package, 0, "", "", message, suggestion)])
         return found[0].file
+
+    def tree_names(self) -> str:
+        """Return the IDs of its trees as text, at most ``MOST_NAMES``, those first that no other tree names."""
+        names = list(dict.fromkeys(one.tree_id for one in (*self.roots(), *self.trees())))
+        rest = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+        return ", ".join(names[:MOST_NAMES]) + rest if names else "none"
 
     def refuse_broken(self) -> None:
         """Raise TreeLoadError if files could not be read."""
