@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from bestman_bt.engine.core.node import Node
-from bestman_bt.engine.errors import EngineError
+from bestman_bt.engine.errors import EngineError, ScriptError
 from bestman_bt.engine.leaves.script import TestNode, TestNodeConfig
 from bestman_bt.engine.status import STATUS_NAMES
 from bestman_bt.errors import InputError
@@ -29,9 +29,12 @@ class SubstitutionError(EngineError, InputError):
 
 @dataclass
 class SubstitutionRules:
-    """Filters → the replacement of the matching nodes: a registered name, or a TestNode."""
+    """Filters → the replacement of the matching nodes: a registered name, or a TestNode; ``file``: where they are from,
+    for messages.
+    """
 
     rules: dict[str, str | TestNodeConfig] = field(default_factory=dict)
+    file: str = ""
 
     def add(self, pattern: str, replacement: str | TestNodeConfig) -> SubstitutionRules:
         """Replace the nodes that match ``pattern``; returns the rules, for chaining."""
@@ -43,7 +46,7 @@ class SubstitutionRules:
         """Read the format of BehaviorTree.CPP: ``{"TestNodeConfigs": {...}, "SubstitutionRules": {...}}``.
 
         Raises:
-            SubstitutionError: a field is missing, unknown or of the wrong type.
+            SubstitutionError: a field is missing, unknown or of the wrong type, or a script is invalid.
         """
         try:
             data = json.loads(text) if isinstance(text, str) else text
@@ -55,7 +58,12 @@ class SubstitutionRules:
         if not isinstance(given, Mapping):
             raise SubstitutionError(f"TestNodeConfigs must be an object but is {given!r:.60}")
         configs = {str(name): _config(name, value) for name, value in given.items()}
-        return cls({str(k): configs.get(str(v), str(v)) for k, v in data["SubstitutionRules"].items()})
+        rules = {str(pattern): value for pattern, value in data["SubstitutionRules"].items()}
+        for pattern, value in rules.items():
+            if not isinstance(value, str):
+                what = f"should be the name of a node or of a TestNodeConfig, got {value!r:.60}"
+                raise SubstitutionError(f"SubstitutionRules '{pattern}': {what}")
+        return cls({pattern: configs.get(value, value) for pattern, value in rules.items()})
 
     def replace(self, node: Node, tree: Tree) -> Node:
         """Return the replacement of ``node``, or itself if no rule matches.
@@ -63,16 +71,18 @@ class SubstitutionRules:
         Raises:
             SubstitutionError: the rule names a node that is not registered.
         """
-        rule = self._rule(node)
-        if rule is None:
+        pattern = self._pattern(node)
+        if pattern is None:
             return node
+        rule = self.rules[pattern]
         info: NodeInfo
         if isinstance(rule, TestNodeConfig):
             info = tree.registry.info_of_class(TestNode)
         else:
             found = tree.registry.find(rule)
             if found is None:
-                raise SubstitutionError(f"'{rule}', the replacement of '{node.path}', is not registered")
+                where = f"{self.file}{': ' if self.file else ''}SubstitutionRules '{pattern}'"
+                raise SubstitutionError(f"{where}: '{rule}', the replacement of '{node.path}', is not registered")
             info = found
         other = info.cls.__new__(info.cls)
         Node._set_up(other, node.name, node.attributes, [])
@@ -81,12 +91,13 @@ class SubstitutionRules:
             other.config = rule
         return other
 
-    def _rule(self, node: Node) -> str | TestNodeConfig | None:
+    def _pattern(self, node: Node) -> str | None:
+        """Return the first filter that matches."""
         names = (node.name, node.type_id)
-        for pattern, rule in self.rules.items():
+        for pattern in self.rules:
             literal_brackets = pattern.replace("[", "[[]")
             if pattern in names or re.fullmatch(fnmatch.translate(literal_brackets), node.path):
-                return rule
+                return pattern
         return None
 
 
@@ -106,11 +117,14 @@ def _config(name: str, value: Any) -> TestNodeConfig:
     delay = value.get("async_delay", 0)
     if not isinstance(delay, (int, float)):
         raise SubstitutionError(f"TestNodeConfig '{name}': async_delay must be milliseconds but is {delay!r}")
-    return TestNodeConfig(
-        return_status=STATUS_NAMES.index(status),
-        return_status_script=str(value.get("return_status_script", "")),
-        success_script=str(value.get("success_script", "")),
-        failure_script=str(value.get("failure_script", "")),
-        post_script=str(value.get("post_script", "")),
-        async_delay=delay * 1e-3,
-    )
+    try:
+        return TestNodeConfig(
+            return_status=STATUS_NAMES.index(status),
+            return_status_script=str(value.get("return_status_script", "")),
+            success_script=str(value.get("success_script", "")),
+            failure_script=str(value.get("failure_script", "")),
+            post_script=str(value.get("post_script", "")),
+            async_delay=delay * 1e-3,
+        )
+    except ScriptError as error:
+        raise SubstitutionError(f"TestNodeConfig '{name}': {error}") from None

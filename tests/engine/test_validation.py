@@ -185,6 +185,16 @@ def test_a_scripted_result_knows_the_statuses(registry: NodeRegistry) -> None:
         ('{"TestNodeConfigs": {"a": {"status": 1}}, "SubstitutionRules": {}}', "unknown fields"),
         ('{"TestNodeConfigs": {"a": 3}, "SubstitutionRules": {}}', "must be an object but is 3"),
         ('{"TestNodeConfigs": [1], "SubstitutionRules": {}}', r"must be an object but is \[1\]"),
+        ('{"SubstitutionRules": {"A": null}}', "SubstitutionRules 'A': should be the name of a node or .*, got None"),
+        ('{"SubstitutionRules": {"A": {"x": 1}}}', r"SubstitutionRules 'A': should be the name .*, got {'x': 1}"),
+        *(
+            (
+                f'{{"TestNodeConfigs": {{"a": {{"return_status": "SUCCESS", "{script}": "x ="}}}}, '
+                '"SubstitutionRules": {}}',
+                f"TestNodeConfig 'a': {script}: .*x =",
+            )
+            for script in ("return_status_script", "success_script", "failure_script", "post_script")
+        ),
     ],
 )
 def test_rules_that_are_not_well_formed_are_refused(text: str, message: str) -> None:
@@ -193,7 +203,8 @@ def test_rules_that_are_not_well_formed_are_refused(text: str, message: str) -> 
 
 
 def test_a_rule_that_names_an_unknown_node_is_refused(registry: NodeRegistry) -> None:
-    with pytest.raises(SubstitutionError, match="'Nothing', the replacement of 'pick/first', is not registered"):
+    message = "^SubstitutionRules 'first': 'Nothing', the replacement of 'pick/first', is not registered"
+    with pytest.raises(SubstitutionError, match=message):
         load_tree(TREE, registry, substitutions=SubstitutionRules({"first": "Nothing"}))
 
 

@@ -8,8 +8,10 @@ from typing import Any
 
 from bestman_bt.engine.core.ports import In, key_of
 from bestman_bt.engine.core.tick_hooks import Tick
+from bestman_bt.engine.errors import ScriptError
 from bestman_bt.engine.leaves.base import Condition, StatefulAction, SyncAction
 from bestman_bt.engine.scripting.compiler import ScriptCompiler
+from bestman_bt.engine.scripting.parser import parse_script
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS
 
 
@@ -25,6 +27,9 @@ class TestNodeConfig:
         post_script: runs after every result.
         async_delay: seconds of the tree's clock for which it is RUNNING first.
         complete: a function that returns the result.
+
+    Raises:
+        ScriptError: a script has a syntax error; names the field.
     """
 
     __test__ = False
@@ -36,6 +41,14 @@ class TestNodeConfig:
     post_script: str = ""
     async_delay: float = 0.0
     complete: Callable[[], int] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("return_status_script", "success_script", "failure_script", "post_script"):
+            try:
+                if source := getattr(self, name):
+                    parse_script(source)
+            except ScriptError as error:
+                raise ScriptError(f"{name}: {error}") from None
 
 
 class TestNode(StatefulAction):

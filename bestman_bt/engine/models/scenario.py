@@ -107,7 +107,7 @@ class Scenario:
             raise ScenarioError(f"{file}: it should be a mapping with {', '.join(_TOP)}, got {data!r:.60}")
         if "SubstitutionRules" in data:
             try:
-                return cls(substitutions=SubstitutionRules.from_json(data))
+                return cls(substitutions=replace(SubstitutionRules.from_json(data), file=file))
             except SubstitutionError as error:
                 raise ScenarioError(f"{file}: {error}") from None
         faults = [f"{file}: {key}: unknown; known are {', '.join(_TOP)}" for key in data if key not in _TOP]
