@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 from bestman_bt.engine.blackboard import Slot, key_fault
 from bestman_bt.engine.core.node import Node
@@ -26,6 +26,7 @@ from bestman_bt.engine.scripting.parser import (
     parse_script,
 )
 
+_NameUse: TypeAlias = tuple[str, str, Sequence[Name | Constant]]
 SCRIPT_ATTRIBUTES = (
     "_failureIf",
     "_successIf",
@@ -43,7 +44,8 @@ class EntryUse:
     """One read or write of an entry; ``key``: the local name of the entry.
 
     ``creates``: it makes an entry that does not exist, as all writes but ``=`` and ``+=`` of scripts do. ``is_text``: a
-    script compares the entry with a text, or assigns one.
+    script compares the entry with a text, or assigns one. ``alike``: entries that the script compares it with or
+    assigns to it.
     """
 
     slot: Slot
@@ -53,6 +55,7 @@ class EntryUse:
     writes: bool
     creates: bool = False
     is_text: bool = False
+    alike: tuple[Slot, ...] = ()
 
 
 def entry_uses(tree: Tree) -> list[EntryUse]:
@@ -76,11 +79,15 @@ def _script_uses(tree: Tree, node: Node, attribute: str, source: str) -> Iterato
         statements = parse_script(source)
     except ScriptError:
         return
+    enums = tree.compiler.enums
     for statement in statements:
-        for key, operator, is_text in _names(statement):
-            if key not in tree.compiler.enums:
+        for key, operator, alike in _names(statement):
+            if key not in enums:
                 slot, creates = node.board.slot(key), operator == ":="
-                yield EntryUse(slot, node, attribute, key, bool(operator), creates, is_text)
+                is_text = any(isinstance(one, Constant) and isinstance(one.value, str) for one in alike)
+                names = (one.name for one in alike if isinstance(one, Name) and one.name and one.name not in enums)
+                slots = tuple(node.board.slot(name) for name in names)
+                yield EntryUse(slot, node, attribute, key, bool(operator), creates, is_text, slots)
 
 
 def _uses_of_attribute(tree: Tree, node: Node, name: str, value: Any) -> Iterator[EntryUse]:
@@ -100,26 +107,48 @@ def _uses_of_attribute(tree: Tree, node: Node, name: str, value: Any) -> Iterato
         yield from _script_uses(tree, node, name, str(value))
 
 
-def _names(expression: Expression, *, beside_text: bool = False) -> Iterator[tuple[str, str, bool]]:
-    """Yield each key in an expression, the operator that writes it (empty: it is read), and whether it holds a text."""
-    if isinstance(expression, Name):
-        yield expression.name, "", beside_text
-    elif isinstance(expression, Assignment):
-        is_text = _is_text(expression.value)
-        if expression.name and expression.operator not in (":=", "="):
-            yield expression.name, "", is_text
-        yield from _names(expression.value)
-        if expression.name:
-            yield expression.name, expression.operator, is_text
-    else:
-        operands = _operands(expression)
-        beside_text = isinstance(expression, Comparison) and any(map(_is_text, operands))
-        for operand in operands:
-            yield from _names(operand, beside_text=beside_text)
+def _names(expression: Expression, alike: Sequence[Name | Constant] = ()) -> Iterator[_NameUse]:
+    """Yield each key in an expression, the operator that writes it (empty: it is read), and ``alike``: names and
+    constants whose values are of its type, itself among them.
+    """
+    match expression:
+        case Name():
+            yield expression.name, "", alike
+        case Assignment():
+            alike = (*alike, *_values(expression))
+            if expression.name and expression.operator not in (":=", "="):
+                yield expression.name, "", alike
+            yield from _names(expression.value, alike)
+            if expression.name:
+                yield expression.name, expression.operator, alike
+        case Ternary():
+            yield from _names(expression.condition)
+            for result in (expression.then, expression.otherwise):
+                yield from _names(result, alike)
+        case Comparison() | Binary(operator="+"):
+            operands = _operands(expression)
+            beside = [value for operand in operands for value in _values(operand)]
+            for operand in operands:
+                yield from _names(operand, beside if isinstance(expression, Comparison) else (*alike, *beside))
+        case _:
+            for operand in _operands(expression):
+                yield from _names(operand)
 
 
-def _is_text(expression: Expression) -> bool:
-    return isinstance(expression, Constant) and isinstance(expression.value, str)
+def _values(expression: Expression) -> Sequence[Name | Constant]:
+    """Return names and constants of the same type as the result of an expression, as far as they are known."""
+    match expression:
+        case Name() | Constant():
+            return (expression,)
+        case Assignment():
+            return Name(expression.name), *_values(expression.value)
+        case Ternary():
+            return *_values(expression.then), *_values(expression.otherwise)
+        case Binary(operator="+"):
+            return *_values(expression.left), *_values(expression.right)
+        case Binary(operator=".."):
+            return (Constant(""),)
+    return ()
 
 
 def _operands(expression: Expression) -> Sequence[Expression]:

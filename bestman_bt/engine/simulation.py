@@ -203,7 +203,7 @@ def describe_failure(failure: EngineError) -> str:
 def _invent_entries(tree: Tree) -> list[str]:
     """Give entries that no node creates before they are needed a plausible value; returns their names."""
     uses = entry_uses(tree)
-    texts = {id(use.slot) for use in uses if use.is_text}
+    texts = _texts(uses)
     created = _creators(tree, uses)
     needs = [use for use in uses if not use.creates and use.node.uid < created.get(id(use.slot), 0)]
     lacking = [(read.node, read.port, read.key) for read in unwritten_reads(tree)]
@@ -224,6 +224,21 @@ def _invent_entries(tree: Tree) -> list[str]:
                 slot.assign(0 if port is None or in_script else plausible_value(port))
             found.append(slot.key)
     return found
+
+
+def _texts(uses: Iterable[EntryUse]) -> set[int]:
+    """Return the entries that scripts use as texts, also by way of other entries."""
+    alike: dict[int, set[int]] = {}
+    for use in uses:
+        alike.setdefault(id(use.slot), set()).update(map(id, use.alike))
+    pending = [id(use.slot) for use in uses if use.is_text]
+    texts = set[int]()
+    while pending:
+        slot = pending.pop()
+        if slot not in texts:
+            texts.add(slot)
+            pending += alike.get(slot, ())
+    return texts
 
 
 def _creators(tree: Tree, uses: Iterable[EntryUse]) -> dict[int, float]:

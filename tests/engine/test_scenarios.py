@@ -82,6 +82,40 @@ def test_entries_that_nobody_writes_get_a_value_and_are_reported() -> None:
     assert (created.outcome, created.invented) == ("success", [])
 
 
+@pytest.mark.parametrize(
+    "code",
+    [
+        "a == b; b == 'x'",
+        "b == 'x'; a == b; c == a",
+        "a = b; b == 'x'",
+        "a = (b = c); b == 'x'",
+        "a = f ? 'a' : 'b'",
+        "a = f ? b : c; c == 'x'",
+        "(f ? a : b) == 'x'; a == b",
+        "a = b + 'x'; b == c",
+        "a = f .. 'x'; a == b",
+        "a += b; b == 'x'",
+        "a = 1; b == 'x'; b != c",
+        "a = (b == 'x'); a == ON",
+        "a = b == 'x' ? c : ON; c == ON",
+        "f == ON ? a == 'x' : b == ON",
+    ],
+)
+def test_an_entry_that_is_used_as_a_text_by_way_of_another_gets_a_text(code: str) -> None:
+    run = played(f'<Sequence><Script code="{code}"/></Sequence>', enums={"ON": 1})
+    assert (run.outcome, run.error) == ("success", "")
+    assert set(run.invented) <= {"a", "b", "c", "f"}
+
+
+def test_an_entry_is_a_text_if_it_is_used_as_one_through_the_port_of_a_subtree() -> None:
+    xml = """<root BTCPP_format="4" main_tree_to_execute="Main">
+      <BehaviorTree ID="Main"><Sequence><SubTree ID="Inner" inner="{outer}"/>
+        <AlwaysSuccess _skipIf="outer == other"/><ScriptCondition code="other != 'x'"/></Sequence></BehaviorTree>
+      <BehaviorTree ID="Inner"><ScriptCondition code="inner != 'y'"/></BehaviorTree></root>"""
+    run = simulate(xml, scenario=Scenario())
+    assert (run.outcome, sorted(run.invented)) == ("success", ["other", "outer"])
+
+
 @pytest.mark.slow
 def test_a_tree_that_never_ends_reaches_the_time_limit() -> None:
     run = played("<KeepRunningUntilFailure><Move/></KeepRunningUntilFailure>", default="SUCCESS")
