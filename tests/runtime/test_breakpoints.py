@@ -65,10 +65,14 @@ class Debugged:
     def ask(self, what: str, **more: Any) -> dict[str, Any]:
         return request(self.folder / "control.sock", {"do": what, **more})
 
-    def held_at(self, path: str) -> dict[str, Any]:
-        """Wait until it holds; the answer then."""
-        wait_until(lambda: self.ask("status")["paused"], f"it holds at {path}")
+    def held_at(self, path: str | None) -> dict[str, Any]:
+        """Wait until it holds at that node (None: between two ticks); the answer then."""
+        wait_until(lambda: self._holds_at(path), f"it holds at {path}")
         return self.ask("status")
+
+    def _holds_at(self, path: str | None) -> bool:
+        held_at = self.ask("status")["held_at"]
+        return held_at is not None and held_at.get("node") == path
 
     def goes_on_from(self, ticks: int) -> None:
         """Wait until it has ticked more often than it would if it held again."""
@@ -136,7 +140,7 @@ def test_a_step_from_there_ends_the_tick_and_waits_again(debugged: Debugged) -> 
     ticks = debugged.held_at("count")["ticks"]
     debugged.ask("step")
     wait_until(lambda: debugged.ask("status")["ticks"] > ticks, "it ticks")
-    answer = debugged.held_at("the next tick")
+    answer = debugged.held_at(None)
     assert answer["ticks"] == ticks + 1
     assert debugged.tree.node("work").state == RUNNING
 

@@ -16,6 +16,7 @@ from bestman_bt.scene.scene import World
 from hal.api import Arm, Camera, JointGroup
 from hal.simulation.robot import SimulatedRobot
 from hal.twins.world import LONGEST_DELAY, TwinWorld
+from tests.hal.twinned import wait_for
 
 pytestmark = pytest.mark.real_time
 
@@ -65,8 +66,7 @@ def test_ticks_come_before_each_step(world: TwinWorld) -> None:
         times.append(world.robot.simulation.steps)
 
     world.post(lambda: world.ticks.append(tick))
-    while len(times) <= 10:
-        time.sleep(0.01)
+    wait_for(lambda: len(times) > 10, "ten steps")
     world.post(lambda: world.ticks.remove(tick))
     assert set(np.diff(times)) == {1}
 
@@ -78,8 +78,7 @@ def test_a_picture_is_that_of_the_simulated_camera_and_physics_goes_on(
     motions = [world.call(lambda: head.move_to([0.2, 0.6]))]
     arm = world.robot.part("arm", Arm)
     motions.append(world.call(lambda: arm.move_to(model.posture("home", arm.joint_names))))
-    while not all(motion.done for motion in motions):
-        time.sleep(0.1)
+    wait_for(lambda: all(motion.done for motion in motions), "head and arm come to rest")
     time.sleep(0.5)
     went_on = []
     for _ in range(5):
