@@ -58,7 +58,7 @@ def test_a_stop_comes_in_however_many_connections_are_half_open(
         for _ in range(ATTACKERS):
             attacker = stack.enter_context(socket.create_connection(("127.0.0.1", port), timeout=20.0))
             attacker.sendall(begun)
-        with httpx.Client(base_url=f"http://127.0.0.1:{port}", trust_env=False, timeout=20.0) as http:
+        with httpx.Client(base_url=f"http://127.0.0.1:{port}", trust_env=False, timeout=5.0) as http:
             answer = http.post("/api/runs/4242-abc/stop")
     assert (answer.status_code, answer.json()["ok"]) == (200, True)
     assert executor.asked[-1] == {"do": "stop"}

@@ -15,7 +15,12 @@ pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 SDKS = {"xarm": "xarm", "ur": "rtde_control"}
 
 
-@pytest.fixture(scope="module", params=["xarm", pytest.param("ur", marks=pytest.mark.alone)])
+BESIDE_OTHERS = ("xarm",)
+"""Those whose processes are few enough to be tested beside other tests."""
+PARAMETERS = [pytest.param(name, marks=() if name in BESIDE_OTHERS else pytest.mark.alone) for name in ROBOTS]
+
+
+@pytest.fixture(scope="module", params=PARAMETERS)
 def vendor(request: pytest.FixtureRequest) -> str:
     # `make test` installs them; another installation may be without the vendors' SDKs.
     pytest.importorskip(SDKS[request.param], reason=f"the extra {request.param} is not installed")
