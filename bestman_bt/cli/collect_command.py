@@ -116,9 +116,9 @@ def command(
             text = f"seed {result.seed}: {result.outcome}{why}; {collection.kept} of {wanted.episodes} episodes"
             CONSOLE.print(text, highlight=False, markup=False, soft_wrap=True)
 
-        launcher, interrupted = execution.made(out), ""
+        launcher, interrupted, lost = execution.made(out), "", list[str]()
         try:
-            collection.collect(wanted.episodes, wanted.most or 2 * wanted.episodes, show, launcher)
+            lost = collection.collect(wanted.episodes, wanted.most or 2 * wanted.episodes, show, launcher)
         except KeyboardInterrupt:
             interrupted = "interrupted: repeat the command to continue"
         except (LauncherLostError, DatasetError, OSError) as error:
@@ -131,7 +131,7 @@ def command(
                 "failures": collection.failures,
                 "asked": wanted.episodes,
                 "instruction": instruction,
-                "notes": launcher.notes,
+                "notes": [*launcher.notes, *lost],
                 "interrupted": interrupted,
             }
         )
@@ -139,11 +139,9 @@ def command(
         apart = f", {collection.failures} failures in {out / FAILURES}" if collection.failures else ""
         kept = f"{collection.kept} of {wanted.episodes} episodes{apart}"
         print(f"{out}: {kept}; every seed that was tried is in {ATTEMPTS}")
-    remarks = [*launcher.notes]
+    remarks = [*launcher.notes, *lost]
     if interrupted:
         remarks += [interrupted, "episodes that had ended but waited for an earlier seed, if any, will be run again"]
     for remark in remarks:
         CONSOLE.print(f"bestman-bt: {remark}", highlight=False, markup=False, soft_wrap=True)
-    if interrupted:
-        sys.exit(130)
-    sys.exit(0 if collection.kept >= wanted.episodes else 1)
+    sys.exit(130 if interrupted or lost else 0 if collection.kept >= wanted.episodes else 1)

@@ -41,6 +41,7 @@ from bestman_bt.evaluation.journal import JournalError
 from bestman_bt.evaluation.launchers.launcher import Launcher
 from bestman_bt.evaluation.markdown import accuracy_words, markdown, own_targets, verdict
 from bestman_bt.evaluation.result import RunResult
+from bestman_bt.evaluation.seed_ranges import ranges
 from bestman_bt.evaluation.shards import KnownDurations, Shard
 from bestman_bt.evaluation.suite import Suite, SuiteEntry, make_suite
 from bestman_bt.evaluation.summary import spread_words
@@ -331,17 +332,6 @@ def _refuse_other_suite(summary: Path, suite: Suite) -> None:
     if file != suite.file:
         message = f"holds the figures of another suite ({file or 'a shipped one'}); choose another folder with --out"
         raise ConfigurationError([Problem(str(summary.parent), None, "", message)])
-
-
-def ranges(numbers: Sequence[int]) -> str:
-    """Return ascending numbers as ranges, such as ``7000 to 7004, 7009``."""
-    parts: list[list[int]] = []
-    for number in numbers:
-        if parts and number == parts[-1][-1] + 1:
-            parts[-1].append(number)
-        else:
-            parts.append([number])
-    return ", ".join(str(part[0]) if len(part) == 1 else f"{part[0]} to {part[-1]}" for part in parts)
 
 
 def print_result(document: dict[str, Any]) -> None:

@@ -110,19 +110,22 @@ class Collection:
 
     def collect(
         self, episodes: int, most: int, show: Callable[[RunResult], None], launcher: Launcher | None = None
-    ) -> None:
+    ) -> list[str]:
         """Run seeds from the first one until the dataset has ``episodes`` of this task, at most ``most`` seeds.
 
         Seeds that were tried in an earlier call are passed over, unless they have ended by an error. As many seeds are
         run as successes are missing, then as many as are still missing, so that the same seeds are tried whatever runs
         them. ``show``: receives each result, in the order of the seeds. ``launcher``: None: this process.
 
-        Raises ConfigurationError if the launcher refuses the episodes or another process writes the dataset,
-        DatasetError if it cannot be written, LauncherLostError if the launcher is lost, KeyboardInterrupt after Ctrl-C
-        or a stopped episode. What is in the dataset by then is kept; results that wait for an earlier seed are not.
+        An episode whose workers are lost is listed as an error. Returns a sentence on the seeds of each cause.
+
+        Raises ConfigurationError if the launcher refuses the episodes, another process writes the dataset or its folder
+        cannot be made, DatasetError if it cannot be written any more, LauncherLostError if the launcher is lost,
+        KeyboardInterrupt after Ctrl-C or a stopped episode. What is in the dataset by then is kept; results that wait
+        for an earlier seed are not.
         """
         launcher = launcher or LocalProcesses()
-        first, planned = self._config.seed, list[int]()
+        first, planned, lost = self._config.seed, list[int](), dict[int, str]()
         code, files = code_fingerprint(), config_fingerprint(self._config)
         with self._writing():
             tried = self._tried()
@@ -134,7 +137,7 @@ class Collection:
                     planned += left[:missing]
                     launcher.submit([self._request(seed, code, files) for seed in left[:missing]])
                     left = left[missing:]
-                    for place, result in launcher.results():
+                    for place, result in self._results(launcher, range(ended, len(planned)), lost):
                         if result.outcome is Outcome.CANCELLED:
                             raise KeyboardInterrupt
                         finished[place] = result
@@ -142,10 +145,22 @@ class Collection:
                             self._keep(planned[ended], finished[ended])
                             show(finished[ended])
                             ended += 1
-                    if ended < len(planned):
-                        raise launcher.without_results(sum(one not in finished for one in range(ended, len(planned))))
             finally:
                 launcher.cancel()
+        again = "a later command runs them again if the dataset lacks episodes"
+        return [f"{one}; {again}" for one in launcher.without_results(lost)]
+
+    def _results(
+        self, launcher: Launcher, places: Iterable[int], lost: dict[int, str]
+    ) -> Iterator[tuple[int, RunResult]]:
+        """Yield the results, then an error for each place without one, which is added to ``lost``."""
+        left = set(places)
+        for place, result in launcher.results():
+            left.discard(place)
+            yield place, result
+        for place in sorted(left):
+            lost[place] = self._config.name
+            yield place, launcher.requests[place].failed_result(launcher.given_up.get(place, "the launcher lost it"))
 
     def _open(self) -> None:
         self._dataset = self._opened(self.folder, ("seed", RUN, AUDIT))
@@ -180,14 +195,15 @@ class Collection:
     def _writing(self) -> Iterator[None]:
         """Hold the dataset as its only writer, with a new folder for the episodes that are not in it yet.
 
-        Raises ConfigurationError if another process holds it, DatasetError if the folder cannot be written.
+        Raises ConfigurationError if another process holds it or the folder cannot be written.
         """
         new, path, staged = not self.folder.exists(), self.folder / ATTEMPTS, self.folder / STAGED
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._attempts = path.open("a+b")
         except OSError as error:
-            raise DatasetError(f"{self.folder} cannot be a dataset's folder: {error.strerror}") from error
+            why = f"cannot be a dataset's folder: {error.strerror}"
+            raise ConfigurationError([Problem(str(self.folder), None, "", why)]) from error
         try:
             lock_file = lock_for_writing(self._attempts, path, "collect")
             try:

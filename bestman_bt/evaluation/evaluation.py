@@ -69,7 +69,7 @@ class Evaluation:
             self._journal = self._stack.enter_context(Journal(self._folder / "episodes.jsonl"))
             self.notes += self._journal.notes
             self._take_finished(self._journal)
-            while not any(self._missing()) and self._plan_further():
+            while self._plan_further():
                 self._take_finished(self._journal)
         return self
 
@@ -78,16 +78,19 @@ class Evaluation:
 
     def run(self, launcher: Launcher | None = None, on_result: OnResult | None = None) -> dict[str, Any]:
         """Run the missing episodes and return the document. Ctrl-C, a stopped episode, a lost launcher or a full disk
-        ends it early.
+        ends it early; episodes whose workers are lost remain missing.
 
         ``launcher``: None: this process. Raises ConfigurationError if it refuses the episodes.
         """
         launcher = launcher or LocalProcesses()
         planned: list[tuple[SuiteEntry, int]] = []
+        submitted: set[tuple[str, int]] = set()
+        missed: Iterable[int] = launcher.given_up
         self._interrupted = True
         try:
-            while missing := list(self._missing()):
+            while missing := [(one, seed) for one, seed in self._missing() if (one.name, seed) not in submitted]:
                 planned += missing
+                submitted.update((entry.name, seed) for entry, seed in missing)
                 launcher.submit(self._requests(missing))
                 for place, result in launcher.results():
                     if result.outcome is Outcome.CANCELLED:
@@ -98,16 +101,16 @@ class Evaluation:
                     self._finish(entry, result)
                     if on_result is not None:
                         on_result(entry, result)
-                if left := sum(seed not in self._finished[entry.name] for entry, seed in missing):
-                    raise launcher.without_results(left)
                 self._plan_further()
-            self._interrupted = False
+            missed = [place for place, (one, seed) in enumerate(planned) if seed not in self._finished[one.name]]
+            self._interrupted = bool(missed)
         except KeyboardInterrupt:
             pass
         except (LauncherLostError, JournalError) as error:
             self.notes.append(str(error))
         finally:
             launcher.cancel()
+        self.notes += launcher.without_results({place: planned[place][0].name for place in missed})
         self.notes += launcher.notes
         if planned and code_fingerprint() != self._code:
             self.notes.append("the code was changed while the evaluation ran: run it again for figures that count")
@@ -141,11 +144,13 @@ class Evaluation:
         return {**mine}
 
     def _plan_further(self) -> bool:
-        """Plan the next round of a suite that has a precision to reach; return whether there is one."""
+        """Plan the next round of each finished entry of a suite that has a precision to reach; return whether there is
+        one.
+        """
         if self.suite.precision is None:
             return False
-        before = self.asked.total()
-        self._planned = self._round()
+        before, unfinished = self.asked.total(), {entry.name for entry, _ in self._missing()}
+        self._planned = {**self._round(), **{name: self._planned[name] for name in unfinished}}
         return self.asked.total() > before
 
     def _requests(self, planned: Iterable[tuple[SuiteEntry, int]]) -> list[EpisodeRequest]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem
-from bestman_bt.evaluation.journal import EpisodeKey, read_episodes
+from bestman_bt.evaluation.journal import EpisodeKey, StoredEpisodes, read_episodes
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.registry import suggestion
 
@@ -51,17 +51,15 @@ def read_entries(given: str) -> list[FinishedEntry]:
     return named
 
 
-def _entry(summary: Mapping[str, Any], code: str, episodes: Mapping[EpisodeKey, RunResult]) -> FinishedEntry:
+def _entry(summary: Mapping[str, Any], code: str, episodes: StoredEpisodes) -> FinishedEntry:
     """Return the episodes of the summary's code version, or, if they were kept, of the version that
     ran each seed last.
     """
-    mine: dict[int, RunResult] = {}
-    first, count = summary["first_seed"], summary["asked_episodes"]
-    for own in (False, True):
-        for key, result in episodes.items():
-            if key.config == summary["config"] and first <= key.seed < first + count and (key.code == code) is own:
-                mine[key.seed] = result
-    results = tuple(mine[seed] for seed in sorted(mine))
+    config, first, keys = summary["config"], summary["first_seed"], list[EpisodeKey]()
+    for seed in range(first, first + summary["asked_episodes"]):
+        if codes := episodes.codes(config, seed):
+            keys.append(EpisodeKey(config, seed, code if code in codes else codes[-1]))
+    results = tuple(result for _, result in episodes.read(keys))
     return FinishedEntry(summary["name"], summary["task"], results, summary["settings"])
 
 

@@ -6,11 +6,12 @@ import json
 import os
 import shutil
 import time
+from array import array
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.errors import Error
@@ -48,7 +49,8 @@ class StoredEpisodes(Mapping[EpisodeKey, RunResult]):
         self._path, self._places = path, places
 
     def __getitem__(self, key: EpisodeKey) -> RunResult:
-        return _result_of(json.loads(self.line(key)))
+        ((_, result),) = self.read([key])
+        return result
 
     def __contains__(self, key: object) -> bool:
         return isinstance(key, EpisodeKey) and key.seed in self._places.get((key.config, key.code), ())
@@ -62,22 +64,19 @@ class StoredEpisodes(Mapping[EpisodeKey, RunResult]):
         return sum(map(len, self._places.values()))
 
     def codes(self, config: str, seed: int) -> list[str]:
-        """Return the fingerprints of the codes that ran an episode, in the order in which they came into the file."""
-        return [code for (of, code), seeds in self._places.items() if of == config and seed in seeds]
-
-    def line(self, key: EpisodeKey) -> bytes:
-        """Return an episode as its line in the file."""
-        ((_, line),) = self._lines([key])
-        return line
+        """Return the fingerprints of the codes that ran an episode, in the order of their lines in the file."""
+        found = {code: seeds[seed] for (of, code), seeds in self._places.items() if of == config and seed in seeds}
+        return sorted(found, key=found.__getitem__)
 
     def read(self, keys: Iterable[EpisodeKey] | None = None) -> Iterator[tuple[EpisodeKey, RunResult]]:
         """Yield these episodes, by default all; quicker than one by one."""
-        for key, line in self._lines(self if keys is None else keys):
-            yield key, _result_of(json.loads(line))
+        for key, line in self.lines(keys):
+            yield key, result_of(line)
 
-    def _lines(self, keys: Iterable[EpisodeKey]) -> Iterator[tuple[EpisodeKey, bytes]]:
+    def lines(self, keys: Iterable[EpisodeKey] | None = None) -> Iterator[tuple[EpisodeKey, bytes]]:
+        """Yield these episodes, by default all, as their lines in the file, which is open meanwhile."""
         with self._path.open("rb") as file:
-            for key in keys:
+            for key in self if keys is None else keys:
                 file.seek(self._places[key.config, key.code][key.seed])
                 yield key, file.readline()
 
@@ -131,6 +130,12 @@ class Journal:
     def results(self) -> StoredEpisodes:
         """All finished episodes."""
         return StoredEpisodes(self.path, self._places)
+
+    def line(self, key: EpisodeKey) -> bytes:
+        """Return a finished episode as its line."""
+        assert self._file is not None
+        self._file.seek(self._places[key.config, key.code][key.seed])
+        return self._file.readline()
 
     def add(self, key: EpisodeKey, commit: str, result: RunResult) -> None:
         """Write a finished episode and flush it, so that a killed process does not lose it. Raises JournalError."""
@@ -204,11 +209,16 @@ def read_episodes(path: Path) -> StoredEpisodes:
     return StoredEpisodes(path, places)
 
 
+def result_of(line: bytes) -> RunResult:
+    """Return the result in a line of a journal."""
+    return RunResult.from_document(json.loads(line)["result"])
+
+
 def _indexed(file: IO[bytes]) -> tuple[dict[tuple[str, str], SeedMap], dict[int, Exception], int]:
     """Return where the line of each episode begins, what is wrong with which other line, and where the last whole line
     ends.
     """
-    places: dict[tuple[str, str], SeedMap] = {}
+    found: dict[tuple[str, str], tuple[array[int], array[int]]] = {}
     damaged: dict[int, Exception] = {}
     end = 0
     for number, line in enumerate(file, 1):
@@ -216,16 +226,20 @@ def _indexed(file: IO[bytes]) -> tuple[dict[tuple[str, str], SeedMap], dict[int,
             break
         try:
             entry = json.loads(line)
-            _result_of(entry)
-            places.setdefault((entry["config"], entry["code"]), SeedMap())[entry["seed"]] = end
-        except (ValueError, KeyError, TypeError, OverflowError) as error:
+            RunResult.from_document(entry["result"])
+            config, code, seed = entry["config"], entry["code"], entry["seed"]
+            if not (isinstance(config, str) and isinstance(code, str) and type(seed) is int and abs(seed) < 2**63):
+                raise TypeError(
+                    f"config and code should be text and seed an integer, got {config!r}, {code!r}, {seed!r}"
+                )
+        except (ValueError, KeyError, TypeError) as error:
             damaged[number] = error
+        else:
+            seeds, ends = found.setdefault((config, code), (array("q"), array("q")))
+            seeds.append(seed)
+            ends.append(end)
         end += len(line)
-    return places, damaged, end
-
-
-def _result_of(entry: Mapping[str, Any]) -> RunResult:
-    return RunResult.from_document(entry["result"])
+    return {key: SeedMap(*pairs) for key, pairs in found.items()}, damaged, end
 
 
 def _damaged(path: Path, lines: Mapping[int, Exception], remedy: str = "") -> ConfigurationError:

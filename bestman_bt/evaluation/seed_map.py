@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import pairwise
+
+import numpy as np
 
 
 class SeedMap(Mapping[int, int]):
@@ -13,8 +16,15 @@ class SeedMap(Mapping[int, int]):
     Seeds and numbers are below 2⁶³; others raise OverflowError.
     """
 
-    def __init__(self) -> None:
-        self._seeds, self._numbers = array("q"), array("q")
+    def __init__(self, seeds: Iterable[int] = (), numbers: Iterable[int] = ()) -> None:
+        """Take seeds in any order with their numbers; the last number of a seed counts."""
+        self._seeds, self._numbers = array("q", seeds), array("q", numbers)
+        if any(seed >= after for seed, after in pairwise(self._seeds)):
+            order = np.argsort(self._seeds, kind="stable")
+            order = order[np.append(np.diff(np.array(self._seeds)[order]) > 0, True)]
+            self._seeds, self._numbers = (
+                array("q", np.array(one)[order].tobytes()) for one in (self._seeds, self._numbers)
+            )
 
     def __getitem__(self, seed: int) -> int:
         place = bisect_left(self._seeds, seed)

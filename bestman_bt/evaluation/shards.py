@@ -6,13 +6,12 @@ import heapq
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from operator import itemgetter
 from pathlib import Path
 from statistics import fmean
 from typing import Any, TypeVar
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem
-from bestman_bt.evaluation.journal import EpisodeKey, Journal, StoredEpisodes, read_episodes
+from bestman_bt.evaluation.journal import EpisodeKey, Journal, StoredEpisodes, read_episodes, result_of
 
 T = TypeVar("T")
 
@@ -122,27 +121,30 @@ def merge_journals(journal: Journal, others: Mapping[Path, StoredEpisodes]) -> l
     contradictions: list[ConflictingResults] = []
     added: EpisodeKey | None = None
     first = journal.path
-    for key, path in _sorted_keys(others):
-        line = others[path].line(key)
+    for key, line, path in _sorted_lines(others):
         if key not in journal.results:
             journal.add_line(key, line)
             added, first = key, path
-        elif line != journal.results.line(key) and (
-            differing := tuple(_differing(journal.results[key].to_document(), others[path][key].to_document()))
+        elif line != (mine := journal.line(key)) and (
+            differing := tuple(_differing(result_of(mine).to_document(), result_of(line).to_document()))
         ):
             paths = (str(first if key == added else journal.path), str(path))
             contradictions.append(ConflictingResults(key, paths, differing))
     return contradictions
 
 
-def _sorted_keys(journals: Mapping[Path, StoredEpisodes]) -> Iterator[tuple[EpisodeKey, Path]]:
-    """Yield the episodes of all journals, those of one key in the order of the journals."""
+def _sorted_lines(journals: Mapping[Path, StoredEpisodes]) -> Iterator[tuple[EpisodeKey, bytes, Path]]:
+    """Yield the episodes of all journals, those of one key in the order of the journals, which are open meanwhile."""
 
-    def of_one(episodes: StoredEpisodes, path: Path) -> Iterator[tuple[tuple[str, str, int], EpisodeKey, Path]]:
-        return (((key.config, key.code, key.seed), key, path) for key in episodes)
+    def of_one(episodes: StoredEpisodes, path: Path) -> Iterator[tuple[EpisodeKey, bytes, Path]]:
+        return ((key, line, path) for key, line in episodes.lines())
 
-    merged = heapq.merge(*(of_one(episodes, path) for path, episodes in journals.items()), key=itemgetter(0))
-    return ((key, path) for _, key, path in merged)
+    return heapq.merge(*(of_one(episodes, path) for path, episodes in journals.items()), key=_place)
+
+
+def _place(episode: tuple[EpisodeKey, bytes, Path]) -> tuple[str, str, int]:
+    key, *_ = episode
+    return key.config, key.code, key.seed
 
 
 def _differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:

@@ -246,6 +246,21 @@ def test_a_folder_that_cannot_be_made_is_refused_before_anything_starts(bestman_
     answer = bestman_bt("collect", "pick_bench", "-o", "file/set")
     assert answer.code == 2
     assert "is not a folder" in answer.err
+    answer = bestman_bt("collect", "pick_bench", "-o", "/proc/set")  # root may write there, it seems, but cannot
+    assert answer.code == 2
+    assert "/proc/set" in answer.err
+    assert "episodes" not in answer.out
+
+
+def test_seeds_without_a_result_are_told_and_end_with_130(
+    bestman_bt: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Collection, "collect", lambda *_: ["pick_bench: no result for seed 7"])
+    answer = bestman_bt("collect", "pick_bench", "-o", "set", "--json")
+    document = json.loads(answer.out)
+    assert (answer.code, document["interrupted"], document["notes"]) == (130, "", ["pick_bench: no result for seed 7"])
+    assert "no result for seed 7" in answer.err
+    assert "waited for an earlier seed" not in answer.err
 
 
 def test_a_dataset_that_cannot_be_written_is_reported_without_a_traceback(bestman_bt: Command, folder: Path) -> None:

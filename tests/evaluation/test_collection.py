@@ -20,7 +20,6 @@ from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.evaluation.collection import ATTEMPTS, STAGED, Collection
 from bestman_bt.evaluation.launchers.local import LocalProcesses
-from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
 from bestman_bt.evaluation.recorded_episode import ACTION, LABELS, NODE, STATE, RecordedEpisode, labels
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.manipulation.policy.training.dataset_folder import FAILURES, DatasetError, DatasetFolder
@@ -219,7 +218,9 @@ def test_a_success_that_is_not_the_robots_is_listed_with_its_reason_and_not_kept
     assert attempts(tmp_path)[0]["episode"] is None
 
 
-def test_a_seed_whose_workers_are_lost_is_no_attempt_and_is_run_again(config: RunConfig, tmp_path: Path) -> None:
+def test_a_seed_whose_workers_are_lost_is_listed_keeps_none_back_and_is_run_again(
+    config: RunConfig, tmp_path: Path
+) -> None:
     class Losing(MadeUp):
         def results(self) -> Iterator[tuple[int, RunResult]]:
             for place, result in super().results():
@@ -228,12 +229,16 @@ def test_a_seed_whose_workers_are_lost_is_no_attempt_and_is_run_again(config: Ru
                 else:
                     yield place, result
 
-    with pytest.raises(LauncherLostError, match="^1 episodes have no result; 1 were run 3 times: killed; what has"):
-        collect(config, tmp_path, Losing(), episodes=3)
-    assert [one["seed"] for one in attempts(tmp_path)] == [SEED]
+    collection = Collection(config, tmp_path, "pick", ())
+    lost = collection.collect(2, 3, lambda result: None, Losing())
+    again = "a later command runs them again if the dataset lacks episodes"
+    assert lost == [f"pick_bench: no result for seed {SEED + 1} after 3 runs: killed; {again}"]
+    assert [row["seed"] for row in DatasetFolder.read(tmp_path).episodes] == [SEED, SEED + 2]
+    listed = [(one["seed"], one["outcome"], one["why"]) for one in attempts(tmp_path)]
+    assert listed == [(SEED, "success", ""), (SEED + 1, "error", "killed"), (SEED + 2, "success", "")]
     again = MadeUp()
-    assert collect(config, tmp_path, again, episodes=3).kept == 3
-    assert again.ran == [SEED + 1, SEED + 2]
+    assert collect(config, tmp_path, again, episodes=4).kept == 4
+    assert again.ran == [SEED + 1, SEED + 3]
 
 
 def test_another_task_in_the_folder_counts_for_itself(config: RunConfig, tmp_path: Path) -> None:

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from bestman_bt.configuration.errors import ConfigurationError
+from bestman_bt.configuration.run import load_run
+from bestman_bt.evaluation.code_version import config_fingerprint
 from bestman_bt.evaluation.comparison import differences_table, matched, short_names, within
+from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry, read_entries
+from bestman_bt.evaluation.journal import EpisodeKey, Journal
+from bestman_bt.evaluation.suite import Suite, SuiteEntry
 from tests.evaluation.evaluated import finished_evaluation
 from tests.evaluation.test_paired_comparison import run
+from tests.evaluation.test_summary import result
 
 RRT, BIT = "algorithms.motion_planning.algorithm=rrt_connect", "algorithms.motion_planning.algorithm=bit_star"
 
@@ -94,3 +102,16 @@ def test_a_picture_has_a_panel_for_success_and_each_metric_with_a_line_per_pair(
     groups = [e.get("id", "") for e in ET.parse(tmp_path / "picture.svg").iter() if e.get("id", "").startswith("axes_")]
     assert len(groups) == 4  # success, error, drive_s, time_s
     assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_of_several_old_codes_the_last_one_in_the_journal_counts(tmp_path: Path) -> None:
+    config = load_run("fetch_cup", seed=5)
+    with Journal(tmp_path / "episodes.jsonl") as journal:
+        for code, sim_time in (("b", 1.0), ("a", 2.0)):
+            key = EpisodeKey(config_fingerprint(config), 5, code)
+            journal.add(key, "", replace(result(5), sim_time_s=sim_time))
+    with Evaluation(Suite("mine", (SuiteEntry("one", config, 1),)), tmp_path, keep_old=True) as evaluation:
+        (tmp_path / "summary.json").write_text(json.dumps(evaluation.document()))
+        (counted,) = evaluation.finished_entries()
+    (found,) = read_entries(str(tmp_path))
+    assert [one.sim_time_s for one in (*counted.results, *found.results)] == [2.0, 2.0]

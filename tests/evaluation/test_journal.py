@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import resource
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -165,3 +167,43 @@ def test_a_lock_file_takes_the_place_of_locks_where_the_file_system_has_none(
     with pytest.raises(ConfigurationError, match="process 0 on another-machine"):
         Journal(path).__enter__()
     assert lock.exists()
+
+
+def line(**changes: Any) -> str:
+    entry = {"config": "c0ffee", "seed": 7, "code": "abc", "commit": "", "result": result(7).to_document(), **changes}
+    return json.dumps(entry) + "\n"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"seed": True}, {"seed": 5.0}, {"seed": "5"}, {"seed": 2**63}, {"config": None}, {"code": ["x"]}],
+    ids=str,
+)
+def test_a_line_whose_identity_is_none_is_damaged(tmp_path: Path, changes: dict[str, Any]) -> None:
+    path = tmp_path / "episodes.jsonl"
+    path.write_text(line(**changes))
+    for _ in range(2):  # it is left as it is
+        with pytest.raises(ConfigurationError, match="line 1 is not a finished episode: .*config and code should be"):
+            Journal(path).__enter__()
+    with pytest.raises(ConfigurationError, match="line 1 is not a finished episode"):
+        read_episodes(path)
+    path.write_text(line() + line(**changes))
+    with Journal(path) as mended:
+        assert list(mended.results) == [KEY]
+        assert len(mended.notes) == 1
+
+
+def test_the_codes_of_an_episode_are_in_the_order_of_their_lines(tmp_path: Path) -> None:
+    path = tmp_path / "episodes.jsonl"
+    path.write_text("".join(line(code=code, seed=seed) for code, seed in (("a", 1), ("b", 5), ("b", 1), ("a", 5))))
+    found = read_episodes(path)
+    assert [found.codes("c0ffee", seed) for seed in (1, 5, 9)] == [["a", "b"], ["b", "a"], []]
+
+
+def test_an_episode_is_read_while_others_are_added(tmp_path: Path) -> None:
+    others = [EpisodeKey("c0ffee", seed, "abc") for seed in range(20)]
+    with Journal(tmp_path / "episodes.jsonl") as journal:
+        for key in others:
+            journal.add(key, "", result(key.seed))
+            assert json.loads(journal.line(others[key.seed // 2]))["seed"] == key.seed // 2
+    assert list(read_episodes(tmp_path / "episodes.jsonl")) == others

@@ -21,6 +21,14 @@ def test_it_holds_what_a_dictionary_holds_sorted_by_seed() -> None:
     assert [found.get(seed, -1) for seed in (-1, 200)] == [-1, -1]
 
 
+def test_it_takes_many_seeds_at_once_in_any_order_and_keeps_the_last_number() -> None:
+    for order in (1, -1):
+        pairs = np.random.default_rng(3).integers(-200, 200, (300, 2)).tolist()[::order]
+        assert list(SeedMap(*zip(*pairs, strict=True)).items()) == sorted(dict(pairs).items())
+    assert list(SeedMap([3, 4], [7, 8]).items()) == [(3, 7), (4, 8)]
+    assert list(SeedMap().items()) == []
+
+
 def test_ten_thousand_seeds_take_twenty_bytes_each() -> None:
     tracemalloc.start()
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -143,6 +144,28 @@ def test_an_episode_that_is_merged_takes_no_more_memory_than_its_numbers(suite: 
         tracemalloc.stop()
     numbers = 2 + len({**result(0).metrics, **result(0).durations, "time_s": 0.0})
     assert (taken[1] - taken[0]) / 3000 < 9 * numbers + 100
+
+
+def test_a_merge_opens_each_journal_as_often_for_many_episodes_as_for_few(
+    suite: Suite, keys: Sequence[EpisodeKey], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: Counter[Path] = Counter()
+    real = Path.open
+
+    def counted(path: Path, *arguments: Any, **options: Any) -> Any:
+        opened[path] += 1
+        return real(path, *arguments, **options)
+
+    for name, mine in (("few", keys[:2]), ("many", keys)):
+        write(tmp_path / name / "one", mine)
+        write(tmp_path / name / "two", mine, wall_time_s=2.0)
+    monkeypatch.setattr(Path, "open", counted)
+    for name in ("few", "many"):
+        merged(suite, tmp_path / f"{name}_out", tmp_path / name)
+    shards = [
+        [opened[tmp_path / name / part / "episodes.jsonl"] for part in ("one", "two")] for name in ("few", "many")
+    ]
+    assert shards[0] == shards[1]
 
 
 def test_missing_episodes_are_named(suite: Suite, keys: Sequence[EpisodeKey], tmp_path: Path) -> None:

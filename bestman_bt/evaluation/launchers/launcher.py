@@ -12,7 +12,7 @@ import time
 import warnings
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +27,7 @@ from bestman_bt.evaluation.launchers.remote_events import EventAddress, forwarde
 from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, LauncherLostError, code_here
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
+from bestman_bt.evaluation.seed_ranges import ranges
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.records.writer import RESULT_FILE
 from bestman_bt.runtime.resolved_config import ResolvedConfig
@@ -35,8 +36,10 @@ WALL_LIMIT = 3600.0
 """Seconds of wall time after which an episode is taken to hang."""
 MOST_LOSSES = 3
 """How often an episode may lose its worker before it is given up, without a result; and how many episodes may be given
-up in a row before the launcher is.
+up before one has ended.
 """
+MOST_MACHINE_LOSSES = 9
+"""How many episodes in a row may be lost by causes of the machine."""
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 """What a full disk answers, which says nothing of the episode that it meets."""
 LITTLE_ROOM = 16 << 20
@@ -162,7 +165,7 @@ class Launcher(ABC):
     """Runs episodes; subclasses define where. Results do not depend on the launcher.
 
     An episode that ends its own process counts as an error. If its worker was lost independently of it, it is run at
-    most three times, then given up without a result; ``notes`` count the repeats by reason.
+    most three times, then given up without a result, and the others are run; ``notes`` count the repeats by reason.
     """
 
     def __init__(self, options: LaunchOptions | None = None) -> None:
@@ -171,7 +174,9 @@ class Launcher(ABC):
         self.requests: list[EpisodeRequest] = []
         self.given_up: dict[int, str] = {}
         """Index of an episode that has lost its worker too often → why."""
-        self._given_up_in_a_row = 0
+        self.any_ended = False
+        """Whether an episode has ended, so that the workers can run some."""
+        self._lost_in_a_row = 0
         self._losses: Counter[int] = Counter()
         self._repeats: Counter[str] = Counter()
 
@@ -202,39 +207,50 @@ class Launcher(ABC):
         return range(before, len(self.requests))
 
     def take(self, place: int, answer: EpisodeAnswer) -> RunResult | None:
-        """Return the result that an answer stands for; None: its worker was lost, and the episode must be run again
-        unless it is ``given_up``.
+        """Return the result that an answer stands for; None: its worker was lost, and the episode must be run again,
+        behind those that wait, unless it is ``given_up``.
 
-        Raises LauncherLostError if the worker has refused it, as a node of other code that joined late does, or if
-        episode after episode is given up, as where all disks are full.
+        Raises LauncherLostError if the worker has refused it, as a node of other code that joined late does, if
+        episode after episode is lost by the machine, as where all disks are full, or if episodes are given up before
+        any has ended.
         """
         if answer.refused:
             raise LauncherLostError(answer.refused)
         if not answer.lost:
-            self._given_up_in_a_row = 0
+            self.any_ended, self._lost_in_a_row = True, 0
         if answer.result:
             result: RunResult = pickle.loads(answer.result)  # noqa: S301 - from a worker of this evaluation
             return result
         if answer.crashed:
             return self.requests[place].failed_result(answer.crashed, answer.seconds)
         self._losses[place] += 1
+        self._lost_in_a_row += 1
         if self._losses[place] < MOST_LOSSES:
             self._repeats[answer.lost] += 1
-            return None
-        self.given_up[place] = answer.lost
-        self._given_up_in_a_row += 1
-        if self._given_up_in_a_row == MOST_LOSSES:
-            raise self.without_results(len(self.given_up))
+        else:
+            self.given_up[place] = answer.lost
+        if answer.by_machine and self._lost_in_a_row >= MOST_MACHINE_LOSSES:
+            raise _lost(f"{self._lost_in_a_row} episodes in a row were lost", answer)
+        if not self.any_ended and len(self.given_up) >= MOST_LOSSES:
+            raise _lost("no episode has ended, each one lost its worker", answer)
         return None
 
-    def without_results(self, episodes: int) -> LauncherLostError:
-        """Return the error to raise if so many episodes have ended without a result."""
-        whys = Counter(self.given_up.values())
-        causes = "".join(f"; {count} were run {MOST_LOSSES} times: {why}" for why, count in whys.items())
-        return LauncherLostError(
-            f"{episodes} episodes have no result{causes}; what has finished is kept: repeat the command once the cause "
-            "is removed"
-        )
+    def without_results(self, names: Mapping[int, str]) -> list[str]:
+        """Return a sentence on the seeds without a result of each entry and cause; ``names``: their index → entry."""
+        seeds: dict[tuple[str, str], list[int]] = {}
+        for place, name in names.items():
+            why = f"after {MOST_LOSSES} runs: {self.given_up[place]}" if place in self.given_up else "by the launcher"
+            seeds.setdefault((name, why), []).append(self.requests[place].config.seed)
+        return [
+            f"{name}: no result for {'seed' if len(those) == 1 else 'seeds'} {ranges(sorted(those))} {why}"
+            for (name, why), those in seeds.items()
+        ]
+
+
+def _lost(what: str, answer: EpisodeAnswer) -> LauncherLostError:
+    return LauncherLostError(
+        f"{what}: {answer.lost}; what has finished is kept: repeat the command once the cause is removed"
+    )
 
 
 def _is_disk_full(error: Exception, folder: Path) -> bool:

@@ -41,7 +41,7 @@ class LocalProcesses(Launcher):
                 del self._busy[worker]
                 result = self.take(place, answer)
                 if result is None and place not in self.given_up:
-                    self._waiting.appendleft(place)
+                    self._waiting.append(place)
                 if worker.alive and self._waiting:
                     self._give(worker)
                 else:

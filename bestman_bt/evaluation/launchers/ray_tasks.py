@@ -87,7 +87,7 @@ class RayTasks(Launcher):
                 if result is not None:
                     yield place, result
                 elif place not in self.given_up:
-                    self._waiting.appendleft(place)
+                    self._waiting.append(place)
 
     @property
     def notes(self) -> list[str]:
@@ -199,7 +199,7 @@ class RayTasks(Launcher):
             reason = _last_line(error)
             # Ray reports a function that cannot be imported as a RuntimeError.
             if isinstance(error, errors.RayTaskError) and not isinstance(error.cause, (ImportError, RuntimeError)):
-                return EpisodeAnswer(lost=f"its Ray task failed ({reason})")
+                return EpisodeAnswer(lost=f"its Ray task failed ({reason})", by_machine=True)
             return EpisodeAnswer(
                 refused=f"a node cannot run episodes: {reason}; what has finished is kept: repeat the command"
             )

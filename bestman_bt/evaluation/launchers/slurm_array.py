@@ -59,7 +59,7 @@ class SlurmArray(Launcher):
         self._submit([places[number::tasks] for number in range(tasks)])
 
     def results(self) -> Iterator[tuple[int, RunResult]]:
-        """Yield each place with its result. Raises LauncherLostError if tasks end without any."""
+        """Yield each place with its result. Raises LauncherLostError if tasks end before there is any."""
         yielded: set[int] = set()
         while self._parts:
             running = self._running()
@@ -80,7 +80,7 @@ class SlurmArray(Launcher):
                     elif place not in yielded:
                         yielded.add(place)
                         yield place, result
-            if self._fruitless >= MOST_FRUITLESS:
+            if self._fruitless >= MOST_FRUITLESS and not self.any_ended:
                 raise LauncherLostError(
                     f"{self._fruitless} tasks of Slurm ended without one finished episode; what they wrote is in "
                     f"{self._executor.folder}"

@@ -34,7 +34,7 @@ serve(int(sys.argv[1]))
 _ALONE = 113
 """Exit code of a worker whose parent has gone."""
 _ENDED = {
-    -signal.SIGKILL: "its worker was ended by signal 9",
+    -signal.SIGKILL: "its worker was ended by signal 9, often for lack of memory, of which fewer --jobs need less",
     -signal.SIGTERM: "its worker was ended by signal 15",
     _ALONE: "its worker was left alone",
 }
@@ -59,7 +59,7 @@ class EpisodeAnswer:
 
     ``result``: the pickled ``RunResult``. ``crashed``: the episode ended its process, or hung. ``lost``: the worker was
     killed from outside, independently of the episode. ``refused``: the worker cannot run it. ``seconds``: of wall time,
-    until the worker was gone.
+    until the worker was gone. ``by_machine``: no episode could have been run, as on a full disk.
     """
 
     result: bytes = b""
@@ -67,6 +67,7 @@ class EpisodeAnswer:
     lost: str = ""
     refused: str = ""
     seconds: float = 0.0
+    by_machine: bool = False
 
 
 class WorkerProcess:
@@ -148,7 +149,7 @@ def run_in_own_process(request: bytes, wall_limit: float, folder: str) -> Episod
     except (OSError, RuntimeError) as error:
         time.sleep(UNPACKING)
         why = error.strerror if isinstance(error, OSError) else error
-        answer = EpisodeAnswer(lost=f"no worker starts on {platform.node()}: {why}")
+        answer = EpisodeAnswer(lost=f"no worker starts on {platform.node()}: {why}", by_machine=True)
     if _own and not _own[0].alive:
         _own.clear()
     return answer
@@ -195,7 +196,7 @@ def _answer(request: bytes, code: frozenset[tuple[str, int, int]]) -> EpisodeAns
     except LauncherLostError as error:
         return EpisodeAnswer(refused=str(error))
     except Exception as error:  # noqa: BLE001 - ``run`` catches those of the episode: this one is the worker's
-        return EpisodeAnswer(lost=f"its worker failed ({type(error).__name__}: {error})")
+        return EpisodeAnswer(lost=f"its worker failed ({type(error).__name__}: {error})", by_machine=True)
 
 
 def _end_with_the_parent(descriptor: int) -> None:

@@ -7,7 +7,7 @@ import inspect
 import os
 import pickle
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,9 +15,10 @@ from types import SimpleNamespace
 import pytest
 
 from bestman_bt.configuration.errors import ConfigurationError
-from bestman_bt.configuration.run import load_run
+from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.evaluation.code_version import code_fingerprint
 from bestman_bt.evaluation.evaluation import Evaluation
+from bestman_bt.evaluation.interval import Precision
 from bestman_bt.evaluation.launchers import launcher as launcher_module
 from bestman_bt.evaluation.launchers import worker_process
 from bestman_bt.evaluation.launchers.launcher import EpisodeRequest, Launcher, LaunchOptions
@@ -82,21 +83,31 @@ def test_what_an_answer_stands_for(request_of_one: EpisodeRequest) -> None:
     assert launcher.given_up == {0: "node lost"}
 
 
-def test_a_launcher_that_gives_up_episode_after_episode_is_lost(request_of_one: EpisodeRequest) -> None:
-    launcher = LocalProcesses()
-    launcher.submit([request_of_one] * 5)
-
-    def lose(place: int) -> None:
+def lose(launcher: Launcher, places: Sequence[int], by_machine: bool = False) -> None:
+    for place in places:
         for _ in range(3):
-            assert launcher.take(place, EpisodeAnswer(lost="the disk is full")) is None
+            assert launcher.take(place, EpisodeAnswer(lost="the disk is full", by_machine=by_machine)) is None
 
-    lose(0)
-    lose(1)
-    launcher.take(4, EpisodeAnswer(crashed="the process ended with code 3"))
-    lose(2)
-    lose(3)
-    with pytest.raises(LauncherLostError, match=r"^5 episodes have no result; 5 were run 3 times: the disk is full"):
-        lose(4)
+
+def test_a_launcher_that_only_loses_episodes_is_lost(request_of_one: EpisodeRequest) -> None:
+    launcher = LocalProcesses()
+    launcher.submit([request_of_one] * 9)
+    lose(launcher, [0, 1])
+    with pytest.raises(LauncherLostError, match=r"^no episode has ended, each one lost its worker: the disk is full"):
+        lose(launcher, [2])
+    launcher.take(8, EpisodeAnswer(crashed="the process ended with code 3"))
+    lose(launcher, [3, 4, 5, 6, 7])
+    assert len(launcher.given_up) == 8
+
+
+def test_a_launcher_whose_machines_lose_episode_after_episode_is_lost(request_of_one: EpisodeRequest) -> None:
+    launcher = LocalProcesses()
+    launcher.submit([request_of_one] * 9)
+    for places in ([0, 1], [2, 3]):
+        launcher.take(8, EpisodeAnswer(crashed="the process ended with code 3"))
+        lose(launcher, places, by_machine=True)
+    with pytest.raises(LauncherLostError, match=r"^9 episodes in a row were lost: the disk is full; what has finished"):
+        lose(launcher, [4], by_machine=True)
 
 
 class Losing(LocalProcesses):
@@ -104,11 +115,15 @@ class Losing(LocalProcesses):
 
     LOST = 5
 
+    def is_lost(self, config: RunConfig) -> bool:
+        return config.seed == self.LOST
+
     def results(self) -> Iterator[tuple[int, RunResult]]:
         while self._waiting:
             place = self._waiting.popleft()
-            seed = self.requests[place].config.seed
-            answer = EpisodeAnswer(lost="killed") if seed == self.LOST else EpisodeAnswer(pickle.dumps(result(seed)))
+            config = self.requests[place].config
+            made = replace(result(config.seed), success=config.seed % 2 == 0)
+            answer = EpisodeAnswer(lost="killed") if self.is_lost(config) else EpisodeAnswer(pickle.dumps(made))
             taken = self.take(place, answer)
             if taken is not None:
                 yield place, taken
@@ -123,15 +138,56 @@ def test_an_episode_whose_workers_are_lost_is_missing_and_run_by_the_next_comman
     assert (document["episodes"], document["interrupted"], document["met"]) == (3, True, False)
     assert document["entries"][0]["missing"] == [Losing.LOST]
     assert document["notes"] == [
-        "1 episodes have no result; 1 were run 3 times: killed; what has finished is kept: repeat the command once the "
-        "cause is removed",
+        "one: no result for seed 5 after 3 runs: killed",
         "2 times an episode was run again: killed",
     ]
     ran = Losing()
     ran.LOST = 0
     with Evaluation(suite, tmp_path) as evaluation:
-        assert evaluation.run(ran)["met"]
+        assert evaluation.run(ran)["episodes"] == 4
     assert [request.config.seed for request in ran.requests] == [5]
+
+
+class LosingFetches(Losing):
+    """Loses all workers of one task."""
+
+    def is_lost(self, config: RunConfig) -> bool:
+        return config.name == "fetch_cup"
+
+
+def test_an_entry_whose_workers_are_always_lost_does_not_keep_the_others_back(tmp_path: Path) -> None:
+    names = {"big": "fetch_cup", "small": "pick_bench"}
+    suite = Suite("mine", tuple(SuiteEntry(entry, load_run(task, seed=4), 6) for entry, task in names.items()))
+    with Evaluation(suite, tmp_path) as evaluation:
+        document = evaluation.run(LosingFetches())
+    assert [entry["episodes"] for entry in document["entries"]] == [0, 6]
+    assert document["interrupted"]
+    assert document["notes"][0] == "big: no result for seeds 4 to 9 after 3 runs: killed"
+    with Evaluation(suite, tmp_path) as evaluation:
+        document = evaluation.run(LosingFetches())
+    assert document["notes"][0].startswith("no episode has ended, each one lost its worker: killed; what has finished")
+    assert document["notes"][1] == "big: no result for seeds 4 to 6 after 3 runs: killed"
+
+
+def test_further_rounds_are_planned_for_the_entries_without_lost_seeds(tmp_path: Path) -> None:
+    names = {"big": "fetch_cup", "small": "pick_bench"}
+    entries = tuple(SuiteEntry(entry, load_run(task, seed=4), 60) for entry, task in names.items())
+    suite = Suite("mine", entries, precision=Precision(0.1))
+
+    class LosingOne(LosingFetches):
+        def is_lost(self, config: RunConfig) -> bool:
+            return super().is_lost(config) and config.seed == self.LOST
+
+    for _ in range(2):
+        with Evaluation(suite, tmp_path) as evaluation:
+            document = evaluation.run(LosingOne())
+        assert [entry["episodes"] for entry in document["entries"]] == [15, 60]
+        assert [entry["missing"] for entry in document["entries"]] == [[5], []]
+        assert document["interrupted"]
+    mended = Losing()
+    mended.LOST = 0
+    with Evaluation(suite, tmp_path) as evaluation:
+        assert [entry["episodes"] for entry in evaluation.run(mended)["entries"]] == [60, 60]
 
 
 def test_a_launcher_that_leaves_episodes_out_ends_the_evaluation(tmp_path: Path) -> None:
@@ -143,7 +199,7 @@ def test_a_launcher_that_leaves_episodes_out_ends_the_evaluation(tmp_path: Path)
     with Evaluation(suite, tmp_path) as evaluation:
         document = evaluation.run(Lazy())
     assert document["interrupted"]
-    assert document["notes"][0].startswith("2 episodes have no result; what has finished is kept")
+    assert document["notes"] == ["one: no result for seeds 5 to 6 by the launcher"]
 
 
 def test_a_result_that_a_launcher_yields_twice_counts_once(tmp_path: Path) -> None:
@@ -199,7 +255,8 @@ def test_a_full_disk_for_temporary_files_costs_a_worker(
     with monkeypatch.context() as patch:
         patch.setattr(worker_process, "TemporaryDirectory", full)
         answer = worker_process.run_in_own_process(request_of_one.pickled(), 60.0, str(tmp_path))
-    assert answer == EpisodeAnswer(lost=f"no worker starts on {platform.node()}: No space left on device")
+    why = f"no worker starts on {platform.node()}: No space left on device"
+    assert answer == EpisodeAnswer(lost=why, by_machine=True)
 
 
 @pytest.mark.parametrize("is_saved", [True, False])

@@ -102,8 +102,9 @@ def test_an_episode_whose_worker_is_ended_from_outside_is_run_again(
     launcher = started(deadly(tmp_path, "KilledOnce", "AlwaysFailure", "Killed"))
     results = dict(launcher.results())
     assert {place: result.outcome for place, result in results.items()} == dict.fromkeys((0, 1), Outcome.FAILURE)
-    assert launcher.given_up == {2: "its worker was ended by signal 9"}
-    assert launcher.notes == ["3 times an episode was run again: its worker was ended by signal 9"]
+    why = "its worker was ended by signal 9, often for lack of memory, of which fewer --jobs need less"
+    assert launcher.given_up == {2: why}
+    assert launcher.notes == [f"3 times an episode was run again: {why}"]
 
 
 def test_workers_end_with_the_process_that_they_work_for(tmp_path: Path) -> None:
