@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 RETREAT = 0.1
-"""Distance of straight retreats of an empty hand, unless another is given, metres."""
+"""Default distance of straight retreats of an empty hand, metres."""
 POSES_EXPLAINED = 12
 """Number of tool poses checked to explain why the hand reaches none."""
 
@@ -56,11 +56,9 @@ def move_free(
     skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld | None = None
 ) -> SkillCoroutine[None]:
     """Plan around all believed obstacles, or those in ``world``, to one of ``goals``, each (n,) radians, and move
-    there.
-
-    A held object stays upright within ``max_held_tilt``, if it is now, and keeps ``held_clearance`` where such a path
-    exists. If the arm is believed to be in contact already, a small motion of increasing clearance comes first. If
-    another arm has moved into the path since, it is planned again.
+    there. A held object that is upright stays so within ``max_held_tilt``, and keeps ``held_clearance`` where such a
+    path exists. If the arm is believed to be in contact already, a small motion of increasing clearance comes first. If
+    another arm has moved into the path meanwhile, the arm replans.
     """
     skills = skill.skills
     for left in reversed(range(1 if world is not None else skills.parameters.arm_motion.plans)):
@@ -163,7 +161,7 @@ def _recover_from_collision(skill: Skill, world: CollisionWorld) -> SkillCorouti
 
 
 def straight_back(skill: Skill, world: CollisionWorld, distance: float) -> SkillCoroutine[None]:
-    """Move the tool straight back along its axis by ``distance``, metres, as far as the way is free."""
+    """Move the tool straight back along its axis by ``distance`` metres, as far as the path is free."""
     from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
 
     skills = skill.skills
@@ -190,11 +188,9 @@ def approach_object(
     monitored: bool = True,
     on_contact: Callable[[], None] = lambda: None,
 ) -> SkillCoroutine[None]:
-    """Follow an approach (N, n), radians, slowly; after a contact, which fails as COLLISION, the arm goes back the way
-    it came.
-
-    ``monitored``: no contact is expected; else only what the driver reports ends it. ``on_contact``: called before the
-    arm goes back. If the way back fails, too, the failure is still that of the contact.
+    """Follow an approach (N, n), radians, slowly; after a contact, which fails as COLLISION, the arm retraces its path.
+    ``monitored``: no contact is expected; otherwise only a fault reported by the driver ends the motion.
+    ``on_contact``: called before the arm retraces. If retracing also fails, the contact is still the reported failure.
     """
     skills = skill.skills
     speed = skills.parameters.arm_motion.approach_speed
@@ -238,7 +234,7 @@ def unreached(
     world: CollisionWorld | None = None,
     stage: MotionStage = MotionStage.REACH,
 ) -> SkillFailure:
-    """Return the failure of a skill whose hand reaches none of ``tool_poses`` (base frame), with the obstacle.
+    """Return the failure of a skill whose hand cannot reach any of ``tool_poses`` (base frame), with the obstacle.
 
     ``world``: the arm's collision world, by default the believed one.
     """

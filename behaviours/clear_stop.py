@@ -12,9 +12,9 @@ from bestman_bt.messages.shapes import Count, NonNegative
 class ClearStop(Skill):
     """Clear the robot's stop, so that the tree can retry interrupted actions; no motion is started.
 
-    It is meant for stops caused by a controller: a lost connection, a program that has ended. A protective stop waits
-    for a person (``bestman-bt robot release NAME``), an emergency button is released at the robot. A stop requested by
-    a person ends the run and cannot be cleared from here.
+    Meant for stops caused by a controller: a lost connection, a program that has ended. A protective stop waits for a
+    person (``bestman-bt robot release NAME``), an emergency button is released at the robot. A stop requested by a
+    person ends the run and cannot be cleared from here.
     """
 
     attempts = In[int](Count, "number of attempts", default=3)
@@ -22,7 +22,7 @@ class ClearStop(Skill):
     FAILS: ClassVar = {"still_stopped": "a person has to check the robot: the message gives the cause of the stop"}
 
     def execute(self) -> SkillCoroutine[None]:
-        """Try to clear the stop, with waits in between; succeed at once if the robot is not stopped."""
+        """Try to clear the stop, with waits in between; succeed immediately if the robot is not stopped."""
         stop = self.skills.stop
         attempts, wait = self.attempts, self.wait
         if not stop.latched:

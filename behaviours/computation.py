@@ -31,7 +31,7 @@ class TimeSource(Protocol):
 
 
 class InlineComputation(Computation):
-    """Computation for simulation: computes at once, delivers at submit time + cost.
+    """Computation for simulation: computes immediately, delivers at submit time + cost.
 
     Thus the same seed gives the same run, independent of the machine's load.
     """
@@ -73,7 +73,7 @@ class _Computed(Motion[Result]):
 
 
 class Until(Motion[None]):
-    """Wait until ``condition`` is true; with ``motion``, also end when that has ended.
+    """Wait until ``condition`` is true; with ``motion``, also end when the motion has ended.
 
     The condition is checked at each tick. If it is true first, the motion continues; cancelling the wait cancels the
     motion.

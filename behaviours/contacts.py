@@ -26,7 +26,7 @@ MOST_FORCE = 600.0
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """A contact that a skill intends.
+    """An intended contact of a skill.
 
     ``kind``: ``grasp`` and ``push``: the fingers touch the object ``thing``; ``support``: the object ``thing`` touches
     the furniture ``on``, or the ``floor``; ``handle``: the fingers touch the door or drawer ``thing``,
@@ -66,7 +66,7 @@ def stopping_at(force: float) -> float:
 
 
 def grasp(thing: str, max_force: float = MAX_FORCE) -> Contact:
-    """Declare that the fingers take, hold or release an object; ``max_force``: newtons."""
+    """Declare that the fingers grasp, hold or release an object; ``max_force``: newtons."""
     return Contact("grasp", thing, max_force)
 
 

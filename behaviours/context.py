@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 SWAY = 0.01
 """Metres by which an arm and its load may deviate from the encoder positions while the base drives."""
 PLACED = 0.01
-"""Position error to allow for after localising the base, metres."""
+"""Allowance for the position error after localising the base, metres."""
 STRUCK = frozenset(
     (
         MotionErrorCode.TRACKING,
@@ -80,19 +80,18 @@ class SkillContext:
 
     ``kinds``: kind → names of the robot's parts. ``base``, ``arm``, ``gripper``, ``head`` and ``camera`` raise
     MissingPartError if the robot has none: skills declare the ones that they need in ``REQUIRES``. ``stop``: the stop
-    of the whole robot, for leaves that recover from it. ``camera``: the first one that no arm carries, else the one on
-    the hand. ``wrist_camera``: on the hand, if any; ``tactile``: pads of the fingers, may be empty. ``wrist_wrench``:
-    contact forces on the hand, if there is a sensor. ``detection`` and the following attributes are the configured
-    algorithms, by their slots.
-    ``make_accessor``: maps an attribute name and an arm to the object; the same one each time. ``arm_name``: the arm of
-    ``arm``, ``gripper``, hand sensors, kinematics and held object; empty without an arm. ``for_arm`` returns the
-    context of another arm. ``sensors``: all sensors of the robot by name, for your own kinds. ``observations``: recent
-    observations of objects, by identity, in the map frame. ``contacts``: the currently declared contacts. ``handled``:
-    the object that the fingers touched last. ``costs``: computation times on the robot's computer, seconds by name.
-    ``failures``: failures reported by leaves, oldest first. ``parameters``: of the skills, as configured.
-    ``policies``: name or file → learned policy. ``planners``, ``followers``: name → global and local planner, None for
-    a name of Nav2 that means the configured one; they raise LookupError. All three also take the folders that paths are
-    relative to: ``Node.folders``.
+    of the whole robot, for leaves that recover from it. ``camera``: the first one not mounted on an arm, else the one
+    on the hand. ``wrist_camera``: on the hand, if any; ``tactile``: pads of the fingers, may be empty.
+    ``wrist_wrench``: contact forces on the hand, if there is a sensor. ``detection`` and the following attributes are
+    the configured algorithms, by their slots. ``make_accessor``: maps an attribute name and an arm to the object; the
+    same object each time. ``arm_name``: the arm of ``arm``, ``gripper``, hand sensors, kinematics and held object;
+    empty without an arm. ``for_arm`` returns the context of another arm. ``sensors``: all sensors of the robot by name,
+    for your own kinds. ``observations``: recent observations of objects, by identity, in the map frame. ``contacts``:
+    the currently declared contacts. ``handled``: the object that the fingers touched last. ``costs``: computation times
+    on the robot's computer, seconds by name. ``failures``: failures reported by leaves, oldest first. ``parameters``:
+    the configured parameters of the skills. ``policies``: name or file → learned policy. ``planners``, ``followers``:
+    name → global and local planner, None for a name of Nav2 that means the configured one; they raise LookupError. All
+    three also take the folders that paths are relative to: ``Node.folders``.
     """
 
     clock: TimeSource

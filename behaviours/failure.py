@@ -36,7 +36,7 @@ READING_FAILS: Mapping[str, str] = {
     "disconnected": "the connection is lost: ClearStop reconnects it",
     "no_data": "a sensor is silent or switched off: check it",
 }
-"""Failure codes of reading the robot, each with advice for the tree."""
+"""Failure codes of readings of the robot, each with advice for the tree."""
 
 MOTION_FAILS: Mapping[str, str] = {
     **READING_FAILS,
@@ -68,7 +68,7 @@ SEEING_FAILS: Mapping[str, str] = {
 
 
 def declared_failures(leaf: type) -> dict[str, str]:
-    """Return code → advice for the tree, of a leaf and its bases, the most derived first."""
+    """Return code → advice for the tree, for a leaf and its base classes, most derived first."""
     return _declared(leaf.__mro__)
 
 

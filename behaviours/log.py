@@ -12,7 +12,7 @@ from bestman_bt.engine.conversion import text_of
 logger = logging.getLogger(__name__)
 
 DECIMALS = 6
-"""Of reals: metres to a micrometre, and 0.3 instead of 0.30000000000000004."""
+"""Number of decimals of floats: metres to a micrometre, and 0.3 instead of 0.30000000000000004."""
 
 _REAL = re.compile(r"(?<![\w.])-?\d+(?:\.\d+(?:e[+-]?\d+)?|e[+-]?\d+)(?![\w.])")
 _KEY = re.compile(r"\{([^{}]+)\}")

@@ -147,11 +147,11 @@ class CloseParameters:
 
     ``standoff``: in front of the door or drawer at which the hand starts to push. ``handle_clearance``: from the pushed
     point to any handle. ``palm_gap``: between palm and front with its handles, in addition to the map's error.
-    ``least_lever``: fraction of the longest lever below which a place on a door is not pushed at. ``places``: number of
-    places on the front that are tried with each pitch of the hand. ``finger_force``: with which the fingers are held
-    together. ``touch_speed``: of the straight motion to the front. ``touch_force``: at which the front counts as
-    touched: less than any door or drawer takes to move. ``search_distance``: beyond the believed front within which to
-    search for it. ``beyond_closed``: beyond the mapped closed position up to which to wait for a resistance.
+    ``least_lever``: smallest lever of a pushed place, as a fraction of the longest lever. ``places``: number of places
+    on the front that are tried with each pitch of the hand. ``finger_force``: with which the fingers are held together.
+    ``touch_speed``: of the straight motion to the front. ``touch_force``: at which the front counts as touched: less
+    than is needed to move any door or drawer. ``search_distance``: beyond the believed front within which to search for
+    it. ``beyond_closed``: beyond the mapped closed position up to which to wait for a resistance.
     ``end_stop_tolerance``: of the fingertips at the end stop, in addition to the furniture's own error.
     """
 

@@ -47,7 +47,7 @@ class MissingPartError(RobotError, LookupError):
 
 
 def parts_by_kind(robot: RobotModel, there: Collection[str]) -> dict[str, tuple[str, ...]]:
-    """Return kind → names of the robot's parts among ``there``; kinds without parts are left out."""
+    """Return kind → names of the robot's parts among ``there``; kinds without parts are omitted."""
     from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, JointGroupModel
     from bestman_bt.robot_model.sensor_parts import CameraPart, LidarPart, MountedForceTorque, TactilePart
     from bestman_bt.robot_model.urdf_tree import arm_of

@@ -42,7 +42,7 @@ def have_object() -> Node:
 
 
 def pick() -> Node:
-    """Pick the object; on failure with another base placement, another look, another grasp."""
+    """Pick the object; after a failure, retry with another grasp, another look, another base placement."""
     look_and_grasp = Sequence(
         "look_and_grasp",
         [

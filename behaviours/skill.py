@@ -45,12 +45,12 @@ ALGORITHM_ERRORS = (ManipulationError, PerceptionError, MissingExtraError, Wrong
 
 
 _ONE = re.compile(r"\band\b|;")
-"""Between the facts of one effect."""
+"""Separator between the facts of one effect."""
 
 
 class SkillFailure(Error):
-    """Ends a skill with FAILURE. ``code``: error code for programs. ``failure``: failure of the robot's part that
-    caused it, if any.
+    """Raised to end a skill with FAILURE. ``code``: error code for programs. ``failure``: failure of the robot's part
+    that caused it, if any.
     """
 
     def __init__(self, code: str, text: str, failure: Failure | None = None) -> None:

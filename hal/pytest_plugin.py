@@ -1,7 +1,7 @@
 """The pytest plug-in of this package: ``pytest --pyargs hal.conformance --driver my_package:MyRobot``.
 
-pytest loads it at every start, so it imports nothing and adds no option until that suite is requested.
-Wherever the suite's checks run, it ends the report with what did not apply.
+pytest loads it at every start, so it imports nothing and adds no option until that suite is requested. After a run of
+the suite's checks, it lists those that did not apply.
 """
 
 from __future__ import annotations

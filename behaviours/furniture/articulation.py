@@ -106,7 +106,7 @@ def world_at_opening(
     """Return the arm's collision world while the door is open by ``position``, radians or metres.
 
     ``stand``: the future base pose, None for the current one. ``ignore``: names to leave out. ``margin``: uncertainty
-    of the opening. ``felt``: the door as measured by contact, in place of ``position``.
+    of the opening. ``felt``: the door as measured by contact, instead of ``position``.
     """
     scene = _scene_at_opening(skills, door, position, touching, stand, ignore, felt)
     if margin > 0.0:
@@ -167,7 +167,7 @@ def free_along(
     skip: int = 0,
     worlds: OpeningWorlds | None = None,
 ) -> IsFreeAt:
-    """Return a check whether the arm is free at each station while the door is at ``positions``.
+    """Return a function that checks whether the arm is free at each station while the door is at ``positions``.
 
     ``skip``: stations at the start that belong to the first position, such as the one before a grasp. ``worlds``: a
     cache for other paths of this door in the same surroundings; new worlds are added.
@@ -195,7 +195,8 @@ ACROSS = np.linspace(-0.5, 0.5, 9)
 def room_beside(
     skills: SkillContext, door: FurnitureArticulation, positions: Sequence[float]
 ) -> Callable[[Pose2D], bool]:
-    """Return a check whether the base has room at a placement (map frame) and is clear of the door at ``positions``.
+    """Return a function that checks whether the base has room at a placement (map frame) and is clear of the door at
+    ``positions``.
 
     Body and head may be below or above the door; the arm is not checked.
     """

@@ -64,8 +64,8 @@ def believe_shut_fronts(
 ) -> None:
     """Correct the mapped pose of a piece if two fronts in one plane show an error beyond the map's bounds.
 
-    ``explained_too``: also correct smaller errors, and use two fronts in different planes: the rear one is shut, if the
-    map's error explains it.
+    ``explained_too``: also correct smaller errors, and use two fronts in different planes: the rear one counts as shut
+    if the map's error explains the difference.
     """
     piece = world.map.furniture[furniture]
     if piece.position_error <= POSITION_ERROR:
@@ -194,23 +194,25 @@ ACROSS = 0.07
 FACING = math.cos(math.radians(12.0))
 """Cosine of the maximum yaw error of a drawer's front."""
 LEVER = 0.3
-"""Share of a door's width that a handle is from the hinge at least: nearer, a gap looks like a recessed edge."""
+"""Smallest distance of a handle from the hinge, as a fraction of the door's width: nearer, a gap looks like a recessed
+edge.
+"""
 SHUT = {"prismatic": 0.02, "revolute": math.radians(2.5)}
 """Openings below this value, in addition to the map's error, count as shut."""
 ON_BOARD = 0.9
-"""Share of a seen plane that has to lie on a board."""
+"""Fraction of a seen plane that has to lie on a board."""
 BOARD_SEEN = 0.25
-"""Shares of a board's width and height that have to be seen."""
+"""Fractions of a board's width and height that have to be seen."""
 FILLED = 0.1
-"""Share of the points of a board that are in the middle quarter of what is seen of it; of a frame, none are."""
+"""Fraction of the seen points that have to be in the middle quarter of the seen area; a frame has none there."""
 SEEN_THROUGH = 0.15
-"""Least share of rays that pass through a board, of those that reach its believed place, to reject that place."""
+"""Smallest fraction of the rays reaching a board's believed place that have to pass through it to reject that place."""
 OPENINGS, RAYS = 61, 8000
-"""Numbers of openings, and of rays of a view, that are compared."""
+"""Numbers of compared openings, and of rays per view."""
 SUPPORT = 0.01
-"""Least share of the rays that end on a board; it is low because few end on an edge that is far away."""
+"""Smallest fraction of rays that end on a board; low, because few end on a distant edge."""
 EXPLAINED = 0.6
-"""Least share of the points in the space that the door sweeps that lie on its board at the estimated opening."""
+"""Smallest fraction of the points in the door's swept space that lie on its board at the estimated opening."""
 
 
 def opening_seen(door: FurnitureArticulation, handle: Handle) -> float | None:
@@ -239,7 +241,7 @@ def opening_seen(door: FurnitureArticulation, handle: Handle) -> float | None:
 def opening_by_board(door: FurnitureArticulation, plane: SupportPlane) -> float | None:
     """Return the opening of ``door``, radians or metres, if ``plane`` (map frame) is a side of its board, or None.
 
-    A door seen at a flat angle shows its board where its handle is not recognised.
+    At a flat viewing angle, the board of a door may be recognised although its handle is not.
     """
     front = door.articulation.shapes[0]
     if not isinstance(front.shape, Box):
@@ -292,7 +294,7 @@ def opening_by_rays(
     Measured points on the board of an opening count for it, rays that pass through that board against it. This also
     works if only the edge of a door is visible, from far away or at a flat angle. The result is off by up to the map's
     error, which suffices to choose a view of the front. ``view``: in the map frame. ``known``: other bodies, in the map
-    frame; points on them count for no opening.
+    frame; points on them are ignored.
     """
     front, piece = door.articulation.shapes[0], door.furniture
     if not isinstance(front.shape, Box):

@@ -44,8 +44,8 @@ def retreat(
 ) -> SkillCoroutine[None]:
     """Retreat straight back, then move the arm to the named posture.
 
-    ``felt``: the door as measured by contact; without it the map counts. The hand may start closer to the door than the
-    map's error allows; the arm only if it is that close already.
+    ``felt``: the door as measured by contact; by default, the map is used. The hand may start closer to the door than
+    the map's error allows; the arm only if it is already that close.
     """
     from bestman_bt.manipulation.kinematics.cartesian_path import cartesian_path
     from bestman_bt.manipulation.motion_planning.base import MotionPlanningError
@@ -126,7 +126,9 @@ LEAF_FAILS = {
 
 
 def error_code(end: FollowEnd, reached: str = "") -> str:
-    """Return the error code of a failed following; ``reached``: the code if it ended at the joint's limit too early."""
+    """Return the error code of a failed following; ``reached``: the code if it ended too early, at the joint's
+    limit.
+    """
     from bestman_bt.control.arm.constraint_following import FollowEnd
 
     codes = {

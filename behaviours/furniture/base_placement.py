@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 CLOSE_DISTANCES = (0.55, 0.65, 0.75, 0.85, 0.95)
-"""Metres from the middle of the pushed point's way to the middle of the base."""
+"""Metres from the middle of the pushed point's path to the middle of the base."""
 CLOSE_BEARINGS = tuple(math.radians(degrees) for degrees in range(-90, 91, 15))
 TURNS = (0.0, -0.5, 0.5)
 

@@ -50,20 +50,20 @@ if TYPE_CHECKING:
 
 
 STEP = 0.04
-"""Metres of the pushed point's way between two stations."""
+"""Metres of the pushed point's path between two stations."""
 PALM_STEP = 0.03
 """Maximum distance between the points that represent the palm, metres."""
 ACROSS = (0.0, -0.12, 0.12, -0.25, 0.25, -0.38, 0.38)
-"""Places on a front, as shares of its width, and, the same, of its height."""
+"""Places on a front, as fractions of its width and of its height."""
 UP = (0.0, 0.3, -0.3, 0.15, -0.15, 0.42, -0.42)
 ROLLS = tuple(math.radians(degrees) for degrees in (0, 90, 180, 270))
 """Turns of the hand about its own axis."""
 PITCHES = tuple(math.radians(degrees) for degrees in (0, 35, 65))
-"""By which the hand points downwards."""
+"""Pitch angles of the hand downwards, radians."""
 TILTS = tuple(math.radians(degrees) for degrees in range(-50, 51, 10))
-"""Turns of the hand about a hinge, from straight at a door."""
+"""Rotations of the hand about a hinge, relative to the normal of the door."""
 SHUT = 0.005
-"""Least opening, metres or radians, from which a door is pushed: one that is believed shut may be open by as much."""
+"""Smallest opening, metres or radians, from which a door is pushed: a door believed shut may be open by as much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,10 +257,9 @@ class _Plan:
 
 
 class Close(ArmNode, Skill):
-    """Push a door or drawer shut with closed fingers on its front, without moving the base.
-
-    It starts at the believed opening, feels for the front, follows the map's joint, and ends at a resistance. Near
-    closed that is the end stop; earlier it is a jam, reported with the remaining opening.
+    """Push a door or drawer shut with closed fingers on its front, without moving the base. The hand starts at the
+    believed opening, moves until it touches the front, follows the mapped joint, and stops at a resistance. Near the
+    closed position this is the end stop; earlier it is a jam, reported with the remaining opening.
     """
 
     REQUIRES = ("arm", "gripper")

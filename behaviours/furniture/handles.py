@@ -42,8 +42,8 @@ class DetectHandle(Skill):
 
     All detected handles enter the belief; the output is the one nearest to ``near``, else the most certain. With
     ``articulation``, its opening is also measured and believed. If no handle on it is seen, the skill fails, but first
-    measures the opening by the plane of its board; without one, roughly, by the depth image, if that shows points
-    behind the believed place of the board.
+    measures the opening by the plane of the board or, if no plane is found and the depth image shows points behind the
+    believed place of the board, roughly by the depth image.
     """
 
     REQUIRES = ("camera",)

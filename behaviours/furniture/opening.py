@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
 
 STEP = 0.04
-"""Metres of the handle's way between two stations."""
+"""Metres of the handle's path between two stations."""
 PARALLEL = 0.98
-"""Cosine between bar and hinge from which on the bar may turn between the fingers."""
+"""Smallest cosine between bar and hinge with which the bar may turn between the fingers."""
 TILTS = tuple(math.radians(degrees) for degrees in range(-50, 51, 10))
-"""Turns of the hand about a bar, from straight at the front."""
+"""Rotations of the hand about a bar, relative to the normal of the front."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +221,7 @@ class HandlePull:
 
     @property
     def planned(self) -> float:
-        """The fraction of the path for which the guide has postures; its first station is the current hand."""
+        """The fraction of the path for which the guide has postures; its first station is the current hand pose."""
         stations = (len(self.guide.ways) + 1) / self.reached - 1  # but for the one before the handle
         return min(1.0, (len(self.guide.ways) - 1) / (stations - 1))
 

@@ -33,7 +33,7 @@ SAME_TARGET = 0.05
 PRE_REACH = 0.1
 """Length of the straight approach of the hand into furniture, metres."""
 PART = 0.25
-"""Share of a surface's size from its middle to the middle of a quarter."""
+"""Distance from the middle of a surface to the middle of a quarter, as a fraction of its size."""
 HAND_ABOVE = 0.08
 """Working height of the hand above a surface for an object that has not been seen yet, metres."""
 

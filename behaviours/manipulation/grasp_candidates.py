@@ -21,22 +21,22 @@ if TYPE_CHECKING:
 NEIGHBOURHOOD = 0.5
 """Radius around an object within which other objects may obstruct the hand, metres."""
 OBLIQUE = 0.5
-"""Cosine between the hand's direction and that straight into a drawer or a cupboard, at least."""
+"""Smallest cosine between the hand's direction and the direction straight into a drawer or a cupboard."""
 SURROUNDINGS_SPACING = 0.01
 """Distance between the points that represent other objects, metres."""
 
 YAW_STEP = math.radians(10.0)
-"""Angle between the yaws at which an object of uncertain yaw is kept free of the hand, at most, radians."""
+"""Largest step between the possible yaws of an object at which the hand must not touch it, radians."""
 
 GraspApproach = Annotated[str, OneOf(lambda: ("", "top", "side"))]
 APPROACH = "from where the hand comes, top or side; by default any"
-"""What the port says that has such a value."""
+"""Text of a port with such a value."""
 
 
 def grasp_candidates(skills: SkillContext, belief: ObjectBelief, approach: str = "") -> tuple[GraspCandidate, ...]:
     """Return grasps of a believed object in the base frame, best first; without a model, from its points.
 
-    ``approach``: ``top`` or ``side`` for those grasps alone.
+    ``approach``: ``top`` or ``side`` for only those grasps.
     """
     from bestman_bt.perception.grasp_pose.base import GraspTarget
 

@@ -36,17 +36,17 @@ BESIDE = (
 )
 """Positions, (x, y, z) metres in the base frame, at which to carry a held object."""
 TURNS_BESIDE = tuple(math.radians(degrees) for degrees in (0, 45, -45, 90, -90, 135, -135, 180))
-"""Turns of the hand from straight ahead there."""
+"""Rotations of the hand there, relative to straight ahead."""
 SAME_PLACE = 0.05
 """Distance from such a position within which the held object counts as there, metres."""
 ENOUGH = 6
 """Postures among which the planner may choose."""
 IN_VIEW = ((0.6, 0.0, 0.8), (0.75, 0.0, 0.8), (0.65, 0.25, 0.8), (0.65, -0.25, 0.8))
-"""Points, (x, y, z) metres in the base frame, that the head camera should see: on a table before the robot."""
+"""Points, (x, y, z) metres in the base frame, that the head camera should see: on a table in front of the robot."""
 SIGHT = (0.05, 0.08, 0.1)
 """Metres: radius of the free cylinder about a line of sight, and its gaps at the camera and the point."""
 ROOM_TO_TURN = (-0.42, 0.45, 0.42)
-"""Metres in the base frame: bounds of the arm: smallest x, largest x, largest |y|."""
+"""Bounds of the arm in the base frame, metres: smallest x, largest x, largest |y|."""
 
 
 def postures_beside(

@@ -37,7 +37,7 @@ GOALS = 4
 
 
 class SecondLook(ArmNode, Skill):
-    """Look at an object again from the view that best resolves its yaw, and fuse the views; none if the yaw is
+    """Look at an object again from the view that best resolves its yaw, and fuse the views; do nothing if the yaw is
     known.
     """
 

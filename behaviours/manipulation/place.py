@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 TURNS_OF_A_ROUND_OBJECT = 12
 NUDGE = 0.001
-"""Metres that a hand which did not release the object is raised before it opens again."""
+"""Metres by which a hand that did not release the object is raised before it opens again."""
 
 
 class FindPlacePose(Skill):

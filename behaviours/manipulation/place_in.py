@@ -18,9 +18,9 @@ from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface
 from bestman_bt.world_model.world_model import HeldObject
 
 STEP = 0.02
-"""Metres between the places that are considered."""
+"""Distance between candidate places, metres."""
 ENOUGH = 0.05
-"""Metres of free space beyond which more does not improve a place."""
+"""Free space above which more does not improve a place, metres."""
 SAME_PLACE = 0.06
 """Distance below which two positions count as the same, metres."""
 

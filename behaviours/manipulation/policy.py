@@ -34,7 +34,7 @@ POLICY_SPEED = SpeedScale(0.5, 0.35)
 OUTSIDE = 0.02
 """Metres by which the measured tool may leave the box before the arm is stopped; plans may not leave it at all."""
 CLOSED = 0.002
-"""Metres of gripper width below which a policy means: close; also by how much another width differs."""
+"""Gripper width, metres, below which an action means close; also the smallest change that counts as another width."""
 
 
 class PolicyMotion:
@@ -77,7 +77,7 @@ class PolicyMotion:
         self._arm = self._skills.arm.follow(trajectory, guard=self._objection)
 
     def carry_out(self, chunk: ActionChunk, seen: float, count: int) -> SkillCoroutine[bool]:
-        """Wait until ``count`` actions of the chunk, which began at ``seen``, are over; return whether the gripper
+        """Wait until ``count`` actions of the chunk, which began at ``seen``, have ended; return whether the gripper
         moved.
         """
         self._chunk = chunk, seen
@@ -152,7 +152,7 @@ STILL = 1e-3
 """Largest joint motion of a chunk that counts as no motion, radians."""
 STILL_CHUNKS = 3
 LEAD = 0.15
-"""Seconds from the policy's answer to where its chunk takes over: until then it has to be checked."""
+"""Seconds from the policy's answer until its chunk takes effect; by then it has to be checked."""
 SUCCESSES = ("goal", "holding", "lifted")
 
 

@@ -40,9 +40,9 @@ TILTS = tuple(math.radians(tilt) for tilt in (45.0, 35.0, 55.0, 65.0))
 FINE = 0.002
 """Distance between two waypoints of the approach, metres; it ends before the first one in contact."""
 DETOUR = 0.12
-"""Metres by which an object is pushed aside where it cannot be pushed straight to its goal."""
+"""Metres by which an object is pushed aside if it cannot be pushed straight to its goal."""
 BESIDE = tuple(math.radians(bearing) for bearing in (45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0))
-"""Directions to push it aside, from that to its goal."""
+"""Directions to push it aside, relative to the direction of its goal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,10 +283,10 @@ class _PushTarget(StandTarget):
 class FindPushStand(FindStandAtFurniture):
     """Choose a base placement to push a seen object to a goal: the arm reaches behind it and along the whole push.
 
-    If something stands where the hand would push from, or between the object and its goal, ``towards`` is a place
-    beside the object from which it can be pushed to the goal next. Without such a place, or if ``towards`` is not
-    mapped, the failure names the obstacle. For an object that is at its goal, ``stand`` is the place of the base.
-    Each further call for the same object and goal gives another placement, until none is left.
+    If an obstacle occupies the place of the hand or the path of the object, ``towards`` is an intermediate place beside
+    the object from which it can then be pushed to the goal. Without such a place, or if ``towards`` is not mapped, the
+    failure names the obstacle. If the object is already at its goal, ``stand`` is the current pose of the base. Each
+    further call for the same object and goal gives another placement, until none is left.
     """
 
     REQUIRES = ("base", "lidar", "arm")

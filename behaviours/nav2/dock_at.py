@@ -21,7 +21,7 @@ STAGED, STAGED_HEADING = 0.05, math.radians(5.0)
 ATTEMPTS, UNDOCKING = 3, 0.5
 """Number of approaches, and distance of driving back in metres, of Nav2's docking leaves."""
 LOOKS, LOOK_PERIOD = 5, 0.1
-"""Scans of a front that are taken at rest, and the seconds between them: their noise is independent."""
+"""Number of scans of a front at rest, and the seconds between them; their noise is independent."""
 
 
 class _Docking(Skill):

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from bestman_bt.control import Motion
 
 TURN_AT_ONCE = math.pi / 2
-"""Radians; a base turns within ±pi, so longer turns are made of several."""
+"""Largest single turn, radians; longer turns are split, because a base turns within ±pi."""
 Turns = Annotated[float, Ge(-100.0), Le(100.0)]
 """Radians: at most sixteen turns; larger values are probably in another unit."""
 Moving = Annotated[float, NotZero()]
 """Metres or m/s, not 0."""
 COLLISION_CHECKS = without_meaning("disable_collision_checks")
-"""The collision monitor is always there."""
+"""The collision monitor is always active."""
 
 
 class _Motion(Nav2Errors, Skill):

@@ -173,7 +173,7 @@ class NavigateToPose(Nav2Errors, NavigateTo):
 
 
 class NavigateThroughPoses(Nav2Errors, NavigateTo):
-    """Drive to several poses in the map frame in order, as ``NavigateToPose`` drives to each."""
+    """Drive to several poses in the map frame in order, each as ``NavigateToPose`` does."""
 
     INPUT_PORTS: ClassVar = {**SERVER, **without_meaning("goal", "behavior_tree")}
     goals = In(Goals, "x;y;theta;x;y;theta in the map frame, metres and radians")

@@ -283,7 +283,7 @@ class GoalUpdater(Decorator):
 
 
 class SpeedController(WatchesGoals, RobotNode, Decorator):
-    """Tick the child at a rate that grows with the base's speed; at once at the start and when the goal changes.
+    """Tick the child at a rate that grows with the base's speed; immediately at the start and when the goal changes.
 
     From ``min_speed`` to ``max_speed`` the rate changes from ``min_rate`` to ``max_rate``. RUNNING in between.
     """
@@ -334,7 +334,7 @@ class SpeedController(WatchesGoals, RobotNode, Decorator):
 
 
 class DistanceController(RobotNode, Decorator):
-    """Tick the child at the start, and after every ``distance`` metres of the base; RUNNING in between."""
+    """Tick the child at the start, and whenever the base has travelled ``distance`` metres; RUNNING in between."""
 
     INPUT_PORTS: ClassVar = {**FRAMES}
     distance = In[float](Positive, "metres, Euclidean distance", default=1.0)

@@ -283,7 +283,8 @@ class PlaceOnPath:
 def first_contact(path: Path2D, costmap: Costmap) -> Pose2D | None:
     """Return the first pose on a path at which the base would touch an obstacle of the costmap, or None.
 
-    A base that starts within a margin may leave it: up to the first free pose it only must not approach the obstacle.
+    A base that starts within a margin may leave it: until the first free pose it only has to avoid approaching the
+    obstacle.
     """
     from bestman_bt.navigation.local_planning.swept_path import SweptPath
 

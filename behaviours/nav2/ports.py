@@ -38,7 +38,7 @@ NAV2_NAMES: Final = ("GridBased", "FollowPath", "route_smoother", "SmoothPath")
 
 @dataclass(frozen=True)
 class OursOrNav2s(OneOf):
-    """A name of this library, or Nav2's name of a configured algorithm."""
+    """A name from this library, or a Nav2 name that a task maps to a configured algorithm."""
 
     @override
     def refusal(self, value: Any) -> str:

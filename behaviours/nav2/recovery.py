@@ -62,7 +62,7 @@ class ClearCostmapAroundPose(ClearCostmapAroundRobot):
 
 
 class ClearCostmapExceptRegion(InstantSkill):
-    """Forget the seen obstacles outside of a square around the base."""
+    """Forget the seen obstacles outside a square around the base."""
 
     REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = PORTS
@@ -86,7 +86,7 @@ class AreErrorCodesPresent(SkillCondition):
     error_code = InOut(str, "error code of the failed leaf", default="")
     error_codes_to_check = In(list[str], "code;code", required=False)
     CODES: ClassVar[tuple[str, ...]] = ()
-    """Codes to check if the port names none."""
+    """Codes to check by default."""
 
     FAILS: ClassVar = {"other_code": "the failure has another code; this is a valid result"}
 

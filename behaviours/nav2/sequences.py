@@ -34,7 +34,7 @@ class PersistentSequence(Control):
     current_child_idx = InOut(int, "index of the next child, from 0", default=0)
 
     def on_tick(self) -> int:
-        """Continue with that child. Raises NodeError for an index outside of the children."""
+        """Continue with that child. Raises NodeError for an index out of range."""
         children, index = self.nodes_below(), self.current_child_idx or 0
         if index < 0:
             raise self.error(f"current_child_idx is {index}; 0 to {len(children)} are accepted")

@@ -38,7 +38,7 @@ NO_ROOM = "too little known free space around the base to drive"
 class ExploreAndMap(Skill):
     """Map the surroundings by lidar SLAM: drive to places with a view of unknown floor until the whole floor is known.
 
-    The map's frame is that of the believed base pose at the start. A camera, if any, looks for table tops and other
+    The origin of the map is the believed base pose at the start. A camera, if any, looks for table tops and other
     obstacles above the lidar plane. Afterwards the base is localised as before.
     """
 

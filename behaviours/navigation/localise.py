@@ -25,7 +25,7 @@ ROOM_TO_TURN = 0.03
 
 
 class Relocalise(Skill):
-    """Find the base on the whole map, ignoring its believed pose; turn and look again until the result is unique.
+    """Localise the base on the whole map, ignoring its believed pose; turn and scan again until the result is unique.
 
     The base only turns in place, and only if the lidar sees enough room.
     """

@@ -83,7 +83,7 @@ class NavigateTo(Skill):
     """Drive to a pose in the map frame, around obstacles that the map does not contain.
 
     The path is checked against the lidar five times a second. If it is blocked, the base follows another one; if there
-    is none, it waits. A failed drive is retried after a recovery: back up, forget the seen obstacles.
+    is none, the base waits. A failed drive is retried after a recovery: back up, forget the seen obstacles.
     """
 
     REQUIRES = ("base", "lidar")

@@ -240,7 +240,7 @@ class EstimatePose(Skill):
 
 
 def region_around(base_from_object: Pose, height: float) -> Region:
-    """Return half a metre square around an upright object of ``height`` metres, in the base frame."""
+    """Return a square of half a metre around an upright object of ``height`` metres, in the base frame."""
     from bestman_bt.perception.segmentation.base import Region
 
     foot = base_from_object.position - [0.0, 0.0, height / 2]
@@ -248,7 +248,9 @@ def region_around(base_from_object: Pose, height: float) -> Region:
 
 
 def camera_called(skills: SkillContext, name: str) -> RGBDSensor:
-    """Return the camera on the ``head`` or ``wrist``, or the one of this name. Raises SkillFailure if there is none."""
+    """Return the camera on the ``head`` or ``wrist``, or the camera with this name. Raises SkillFailure if there is
+    none.
+    """
     if name == "head":
         return skills.camera
     camera = skills.wrist_camera if name == "wrist" else None

@@ -25,17 +25,17 @@ if TYPE_CHECKING:
 
 
 SPREAD = 0.6
-"""Share of a surface's longer side over which the views are spread."""
+"""Fraction of a surface's longer side over which the views are spread."""
 TURN = 0.6
-"""Radians between two views where no surface is named."""
+"""Radians between two views without a named surface."""
 AHEAD = (1.2, 0.7)
-"""Metres before the base and above the floor that are looked at where no surface is named."""
+"""Target of the camera without a named surface: metres in front of the base and above the floor."""
 MAPPED_HEIGHT = 0.8
 """Metres above the lowest point of a scan that are mapped."""
 MAPPED_MARGIN = 0.3
 """Metres around a scanned surface that are mapped."""
 MAPPED_AROUND = 2.4
-"""Metres, the side of the square before the base that is mapped where no surface is named."""
+"""Side of the square in front of the base that is mapped without a named surface, metres."""
 
 
 class ScanScene(Skill):

@@ -30,7 +30,7 @@ RIM = 0.015
 BOARD_OUTSIDE = 0.04
 """Assumed thickness of the top of furniture, metres."""
 INNER_BOARD = 0.008
-"""Least thickness of a board within furniture, metres."""
+"""Smallest thickness of a board within furniture, metres."""
 SLAB_GROWTH = 0.02
 """Margin to add to the seen part of a surface on each side, metres."""
 

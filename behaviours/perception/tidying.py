@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 SAME_PLACE = 0.08
 """Distance below which two positions count as the same, metres."""
 BEFORE_BASE = 0.6
-"""Metres before the base where a place is reached best."""
+"""Best distance of a place in front of the base, metres."""
 MAX_TILT = np.radians(10.0)
 ON_SURFACE = 0.03
 """Height error, metres, within which an object counts as standing on a mapped surface."""

@@ -7,7 +7,7 @@ from bestman_bt.messages import Failure, MotionErrorCode
 
 
 class PartError(RobotError):
-    """Raised if a part failed to do what was requested; ``failure``: the record for motions and reports."""
+    """A part failed to execute a request; ``failure``: the record for motions and reports."""
 
     code: str = MotionErrorCode.FAULT
 

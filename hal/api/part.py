@@ -79,7 +79,7 @@ class JointGroup(Part):
         velocities: ArrayLike | None = None,
         efforts: ArrayLike | None = None,
     ) -> None:
-        """Set one kind of set-point, held until the next command; velocities lapse after 0.25 s without a new command.
+        """Set one kind of set-point, held until the next command; velocities expire after 0.25 s without a new command.
 
         Raises CommandRefusedError unless exactly one kind is given, of shape (n,), finite and within the limits.
         """
@@ -180,7 +180,7 @@ class MobileBase(Part):
     model: BaseModel
     """Limits (``model.part``) and footprint."""
     command_timeout: float = 0.25
-    """Seconds after which ``set_velocity`` lapses (dead-man)."""
+    """Seconds after which ``set_velocity`` expires (command timeout)."""
 
     @abstractmethod
     def odometry(self) -> Pose2D:

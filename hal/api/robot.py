@@ -35,7 +35,7 @@ class Timer:
         return self._start + (self._calls + 1) * self._period
 
     def run(self, now: float | None = None) -> None:
-        """Call once; with ``now``, calls that were missed by then are skipped."""
+        """Call once; with ``now``, skip the calls that were missed by then."""
         missed = 0 if now is None else int((now - self._start) / self._period + 1e-9)
         self._calls = max(self._calls + 1, missed)
         self._call()
@@ -120,7 +120,7 @@ class Robot(ABC):
         """Scale the speed of all motions, including those under way, by ``share``, 0 to 1; thread-safe.
 
         Motions keep their path, because their time is scaled; at 0 they pause. The value remains until it is set again.
-        Grippers, and motions that a controller plans by itself, keep their speed. Raises ValueError outside of [0, 1].
+        Grippers, and motions that a controller plans itself, keep their speed. Raises ValueError outside [0, 1].
         """
         if not 0.0 <= share <= 1.0:
             raise ValueError(f"speed = {share!r} is not within [0, 1]")

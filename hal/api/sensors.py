@@ -18,7 +18,7 @@ class Camera(Sensor):
 
     kind: ClassVar[str] = "camera"
     intrinsics: CameraIntrinsics
-    """The camera model: a pinhole, with the distortion of its lens if it has any."""
+    """The camera model: a pinhole, with the lens distortion, if any."""
     optical_frame: str
     """The frame of the images in the robot model (x right, y down, z forward)."""
 
@@ -43,7 +43,7 @@ class Lidar(Sensor):
         """Return the latest scan. Raises NoDataError if the lidar is silent."""
 
     def read(self) -> LaserScan:
-        """Return the latest scan: ``scan``."""
+        """Return the latest scan, like ``scan``."""
         return self.scan()
 
 
@@ -59,7 +59,7 @@ class ForceTorque(Sensor):
         """Return the latest wrench. Raises NoDataError if the sensor is silent."""
 
     def read(self) -> Wrench:
-        """Return the latest wrench: ``wrench``."""
+        """Return the latest wrench, like ``wrench``."""
         return self.wrench()
 
 
@@ -67,7 +67,7 @@ class ForceTorque(Sensor):
 class ImuReading:
     """An IMU reading: ``angular_velocity`` (3,) rad/s and ``linear_acceleration`` (3,) m/s², in the sensor's frame.
 
-    The acceleration is the specific force: at rest it is 9.81 upwards.
+    The acceleration is the specific force: at rest it is 9.81 m/s² upwards.
     """
 
     angular_velocity: NDArray[np.float64]
@@ -140,7 +140,7 @@ class Bumper(Sensor):
 
     kind: ClassVar[str] = "bumper"
     zones: tuple[BumperZone, ...]
-    """The strips, counter-clockwise from the front right corner on."""
+    """The strips, counter-clockwise from the front right corner."""
 
     @abstractmethod
     def read(self) -> BumperReading:

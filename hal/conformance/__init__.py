@@ -1,7 +1,7 @@
 """Conformance checks for implementations of the Robotics API.
 
-``CHECKS`` get a connected robot that stands still with free space of 1 m around it, and ``settle`` is called after
-each. ``LIFE_CHECKS`` each get a new robot that is not connected. A broken promise raises ConformanceError.
+``CHECKS`` receive a connected robot at rest with 1 m of free space around it, and ``settle`` is called after each.
+``LIFE_CHECKS`` each receive a new robot that is not connected. A violated requirement raises ConformanceError.
 ``Check.why_not`` returns why a check does not apply to a robot, based on the features that it declares.
 
 Run them with pytest, on any driver: ``pytest --pyargs hal.conformance --driver my_package:MyRobot``.

@@ -14,7 +14,7 @@ DRIVE_TIME = 1.0
 
 @each(MobileBase)
 def velocities_of_a_base_lapse(robot: Robot, base: MobileBase) -> None:
-    """Check the command timeout: without a new command the base stops by itself, and not before."""
+    """Check that without a new command the base stops after its command timeout, and not earlier."""
     description = base.model.part
     speed = description.max_vx / 2
     base.set_velocity(speed, 0.0, 0.0)
@@ -73,7 +73,7 @@ def a_base_drives_and_turns_by_odometry(robot: Robot, base: MobileBase) -> None:
 
 @each(MobileBase)
 def a_motion_of_a_base_can_be_cancelled(robot: Robot, base: MobileBase) -> None:
-    """Check that a cancelled motion ends at once, and that the base comes to rest and accepts the next command."""
+    """Check that a cancelled motion ends immediately, and that the base comes to rest and accepts the next command."""
     motion = base.rotate(2.0)
     robot.clock.sleep(0.4)
     motion.cancel()

@@ -45,11 +45,12 @@ from hal.conformance.subject import (
 )
 
 BLOCKING, BLOCKING_OF_THE_MACHINE = 0.05, 0.15
-"""Seconds of the robot's clock, and of wall time, which a busy machine extends: a longer call counts as blocking."""
+"""Longest duration of a non-blocking call, seconds of the robot's clock and of wall time, which a busy machine extends.
+"""
 ASKED = 5
-"""How often a command is given to see whether it blocks: half of them may be held up by a busy machine."""
+"""Number of commands sent to check for blocking; a busy machine may delay half of them."""
 REACTION = 0.15
-"""Seconds from a call to its effect as measured: a control period of 20 Hz, twice, and the encoders' latency."""
+"""Seconds from a call to its measured effect: two control periods of 20 Hz and the encoders' latency."""
 
 COMMANDS_EACH = 200
 SMALL_TURN = 0.001
@@ -61,8 +62,9 @@ FALL, MOVED = 0.15, 0.02
 UNEVEN = 0.023
 """Seconds between readings of a velocity that may oscillate with the controller's period; not a multiple of one."""
 READINGS_APART, READINGS_APART_IN_REAL_TIME = 4, 16
-"""Over how many readings a speed is a mean: over two control periods of 20 Hz; where a busy machine may hold up a
-reading for as long as that, over more, and over twice as many where the motion is slow and lasts."""
+"""Numbers of readings over which a speed is averaged: two control periods of 20 Hz; more where a busy machine may delay
+a reading by as much; twice as many for long, slow motions.
+"""
 
 
 def joints_arrive_within_their_limits(robot: Robot) -> None:
@@ -435,7 +437,7 @@ MOTION_CHECKS = (
 
 @each(Gripper)
 def motions_of_grippers_can_be_cancelled(robot: Robot, gripper: Gripper) -> None:
-    """Check that cancelled motions end at once, and that the fingers come to rest."""
+    """Check that cancelled motions end immediately, and that the fingers come to rest."""
     motion = gripper.move(_other_end(gripper))
     robot.clock.sleep(0.1)
     require(not motion.done, "a motion over the whole range ended within 0.1 s")

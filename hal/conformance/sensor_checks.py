@@ -43,13 +43,15 @@ OLDEST = 1.0
 AHEAD = 0.01
 """Seconds that a stamp may be ahead of the robot's clock, for rounding."""
 FARTHEST = 100.0
-"""Metres; a depth beyond that was given in another unit."""
+"""Largest plausible depth, metres; larger values are in another unit."""
 OVERSHOOT = 0.05
 """Radians or metres that a joint may be beyond its limits."""
 EFFORT_MARGIN = 1.5
-"""How much more than the model's highest effort a motor at rest may say: controllers estimate it from currents."""
+"""Largest effort reported by a motor at rest, as a multiple of the model's limit: controllers estimate it from
+currents.
+"""
 SAME = 0.1
-"""The share by which a lidar's own word may differ from the model: no two units are as near as that."""
+"""Relative difference allowed between a lidar's reported values and the model; a wrong unit causes a larger one."""
 HAND_MARGIN, TOUCH = 2.0, (10.0, 3.0)
 """Limits of the wrench of a wrist at rest: a factor on the carried weight, and an offset in newtons and newton
 metres.

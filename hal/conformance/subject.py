@@ -86,7 +86,7 @@ class Check:
 
     @property
     def name(self) -> str:
-        """The name of the function, as words."""
+        """The name of the function, with spaces."""
         return self.run.__name__.replace("_", " ")
 
     def why_not(self, robot: Robot) -> str | None:

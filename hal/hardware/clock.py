@@ -17,7 +17,7 @@ class RemoteTime:
     """Converts stamps of another clock to ours; the fastest message counts as having no latency.
 
     The smallest difference between arrival and stamp is the offset of the clocks (the minimum filter of Cristian,
-    "Probabilistic clock synchronization", 1989); it grows at most with the drift of clocks. Each source of messages
+    "Probabilistic clock synchronization", 1989); it grows at most with the drift of the clocks. Each source of messages
     needs its own object, because some sources stamp messages ahead of time, as AMCL does. Thread-safe.
     """
 
@@ -52,11 +52,12 @@ class RemoteTime:
 
 
 FARTHEST_AHEAD, FARTHEST_BEHIND = 0.02, 0.4
-"""Maximum seconds by which a stamp may be ahead of, or behind, the arrival of its message with synchronised clocks."""
+"""Maximum seconds by which a stamp may be ahead of, or behind, the arrival of its message if clocks are synchronised.
+"""
 
 
 class SynchronisedTime(RemoteTime):
-    """Uses stamps of a clock that PTP or NTP synchronises with this machine's, regardless of message latency.
+    """Uses the stamps of a clock synchronised by PTP or NTP with this machine's, regardless of message latency.
 
     ``ahead``: seconds by which the last message's stamp was ahead of its arrival.
     """

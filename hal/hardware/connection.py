@@ -26,7 +26,7 @@ from hal.parts.part_connection import ConnectionFailedError
 from hal.parts.stop_latch import StopLatch
 
 PATIENCE = 3.0
-"""Seconds that a new client waits: the robot process of a program that was killed brings the robot to rest first."""
+"""Seconds that a new client waits, because the robot process of a killed program first brings the robot to rest."""
 
 
 class ControllerLock:
@@ -83,11 +83,11 @@ def _locked(descriptor: int) -> bool:
 
 
 LONGEST_BRAKING = 0.6
-"""Seconds that parts get to come to rest before their wire is closed."""
+"""Seconds for parts to come to rest before their connection is closed."""
 
 
 PartFactory: TypeAlias = Callable[[str, Any], Part]
-"""Makes a part from its name and its model in ``RobotModel.parts``."""
+"""Creates a part from its name and its model in ``RobotModel.parts``."""
 
 
 class Connection(ABC):
@@ -139,13 +139,15 @@ class Connection(ABC):
 
     @property
     def stops_robot(self) -> bool:
-        """Return whether its fault stops the robot: that of sensors other than of contacts only fails their users."""
+        """Return whether a fault of this controller stops the robot; that of sensors, except contact sensors, only
+        fails their users.
+        """
         contacts = (Bumper, ForceTorque, Tactile)
         return any(not isinstance(part, Sensor) or isinstance(part, contacts) for part in self.parts.values())
 
     @property
     def longest_silence(self) -> float:
-        """Seconds without a sign of life after which the controller counts as lost."""
+        """Seconds without a heartbeat or message after which the controller counts as lost."""
         return self.limits.watchdog
 
     @property
@@ -184,10 +186,9 @@ class Connection(ABC):
         """
 
     def held(self) -> str | None:
-        """Return the required inspection before commands are accepted, as text, or None if it is released.
-
-        Uses a separate connection: it is called without an open one, also while another process is connected.
-        Collisions, safety and power require a person: ``open`` and ``recover`` fail for them.
+        """Return, as text, the inspection required before the controller accepts commands, or None if it is released.
+        Uses a separate connection, so that it works without an open one and while another process is connected.
+        Collisions, safety violations and missing power require a person: ``open`` and ``recover`` then fail.
         """
         return None
 
@@ -208,7 +209,7 @@ class Connection(ABC):
         reconnection."""
 
     def connect(self) -> None:
-        """Open the wire and start the loops; idempotent. Raises ConnectionFailedError, with everything closed."""
+        """Open the connection and start the loops; idempotent. Raises ConnectionFailedError, with everything closed."""
         if self.connected:
             return
         self._crash, self.remarks = None, ()
@@ -230,7 +231,7 @@ class Connection(ABC):
         self.connected = True
 
     def disconnect(self) -> None:
-        """End motions, bring the parts to rest as far as they can be reached, end loops, close the wire; idempotent."""
+        """End motions, bring all reachable parts to rest, end the loops, close the connection; idempotent."""
         reachable = self.connected and self.fault() is None
         for part in self._moving():
             part.detach()
@@ -261,7 +262,7 @@ class Connection(ABC):
         return None
 
     def fail(self, fault: Failure) -> None:
-        """End the motions of its parts as failed, and bring the parts to rest as far as that is possible."""
+        """End the motions of its parts as failed, and bring the reachable parts to rest."""
         for part in self._moving():
             part.fail(fault)
         if fault.code is MotionErrorCode.DISCONNECTED:
@@ -292,7 +293,7 @@ class Connection(ABC):
         self._loops.append(ControlLoop(f"{self.name} {name}", rate, step, self._crashed))
 
     def sdk(self, module: str) -> ModuleType:
-        """Return the vendor's SDK. Raises ConnectionFailedError naming the extra that brings it."""
+        """Return the vendor's SDK. Raises ConnectionFailedError naming the extra that installs it."""
         try:
             return import_module(module)
         except ImportError as error:

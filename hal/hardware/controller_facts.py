@@ -50,7 +50,7 @@ PAYLOAD_TOLERANCE = 0.5
 """Kilograms of cables and other parts that the URDF lacks."""
 MOUNTING_TOLERANCE = math.radians(5.0)
 DOWN = np.array([0.0, 0.0, -1.0])
-"""In the base frame of a robot on the floor."""
+"""Direction of gravity in the base frame of a robot on the floor."""
 HOLDING_TOLERANCE = 0.08
 """Of the largest joint torque that any mounting causes in a posture. Assumed: 5 % for rounded masses and centres of
 links in a URDF, and 3 % for a hand's centre that the controller has elsewhere (1 kg by 5 cm: 1 to 3 % on a UR5e and a
@@ -95,9 +95,10 @@ def compare_payload(model: RobotModel, arm: str, facts: ArmFacts) -> ModelCompar
 
 
 def compare_mounting(model: RobotModel, arm: str, facts: ArmFacts) -> ModelComparison | None:
-    """Compare the controller's direction of gravity, or else its effect on the joints, with that of the file.
+    """Compare the controller's direction of gravity, or else the torques caused by it, with the robot file.
 
-    None if the controller reports neither, or if by both sides gravity hardly loads the joints in this posture.
+    Return None if the controller reports neither, or if according to both, gravity hardly loads the joints in this
+    posture.
     """
     if facts.gravity is None:
         return _compare_holding(model, arm, facts)
@@ -174,7 +175,7 @@ COMPARISONS: Mapping[str, Callable[[RobotModel, str, ArmFacts], ModelComparison 
     "payload": compare_payload,
     "mounting": compare_mounting,
 }
-"""By the step of the bring-up that measures it."""
+"""The comparison, by the step of the bring-up that measures it."""
 
 
 def _placed(model: RobotModel, link: str, reference: str) -> Pose:

@@ -1,8 +1,6 @@
-"""Signs of life between two processes: the heartbeats of ZeroMQ (ZMTP 3.1, PING and PONG).
-
-They come from a thread of the library that needs no lock of the interpreter: a process that computes for seconds
-answers, one that is stopped (SIGSTOP, a debugger), swapped out or dead does not. A Python program that waits for
-something (a breakpoint of pdb) is alive by this measure.
+"""Heartbeats between two processes: those of ZeroMQ (ZMTP 3.1, PING and PONG). A thread of the library sends them
+without the interpreter's lock: a process that computes for seconds answers; one that is stopped (SIGSTOP, a debugger),
+swapped out or dead does not. A Python program that waits (for example at a pdb breakpoint) counts as alive.
 """
 
 from __future__ import annotations
@@ -20,14 +18,13 @@ from hal.hardware.control_loop import take_real_time_priority
 PRIORITY = 2
 """Real-time priority, if the system allows it, so that a busy machine does not look like a dead process."""
 RECONNECT_PERIOD = 20
-"""Milliseconds between attempts to find an end again that was silent."""
+"""Milliseconds between attempts to reconnect to a silent end."""
 
 
 class Heartbeat:
-    """One end of a mutual watchdog between two processes. ``address``: of the other end; empty: this is the first one.
-
-    ``longest_silence``: seconds without a sign of life after which the other end counts as silent; it recovers with the
-    next one. Thread-safe.
+    """One end of a mutual watchdog between two processes. ``address``: address of the other end; empty: this is the
+    first one. ``longest_silence``: seconds without a heartbeat after which the other end counts as silent; the next
+    heartbeat ends the silence. Thread-safe.
     """
 
     def __init__(self, longest_silence: float, address: str = "") -> None:
@@ -42,7 +39,7 @@ class Heartbeat:
 
     @property
     def silence(self) -> float:
-        """Seconds since it was noticed that the other end is silent; 0 while it answers, and before it first did."""
+        """Seconds since the other end was detected as silent; 0 while it answers, and before its first answer."""
         with self._lock:
             self._take_events()
             return time.monotonic() - self._silent_since if self._silent_since is not None else 0.0

@@ -12,9 +12,9 @@ from hal.api import MotionStatus, Robot
 from hal.parts.streamed_joints import StreamedJointGroup
 
 SPEED = 0.05
-"""Share of the joints' speed limits."""
+"""Fraction of the joints' speed limits."""
 MARGIN = 0.02
-"""Radians or metres within the range, where the joints end."""
+"""Distance of the final joint positions from the end of the range, radians or metres."""
 POLL = 0.05
 
 

@@ -33,21 +33,20 @@ from hal.parts.streamed_arm import StreamedArm
 
 END_TIME = 5.0
 STOP_TIME = 0.5
-"""Seconds that the other process has to answer a stop, and to give a sign of life again after it was silent."""
+"""Seconds for the other process to answer a stop, and to send a heartbeat after a silence."""
 LOOK_PERIOD = 0.05
-"""Seconds between looks, while an answer is awaited, at whether the other process still lives."""
+"""Seconds between checks that the other process is alive, while waiting for an answer."""
 PROGRAM = "from hal.hardware.robot_process import main; main()"
 PROCESS = "robot process"
 """The other process's name among faults."""
 
 
 class IsolatedRobot(Robot):
-    """A ``HardwareRobot`` that runs in a process of its own from ``connect()`` to ``disconnect()``.
-
-    Both processes exchange signs of life. If this one dies or hangs, the other one brings the robot to rest. If the
-    other one dies, motions fail as DISCONNECTED and its controllers get no more set-points; if it hangs, or does not
-    answer a stop within ``STOP_TIME``, it is killed, with the same result. The robot then counts as stopped, with that
-    fault; ``connect()`` and ``clear_stop()`` start another process.
+    """A ``HardwareRobot`` that runs in a separate process from ``connect()`` to ``disconnect()``. Both processes
+    exchange heartbeats. If this process dies or hangs, the other one brings the robot to rest. If the other process
+    dies, motions fail as DISCONNECTED and its controllers get no more set-points; if it hangs, or does not answer a
+    stop within ``STOP_TIME``, it is killed, with the same result. The robot then counts as stopped, with that fault;
+    ``connect()`` and ``clear_stop()`` start another process.
     """
 
     clock: RealTimeClock  # the other process stamps readings by the same one
@@ -155,7 +154,7 @@ class IsolatedRobot(Robot):
 
     @property
     def faults(self) -> Mapping[str, Failure]:
-        """Controller → the fault that stopped the robot; ``robot process``, where that was lost."""
+        """Controller → the fault that stopped the robot; also ``robot process`` if the process was lost."""
         lost = self._client.lost
         return dict(self._asked("faults", lambda: {PROCESS: lost} if lost is not None else {}))
 
@@ -187,7 +186,7 @@ class RpcClient:
     """The connections to the other process: one for stops and cancels, one for the robot, one for each part.
 
     A request to one part, such as an image, does not block other parts. ``lost``: why the process has ended without a
-    disconnect; ``when_lost`` is then called at once. Thread-safe.
+    disconnect; ``when_lost`` is then called immediately. Thread-safe.
     """
 
     def __init__(self, parts: tuple[str, ...], when_lost: Callable[[Failure], None]) -> None:
@@ -316,7 +315,7 @@ class RpcClient:
 
 
 class WireEndedError(RobotError):
-    """Raised if the other end of a wire is gone, or this one was closed."""
+    """Raised if the other end of a connection is gone, or this end was closed."""
 
 
 class RpcConnection:

@@ -29,19 +29,21 @@ from hal.parts.part_connection import ConnectionFailedError
 from hal.parts.stop_latch import StopLatch
 
 WATCH_RATE = 100.0
-"""Hertz: how often the watchdog looks at each controller."""
+"""Rate at which the watchdog checks each controller, hertz."""
 PLANNER = "the program that plans"
 """Its name among faults."""
 STOP_INPUT = "stop input"
 """Its name among faults."""
 HELD_UP, HELD_UP_WITHIN = 0.05, 1.0
-"""Seconds by which the watchdog was late, so that this process lacked the processor; within which that may be why."""
+"""Delay of the watchdog, seconds, that shows that this process lacked processor time; and the seconds for which this
+may explain a fault.
+"""
 FOUND_AGAIN_TIME = 1.0
-"""Seconds within which signs of life come again of a program that is back."""
+"""Seconds within which a program that continues sends heartbeats again."""
 
 
 class HardwareRobot(Robot):
-    """The robot of a model's ``connections``, with the parts behind them.
+    """The robot of a model's ``connections``, with their parts.
 
     A fault of any controller, except one that only has sensors, stops and latches all parts: motions of the faulty
     controller fail with its code and the vendor's, all others are cancelled as stopped. ``clear_stop()`` clears faults
@@ -128,7 +130,7 @@ class HardwareRobot(Robot):
             self._disconnect_all()
 
     def stop(self, fault: Failure | None = None) -> None:
-        """Bring all parts to rest and latch the stop, because of ``fault``; thread-safe, effective at once."""
+        """Bring all parts to rest and latch the stop, because of ``fault``; thread-safe, effective immediately."""
         self._stop(fault)
 
     def keep_black_box_in(self, folder: Path | None) -> None:
@@ -138,7 +140,7 @@ class HardwareRobot(Robot):
 
     @property
     def connected(self) -> bool:
-        """Return whether it is between ``connect`` and ``disconnect``, or a controller could not be disconnected."""
+        """Return whether the robot is between ``connect`` and ``disconnect``, or a controller could not be disconnected."""
         return self._watchdog is not None or any(one.connected for one in self.connections.values())
 
     @property

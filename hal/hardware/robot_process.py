@@ -1,7 +1,7 @@
 """The process that owns a robot's connections, separate from the planning process, whose computations would delay it.
 
-Started by ``IsolatedRobot`` with the descriptors of its sockets. Over the first one come stops and cancels, which wait
-for nothing; over the second one what concerns the whole robot; over one for each part commands and readings of it.
+Started by ``IsolatedRobot`` with the descriptors of its sockets: the first for stops and cancels, which wait for
+nothing; the second for calls to the whole robot; one per part for its commands and readings.
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ from hal.hardware.robot import HardwareRobot
 ROBOT = ""
 """The name of the robot itself among its parts."""
 STOPS = "/stops"
-"""The name of the wire for stops."""
+"""The name of the connection for stops."""
 OURS = ("bestman_bt", "hal")
 """Packages that each process has."""
 REMEMBERED_MOTIONS = 200
 REST_TIME = 0.6
 SERVING_PRIORITY = 2
-"""Of real time, below the control loops: they wait for the interpreter's lock while another thread here holds it, so
-that none may lose the processor to a busy machine meanwhile."""
+"""Real-time priority, below that of the control loops: these wait while another thread holds the interpreter's lock, so
+no such thread may be preempted on a busy machine.
+"""
 
 
 @dataclass(frozen=True)
 class ServerSetup:
-    """The first message to the process. ``clock_start``: of the monotonic clock, which all processes share.
-
-    ``heartbeat``: address for the mutual signs of life; empty: none are exchanged.
+    """The first message to the process. ``clock_start``: start time on the monotonic clock, which all processes share,
+    seconds. ``heartbeat``: address for the mutual heartbeats; empty: none are exchanged.
     """
 
     model: RobotModel
@@ -102,7 +102,7 @@ class RobotServer:
             wire.send(answer)
 
     def close(self) -> None:
-        """Bring the robot to rest, then disconnect it, unless the planning program has done so before it was gone."""
+        """Bring the robot to rest, then disconnect it, unless the planning program has already done so."""
         with ExitStack() as rest:
             if self._heartbeat is not None:
                 rest.callback(self._heartbeat.close)
@@ -135,7 +135,7 @@ class RobotServer:
 
 
 def plug_ins(model: RobotModel) -> list[str]:
-    """Return ``module=file`` of all users' Python files that provide a kind of part or a driver of this robot."""
+    """Return ``module=file`` of the users' Python files that provide a kind of part or a driver of this robot."""
     classes = [type(part) for part in model.parts.values()]
     classes += [CONNECTIONS.resolve(settings.driver) for settings in model.connections.values()]
     own = dict.fromkeys(cls.__module__ for cls in classes if cls.__module__.partition(".")[0] not in OURS)

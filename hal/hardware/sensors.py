@@ -21,7 +21,7 @@ Reading = TypeVar("Reading")
 SAME_LENS = 0.01
 """Relative difference between a camera's lens and the robot file's above which a remark is reported."""
 OTHER_LENS = 0.1
-"""Share of the focal length from which on it is another camera."""
+"""Relative difference of the focal length from which the camera counts as another one."""
 
 
 def lens_differences(reported: CameraIntrinsics, file: CameraIntrinsics) -> tuple[str, ...]:

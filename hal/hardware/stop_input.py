@@ -12,7 +12,7 @@ RUN, STOP = b"run", b"stop"
 """Contents of the datagrams."""
 LONGEST = 64
 BEGINNING = 2.0
-"""Seconds within which it has to say ``run`` when the robot is connected."""
+"""Seconds within which ``run`` has to arrive when the robot connects."""
 
 
 class StopInput:
@@ -55,7 +55,7 @@ class StopInput:
         self._last, self._heard_at = b"", -1e9
 
     def look(self) -> str | None:
-        """Read pending input; returns the reason to stop as text, or None. No ``stop`` is missed."""
+        """Read pending input; return the reason to stop as text, or None. No ``stop`` is missed."""
         stopped = False
         while self._socket is not None:
             try:

@@ -13,8 +13,8 @@ class MujocoParameters(SimulationParameters):
 
     ``contact_time``: seconds in which an overlap is resolved. ``friction_stiffness``: stiffness of friction relative to
     pressure (``impratio``): larger values reduce creeping of held objects. ``gear_time``: time constant of coupled
-    fingers, seconds. ``support_friction``: of the furniture for which the friction of objects is tuned: MuJoCo takes
-    one of the two coefficients of a contact, Bullet their product. Spinning frictions: metres. ``wheel_armature``:
+    fingers, seconds. ``support_friction``: friction of the furniture for which the friction of objects is tuned: MuJoCo
+    uses one of the two coefficients of a contact, Bullet their product. Spinning frictions: metres. ``wheel_armature``:
     inertia of a wheel's motor at the wheel, as a fraction of the inertia that the wheel drives. ``finger_armature``:
     inertia of the motor of a finger's joint, as a multiple of the inertia of the finger. MuJoCo solves contacts without
     the stiffness of the servos: a wheel that is light relative to its servo slips, a finger vibrates on a handle.

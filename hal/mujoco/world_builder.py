@@ -40,13 +40,11 @@ ROBOT, SCENE = 1, 2
 ROBOT_NAME = "robot/"
 """Prefix of the robot's links in the model."""
 STIFF = [0.99, 0.99, 0.001, 0.5, 2.0]
-"""Of dry friction: below it a door creeps by a tenth of a millimetre a second.
-
-With twice the time step it stops a door within a step. If it had longer, it would keep a door moving that something
-else stops.
+"""Time constant of dry friction: with a smaller one a door creeps by a tenth of a millimetre per second. With twice the
+time step it stops a door within a step. A larger one would keep a door moving that something else stops.
 """
 REACH = 30.0
-"""Metres that a walker's slides are long, each way."""
+"""Length of a walker's slides in each direction, metres."""
 
 
 @dataclass
@@ -163,7 +161,7 @@ class WorldBuilder(Shapes):
     robot: RobotModel
     scene: World
     starts: dict[str, float] = field(default_factory=dict)
-    """Joint → where it is at the start."""
+    """Joint → initial position."""
     fingers: dict[str, float] = field(default_factory=dict)
     """Geom of a finger → its friction."""
     object_geoms: dict[str, float] = field(default_factory=dict)

@@ -23,7 +23,7 @@ from hal.parts.stop_latch import StopLatch
 
 
 class ControlledPart(Part):
-    """A part behind a controller. ``trace``: recent commands and measurements, if recorded."""
+    """A part that a controller moves. ``trace``: recent commands and measurements, if recorded."""
 
     trace: Trace | None = None
 
@@ -47,7 +47,7 @@ class ControlledPart(Part):
 
     @abstractmethod
     def fail(self, fault: Failure) -> None:
-        """Handle a fault of the controller: the motion under way fails, the part comes to rest."""
+        """Handle a fault of the controller: the current motion fails, the part comes to rest."""
 
 
 def traces(parts: Mapping[str, Part], now: Callable[[], float]) -> dict[str, Trace]:
@@ -71,7 +71,7 @@ class StoppablePart(ControlledPart):
         """Come to rest within half a second."""
 
     def stop(self) -> None:
-        """Come to rest and end the motion under way."""
+        """Come to rest and end the current motion."""
         with self._connection.lock:
             if self._connection.connected:
                 self.brake()
@@ -85,7 +85,7 @@ class StoppablePart(ControlledPart):
 
 
 OPTIONAL = frozenset({"trajectory_time"})
-"""Readings that a part may lack; other methods with a body are implemented by abstract ones."""
+"""Readings that a part may lack; other methods with a body are implemented through abstract ones."""
 ASIDES = frozenset({"carry"})
 """Commands that move nothing: they are neither recorded nor replayed."""
 
@@ -215,7 +215,7 @@ class GripperChannel(ABC):
     def refresh(self) -> bool | None:  # noqa: B027 - nothing to do where readings come by themselves
         """Request the next reading; may take a round trip. Called once per cycle, after commands were sent.
 
-        Returns False if none arrived: meanwhile the fingers are not taken to stand still.
+        Returns False if none arrived: until the next one the fingers do not count as at rest.
         """
 
     @abstractmethod

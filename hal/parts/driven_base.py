@@ -36,7 +36,7 @@ class Arrival:
 
 @dataclass(frozen=True)
 class BaseTiming:
-    """``command_timeout``: seconds after which ``set_velocity`` lapses; a stop brakes within ``stop_time`` seconds.
+    """``command_timeout``: seconds after which ``set_velocity`` expires; a stop brakes within ``stop_time`` seconds.
 
     ``rest_repeats``: number of zero velocities sent after the base has come to rest.
     """
@@ -82,7 +82,7 @@ class DrivenBase(ControlledPart, MobileBase):
         return self._read().velocity
 
     def set_velocity(self, vx: float, vy: float, wz: float) -> None:
-        """Drive at a velocity, approached within the acceleration limits; lapses after ``command_timeout``."""
+        """Drive at a velocity, approached within the acceleration limits; expires after ``command_timeout``."""
         with self._connection.lock:
             self._connection.check_command("set_velocity")
             velocity = self._checks.velocity(vx, vy, wz)
@@ -107,7 +107,7 @@ class DrivenBase(ControlledPart, MobileBase):
             return self._start(turn=angle)
 
     def stop(self) -> None:
-        """Brake to rest within half a second, ending the motion under way."""
+        """Brake to rest within half a second, ending the current motion."""
         with self._connection.lock:
             if self._connection.connected:
                 self._halt(hard=True)
@@ -137,7 +137,7 @@ class DrivenBase(ControlledPart, MobileBase):
         return self._wanted == self._sent == STILL
 
     def fail(self, fault: Failure) -> None:
-        """Fail the motion under way and command the base to stop, as far as it is reachable."""
+        """Fail the current motion and command the base to stop, if it is reachable."""
         with self._connection.lock:
             self._connection.fail_motion(fault)
             self._halt(hard=True)
@@ -160,7 +160,7 @@ class DrivenBase(ControlledPart, MobileBase):
 
     @property
     def traced(self) -> tuple[str, ...]:
-        """Return the names of velocities and odometry; the measurements are those last read."""
+        """Return the column names of velocities and odometry; measurements are the latest readings."""
         return (
             *(f"{what} {axis}" for what in ("asked", "set", "measured") for axis in ("vx", "vy", "wz")),
             *(f"measured {what}" for what in ("x", "y", "heading")),

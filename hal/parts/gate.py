@@ -139,12 +139,12 @@ class SetpointGate:
     """Admits set-points (n,) unchanged, or the nearest ones that satisfy all limits.
 
     Limits: of ``model``, and of the ``tool``, if any. During a stop, joints may brake with ``deceleration`` (n,), which
-    takes at most ``stop_time`` seconds from top speed and may exceed a low acceleration limit. ``period``: of the
-    set-points, seconds. ``longest_tool_step``: metres between two tool positions.
+    takes at most ``stop_time`` seconds from top speed and may exceed a low acceleration limit. ``period``: period of
+    the set-points, seconds. ``longest_tool_step``: metres between two tool positions.
 
-    Speeds are means between two set-points, as a controller sees them. Joints, tool or elbow outside of their limits
-    may come back, but not move further out. ``position``: the last set-point. ``reason``: why it differs from the
-    request, or empty.
+    Speeds are means between two set-points, as a controller sees them. Joints, tool or elbow outside their limits may
+    come back, but not move further out. ``position``: the last set-point. ``reason``: why it differs from the request,
+    or empty.
     """
 
     def __init__(

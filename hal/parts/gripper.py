@@ -119,7 +119,7 @@ class CommandedGripper(StoppablePart, Gripper):
         return "set width", "measured width", "held"
 
     def fail(self, fault: Failure) -> None:
-        """Fail the motion under way."""
+        """Fail the current motion."""
         with self._connection.lock:
             self._connection.fail_motion(fault)
             self._order = None
@@ -208,7 +208,7 @@ class GripperCommandChecks:
         self._usual_speed = min(usual_speed, model.part.max_speed)
 
     def move(self, width: float, force: float | None, speed: float | None) -> tuple[float, float, float]:
-        """Return width, force and speed (m, N, m/s). Raises CommandRefusedError outside of the ranges."""
+        """Return width, force and speed (m, N, m/s). Raises CommandRefusedError outside the ranges."""
         part = self._model.part
         force = self._usual_force if force is None else force
         speed = self._usual_speed if speed is None else speed

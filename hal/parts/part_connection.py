@@ -32,7 +32,7 @@ class PartConnection:
 
     @property
     def motion(self) -> Motion[None] | None:
-        """The motion under way, or None."""
+        """The current motion, or None."""
         motion = self._motion
         return motion if motion is not None and motion.status is MotionStatus.RUNNING else None
 
@@ -41,7 +41,7 @@ class PartConnection:
         self.connected, self._lost = True, None
 
     def close(self) -> None:
-        """Mark the controller as disconnected; the motion under way fails."""
+        """Mark the controller as disconnected; the current motion fails."""
         self.connected = False
         self.end_motion(MotionStatus.FAILED, MotionErrorCode.DISCONNECTED, "the robot was disconnected")
 
@@ -69,7 +69,7 @@ class PartConnection:
         return refusal(self.part_name, command, why)
 
     def begin(self, motion: Motion[None] | None) -> None:
-        """Start a new command; the motion under way, if any, is superseded."""
+        """Start a new command; the current motion, if any, is superseded."""
         self.end_motion(MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED, "a newer command took over")
         self._motion = motion
 
@@ -81,7 +81,7 @@ class PartConnection:
         vendor_code: str = "",
         obstacle: MotionObstacle | None = None,
     ) -> None:
-        """End the motion under way, if any."""
+        """End the current motion, if any."""
         if self._motion is not None:
             self._motion.end(status, Failure(code, text, self.part_name, vendor_code, obstacle))
 
@@ -92,7 +92,7 @@ class PartConnection:
         self.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, text, vendor_code)
 
     def fail_motion(self, fault: Failure) -> None:
-        """Fail the motion under way, if any, because of a fault; a lost connection also invalidates readings."""
+        """Fail the current motion, if any, because of a fault; a lost connection also invalidates readings."""
         if fault.code is MotionErrorCode.DISCONNECTED:
             self._lost = fault
         self.end_motion(MotionStatus.FAILED, fault.code, fault.text, fault.vendor_code)

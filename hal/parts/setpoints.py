@@ -88,7 +88,7 @@ class Brake(_FromState):
 
 
 class Reach(_FromState):
-    """Moves each joint independently to ``target`` as fast as its limits allow; may start in motion."""
+    """Moves each joint independently to ``target`` as fast as its limits allow; joints may be moving at the start."""
 
     def __init__(self, position: Array, velocity: Array, target: Array, speed: Array, acceleration: Array) -> None:
         super().__init__(position, velocity)

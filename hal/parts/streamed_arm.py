@@ -26,8 +26,8 @@ SAMPLES = 25
 class StreamedArm(StreamedJointGroup, Arm):
     """An arm over a channel; tool and elbow stay in the workspace, the tool below its top speed.
 
-    ``now``: the clock that times the set-points of ``servo``, seconds; that of the cycles by default. ``tell_load``: of
-    a controller that counts on the held load, sends its kg and its centre in the tool frame.
+    ``now``: the clock that times the set-points of ``servo``, seconds; that of the cycles by default. ``tell_load``:
+    for controllers that need the held load: sends its mass, kg, and its centre in the tool frame.
     """
 
     kind: ClassVar[str] = "arm"
@@ -91,7 +91,9 @@ class StreamedArm(StreamedJointGroup, Arm):
 
     @override
     def attach(self) -> None:
-        """Send the load again to a controller that has connected or recovered, then as ``StreamedJointGroup``."""
+        """Send the load again to a controller that has connected or recovered, then continue like
+        ``StreamedJointGroup``.
+        """
         if self.tell_load is not None and self.load is not None:
             self.tell_load(*self.load)
         super().attach()

@@ -20,7 +20,7 @@ from hal.parts.time_scale import TimeScale
 
 Array = NDArray[np.float64]
 OUTSIDE = 0.01
-"""Radians or metres by which a joint may be outside of its range when connecting."""
+"""Radians or metres by which a joint may be outside its range when connecting."""
 SHORTEST = 1e-5
 """Shortest cycle time that counts, seconds."""
 TRACED = (
@@ -35,7 +35,7 @@ TRACED = (
 SLOWEST = 0.01
 """Time scale below which joints count as at rest."""
 AT_REST = 1e-3
-"""Share of their top speed below which joints count as held at rest by the gate."""
+"""Fraction of their top speed below which joints count as held at rest by the gate."""
 START_TOLERANCE = 0.05
 """Largest distance of a trajectory's start from the measured positions, radians."""
 SPEED_TOLERANCE = 1.02
@@ -69,7 +69,7 @@ class JointCommandChecks:
             )
 
     def speed_scale(self, command: str, scale: float) -> float:
-        """Return ``scale``, a fraction of the limits. Raises CommandRefusedError outside of (0, 1]."""
+        """Return ``scale``, a fraction of the limits. Raises CommandRefusedError outside (0, 1]."""
         if not (np.isfinite(scale) and 0.0 < scale <= 1.0):
             raise refusal(self._part_name, command, f"speed_scale = {scale} is not within (0, 1]")
         return float(scale)
@@ -140,15 +140,14 @@ class Tracking:
     """Parameters of streaming and of tracking errors. SI units, radians.
 
     A path waits while its set-points are ``held_back`` or more from those that the gate admits; it is given up if the
-    gate has held the joints at rest for ``tracking_time``.
-    A motion fails as TRACKING if a joint deviates from its set-point by more than its tolerance for ``tracking_time``,
-    and as TIMEOUT if it has not settled in time; tolerances are the part's ``constraints``. ``stop_time``: longest
-    braking of a stop, if necessary beyond the acceleration limits.
-    Set-points never jump: a late one advances by at most ``longest_step`` periods, so that a slow connection slows the
-    motion down; a total delay of more than ``slip_limit`` seconds, halved every ``slip_half_life``, fails it as
-    TIMEOUT. ``latency``: from a set-point to the reading that shows it. ``stream_reserve``: factor on the acceleration
-    limits for streamed set-points; above 1 for drivers below another controller, whose set-points jitter.
-    ``velocity_timeout``: seconds after which a commanded velocity lapses, and the joints brake, unless it is repeated.
+    gate has held the joints at rest for ``tracking_time``. A motion fails as TRACKING if a joint deviates from its
+    set-point by more than its tolerance for ``tracking_time``, and as TIMEOUT if it has not settled in time; tolerances
+    are the part's ``constraints``. ``stop_time``: longest braking of a stop, if necessary beyond the acceleration
+    limits. Set-points never jump: a late one advances by at most ``longest_step`` periods, so that a slow connection
+    slows the motion down; a total delay of more than ``slip_limit`` seconds, halved every ``slip_half_life``, fails it
+    as TIMEOUT. ``latency``: from a set-point to the reading that shows it. ``stream_reserve``: factor on the
+    acceleration limits for streamed set-points; above 1 for drivers below another controller, whose set-points jitter.
+    ``velocity_timeout``: seconds after which a commanded velocity expires, and the joints brake, unless it is repeated.
     """
 
     tracking_time: float = 0.15
@@ -167,8 +166,7 @@ class Tracking:
 class StreamedJointGroup(StoppablePart, JointGroup):
     """Joints over a channel. A loop of the connection calls ``cycle`` once per ``period`` seconds.
 
-    ``comes_into_limits``: set before connecting; accepts joints outside of their range, so that they can be moved into
-    it.
+    ``comes_into_limits``: set before connecting; accepts joints outside their range, so that they can be moved into it.
     Commands are processed under the part's lock; set-points are sent outside of it, so that an unresponsive controller
     never blocks a stop.
     """
@@ -222,9 +220,10 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         velocities: ArrayLike | None = None,
         efforts: ArrayLike | None = None,
     ) -> None:
-        """Set one kind of set-point; positions and velocities are approached within the limits, efforts act at once.
+        """Set one kind of set-point; positions and velocities are approached within the limits, efforts act
+        immediately.
 
-        After efforts, positions and velocities start from the measured ones. Velocities lapse after
+        After efforts, positions and velocities start from the measured ones. Velocities expire after
         ``velocity_timeout`` unless they are repeated.
         """
         checks, model = self._checks, self.model
@@ -281,7 +280,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
                 self._setpoints = self._braking()
 
     def attach(self) -> None:
-        """Hold the current joint positions. Raises ConnectionFailedError if a joint is outside of its range."""
+        """Hold the current joint positions. Raises ConnectionFailedError if a joint is outside its range."""
         with self._connection.lock:
             measured = self._channel.read().positions
             if not self.comes_into_limits:
@@ -298,7 +297,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         return self._settled and self._efforts is None
 
     def fail(self, fault: Failure) -> None:
-        """Fail the motion under way and brake, as far as the controller responds."""
+        """Fail the current motion and brake, if the controller responds."""
         with self._connection.lock:
             self._connection.fail_motion(fault)
             if fault.code is MotionErrorCode.DISCONNECTED:

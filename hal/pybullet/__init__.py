@@ -1,1 +1,1 @@
-"""PyBullet as an engine of the simulated robot: honest physics, no resets, no glue."""
+"""PyBullet as an engine of the simulated robot, without pose resets or attachment constraints."""

@@ -115,7 +115,7 @@ def _write_obj(mesh: Mesh, file: Path) -> None:
 
 
 MARGIN = 0.001
-"""Metres: how far beyond its corners and faces pybullet takes the hull of a mesh to reach."""
+"""Margin that pybullet adds to the hull of a mesh, metres."""
 
 
 def without_margin(mesh: Mesh, margin: float = MARGIN) -> Mesh:
@@ -198,8 +198,8 @@ _REACH = 30.0
 
 
 def walker_urdf(walker: Walker) -> str:
-    """Return an upright cylinder on two slides, along x and y, that motors move; they are at 0 where its round
-    begins.
+    """Return an upright cylinder on two slides, along x and y, that motors move; they are at 0 at the start of its
+    route.
     """
     robot = ElementTree.Element("robot", name=walker.name)
     ElementTree.SubElement(robot, "link", name="world")

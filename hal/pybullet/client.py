@@ -49,7 +49,7 @@ READS = ("get", "ray", "save", "render", "startStateLogging", "performCollisionD
 OWN = frozenset(
     {"getJointState", "getJointStates", "getJointStateMultiDof", "getJointStatesMultiDof", "getDynamicsInfo"}
 )
-"""Of these, those that are free for the robot's own body: its encoders and its masses."""
+"""Those of these functions that are allowed for the robot's own body: its encoders and its masses."""
 
 
 def kind_of(name: str) -> str:
@@ -64,7 +64,7 @@ def kind_of(name: str) -> str:
 UNGUARDED_FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: call for name, call in vars(pybullet).items() if callable(call)
 }
-"""Taken once, so that the guard on the module (raw_call_guard) does not see the calls that pass here."""
+"""Imported once, so that the guard on the module (raw_call_guard) does not count the calls made here."""
 
 
 class PhysicsClient:

@@ -23,7 +23,7 @@ from hal.simulation.robot import SimulatedRobot
 
 
 class PyBulletRobot(SimulatedRobot):
-    """See ``SimulatedRobot``; ``client``: pybullet's functions, for code that sets up or disturbs a world with them."""
+    """See ``SimulatedRobot``; ``client``: pybullet's functions, for code that sets up or disturbs a world."""
 
     engine_name: ClassVar[str] = "PyBullet"
     parameters_class = PhysicsParameters

@@ -31,9 +31,9 @@ FrameRate = Annotated[int, Field(ge=1, le=90)]
 class RealSenseOptions:
     """Options of ``driver: realsense``; images have the size of the robot model's camera.
 
-    Without images for ``image_time`` the camera counts as lost; only readers of images are affected. ``serial``:
-    of the camera; another one is refused. ``recording``: a file recorded by the RealSense viewer or SDK, played in a
-    loop instead of a camera. ``frame_rate``: images per second. ``image_time``: seconds to wait for an image.
+    Without images for ``image_time`` the camera counts as lost; only readers of images are affected. ``serial``: serial
+    number of the camera; another one is refused. ``recording``: a file recorded by the RealSense viewer or SDK, played
+    in a loop instead of a camera. ``frame_rate``: images per second. ``image_time``: seconds to wait for an image.
     """
 
     serial: str = ""
@@ -46,7 +46,7 @@ POLLS = 3.0
 """Number of times per frame that the SDK is polled."""
 FIRST_FRAME_TIME = 5.0
 LEAST_DISTORTION = 0.01
-"""Coefficients that are smaller move no point of an image by a pixel or so."""
+"""Smaller coefficients move no image point by more than about a pixel."""
 
 
 class RealSenseConnection(Connection):
@@ -143,7 +143,7 @@ class RealSenseConnection(Connection):
         return longest
 
     def reported_fault(self) -> Failure | None:
-        """Return None: exceptions of the SDK end the loop, which is a fault already."""
+        """Return None: exceptions of the SDK end the loop, which already counts as a fault."""
         return None
 
     def identity(self) -> Identity:

@@ -21,14 +21,13 @@ from hal.parts.simulated_clock import SimulatedClock
 from hal.replay.tape import error_to_json, to_json
 
 SAMPLE_PERIOD = 0.05
-"""Seconds between looks at joints and grippers, which programs read rarely, and at motions under way."""
+"""Seconds between samples of joints and grippers, which programs read rarely, and of running motions."""
 DEFAULT_TIME_STEP = 1.0 / 240.0
 
 
 class RecordedRobot(Robot):
-    """A wrapper of a connected ``robot`` that records all readings and commands to ``path`` until ``close``.
-
-    The file has one line of JSON each, compressed: first the description of the parts, then readings, commands, and how
+    """A wrapper of a connected ``robot`` that records all readings and commands to ``path`` until ``close``. The
+    compressed file has one JSON document per line: first the description of the parts, then readings, commands, and how
     motions ended. Joints, grippers and speeds are also sampled; in simulation, sensors with noise or state are not, so
     that recording does not change the run. If a line cannot be written, ``failed`` is called and recording ends.
     """
@@ -62,7 +61,7 @@ class RecordedRobot(Robot):
         self._robot.connect()
 
     def disconnect(self) -> None:
-        """Disconnect the robot; the recording has to be closed before."""
+        """Disconnect the robot; close the recording first."""
         self._robot.disconnect()
 
     def stop(self) -> None:

@@ -239,7 +239,7 @@ class ReplayRobot(Robot):
 
 
 class ReplayedMotion(Motion[None]):
-    """A motion that ends as and when the recorded one did."""
+    """A motion that ends with the result and at the time of the recorded one."""
 
     def __init__(self, part: str, robot: ReplayRobot, command: RecordedCommand) -> None:
         super().__init__(part)
@@ -258,7 +258,7 @@ class ReplayedMotion(Motion[None]):
 
 
 POSITION_TOLERANCE = 0.05
-"""Radians or metres by which targets may differ: motion planning may take another way, the place is the same."""
+"""Radians or metres by which targets may differ: motion planning may choose another path to the same target."""
 
 
 def same_target(asked: tuple[Any, ...], recorded: tuple[Any, ...]) -> bool:

@@ -88,7 +88,7 @@ TAPE_NAME = "readings.jsonl.gz"
 LARGEST_ARRAY = 64 << 20
 """Maximum bytes of one array."""
 SMALL_TAPE, MOST_TIMES = 64 << 20, 100
-"""Characters that a tape may unfold to in any case, and how many times its size: readings are packed 2 to 20 times."""
+"""Characters to which any tape may decompress, and the largest ratio beyond that: readings compress by 2 to 20."""
 MALFORMED = (ValueError, TypeError, LookupError, AttributeError, binascii.Error, zlib.error)
 """Exceptions that parsing an invalid line may raise."""
 
@@ -133,8 +133,8 @@ class RecordedCommand:
 
 @dataclass(frozen=True)
 class Tape:
-    """A recording. ``parts``: name → kind and description. ``readings``, ``commands``: by part and method. Seconds of
-    the robot's clock.
+    """A recording. ``parts``: name → kind and description. ``readings``, ``commands``: by part and method. Times are
+    seconds of the robot's clock.
 
     ``cut``: whether its end is missing, as after a killed run.
     """
@@ -149,7 +149,9 @@ class Tape:
     cut: bool = False
 
     def stream_starts(self, key: tuple[str, str], pause: float) -> list[float]:
-        """Return the times at which commands of one method of one part began, after a pause of ``pause`` seconds."""
+        """Return the times, seconds, at which streams of one command of one part began, after a pause of ``pause``
+        seconds.
+        """
         times = [command.time for command in self.commands.get(key, [])]
         return [time for before, time in zip([-math.inf, *times], times, strict=False) if time - before > pause]
 

@@ -31,10 +31,10 @@ class RobotiqOptions:
 
     ``protocol``: ``urcap``, the socket of its URCap at the UR's address, or ``modbus``, Modbus TCP. ``open_position``,
     ``closed_position``: register values with the fingers fully open and closed. ``least_force``, ``least_speed``:
-    values for 0; 255 stands for the part's ``max_force`` and ``max_speed``. ``device``, ``command_register``,
-    ``status_register``: of Modbus; a gateway to the serial gripper has 9, 1000, 2000. ``rate``: of the readings, Hz.
-    ``timeout``: seconds for a single reply; ``longest_delay``: seconds that replies may be late for a while.
-    ``activate_holding``: whether to activate a hand that may hold an object, which drops it.
+    newtons and m/s at a register value of 0; 255 is the part's ``max_force`` and ``max_speed``. ``device``,
+    ``command_register``, ``status_register``: Modbus numbers; a gateway to the serial gripper has 9, 1000, 2000.
+    ``rate``: rate of the readings, Hz. ``timeout``: seconds for a single reply; ``longest_delay``: largest sustained
+    delay of replies, seconds. ``activate_holding``: whether to activate a hand that may hold an object, which drops it.
     """
 
     protocol: Literal["urcap", "modbus"] = "urcap"
@@ -64,8 +64,8 @@ WORDS = {
     15: "it has released automatically",
 }
 HARMLESS = frozenset({0, 5, 9})
-"""Fault numbers without consequences: none; a command during activation; and a pause of ours, which ends with the next
-round trip.
+"""Fault numbers that need no action: no fault; a command during activation; and a pause in our requests, which ends
+with the next round trip.
 """
 
 
@@ -91,7 +91,7 @@ LEAST_MOVE = 2
 
 
 class RobotiqChannel(GripperChannel):
-    """Communicates over an open wire; a missing reply closes it, because later replies would be out of step."""
+    """Communicates over an open connection; a missing reply closes it, because later replies would be out of step."""
 
     def __init__(self, name: str, model: GripperModel, options: RobotiqOptions, clock: Clock) -> None:
         self._name, self._model, self._options, self._clock = name, model, options, clock
@@ -116,7 +116,7 @@ class RobotiqChannel(GripperChannel):
         self.activate()
 
     def close(self) -> None:
-        """Close the wire; a held object stays held. Idempotent."""
+        """Close the connection; a held object stays held. Idempotent."""
         wire, self._wire = self._wire, None
         if wire is not None:
             wire.close()
@@ -257,7 +257,7 @@ class RobotiqConnection(Connection):
         self.add_loop("gripper", self.options.rate, self._cycle)
 
     def close(self) -> None:
-        """Close the wire; a held object stays held."""
+        """Close the connection; a held object stays held."""
         self._channel.close()
 
     def heard(self) -> float:
@@ -265,7 +265,7 @@ class RobotiqConnection(Connection):
         return self._channel.heard
 
     def reported_fault(self) -> Failure | None:
-        """Return the failure for its fault number, or for a link that is too slow."""
+        """Return the failure that corresponds to the gripper's fault number, or to a connection that is too slow."""
         return self._channel.fault or self._channel.slowness
 
     def recover(self) -> None:

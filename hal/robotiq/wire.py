@@ -67,7 +67,7 @@ class RobotiqWire(ABC):
 
 
 class URCapWire(RobotiqWire):
-    """Lines of text, ``SET POS 100 SPE 255`` and ``GET OBJ``, that the gripper's URCap takes at the UR's address."""
+    """Lines of text, ``SET POS 100 SPE 255`` and ``GET OBJ``, that the gripper's URCap accepts at the UR's address."""
 
     def __init__(self, address: str, port: int, timeout: float) -> None:
         self._address, self._timeout = (address, port), timeout
@@ -150,7 +150,7 @@ class URCapWire(RobotiqWire):
 
 
 class ModbusWire(RobotiqWire):
-    """Three registers of commands and three of status, two bytes in each, through pymodbus."""
+    """Three command and three status registers of two bytes each, through pymodbus."""
 
     def __init__(
         self,

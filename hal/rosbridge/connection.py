@@ -112,15 +112,15 @@ class RosCamera:
 
 PORT = 9090
 MANY = 99
-"""As many parts of a kind as there are."""
+"""Any number of parts of a kind."""
 INFO_PERIOD = 0.1
-"""Seconds between descriptions of a camera: how often it shows that it is alive."""
+"""Seconds between a camera's descriptions, which show that it is alive."""
 STALE_TIME = 0.05
 """Seconds beyond the watchdog's time after which one silent topic counts; if all are silent, the watchdog acts
 first.
 """
 SENSOR_PERIODS = 4.0
-"""Periods of a sensor after which its last reading counts as none."""
+"""Number of periods of a sensor after which its last reading expires."""
 SENSORS: Mapping[str, tuple[Any, str, Any, str, str]] = {
     "lidar": (HardwareLidar, "scan", decoding.laser_scan, "sensor_msgs", "LaserScan"),
     "force_torque": (HardwareForceTorque, "wrench", decoding.wrench, "geometry_msgs", "WrenchStamped"),
@@ -229,7 +229,7 @@ class RosbridgeConnection(Connection):
         return None
 
     def recover(self) -> None:
-        """Continue if the fault is over. Raises ConnectionFailedError if it is not."""
+        """Continue if the fault has ended. Raises ConnectionFailedError otherwise."""
         self._link.complaint = ""
         for stream, _, _ in self._streams:
             if self.options.clock == "estimated":
@@ -342,7 +342,7 @@ REACH_PERIODS = 1.5
 
 
 class RosBase(BaseChannel):
-    """Publishes ``Twist`` or ``TwistStamped``; the controller in ROS has a command timeout, as here."""
+    """Publishes ``Twist`` or ``TwistStamped``; the ROS controller must have a command timeout."""
 
     def __init__(
         self, link: RosLink, topic: str, options: RosbridgeOptions, odometry: TopicStream[BaseReading]
@@ -387,7 +387,9 @@ class TransformOdometry:
         self._velocity = Twist2D(0.0, 0.0, 0.0)
 
     def header(self, message: Message) -> Message | None:
-        """Return the header of the transform, or None if it is not in the message: others are stamped by others."""
+        """Return the header of the transform, or None if it is not in the message: other nodes stamp other
+        transforms.
+        """
         for entry in message["transforms"]:
             header: Message = entry["header"]
             if (header["frame_id"].lstrip("/"), entry["child_frame_id"].lstrip("/")) == self._frames:
@@ -435,7 +437,7 @@ class RosJoints(JointChannel):
 
     @property
     def age(self) -> float:
-        """Return the age of the newest reading, seconds; readings arrive without set-points, too."""
+        """Return the age of the newest reading, seconds; readings also arrive without set-points."""
         return self._states.age
 
     def read(self) -> JointReading:

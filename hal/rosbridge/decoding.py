@@ -18,7 +18,7 @@ from hal.parts.channels import BaseReading
 
 Message = Mapping[str, Any]
 DEPTH_HEADER = struct.Struct("<iff")
-"""Before the PNG of compressed_depth_image_transport: a format and two parameters of the quantisation."""
+"""Header before the PNG of compressed_depth_image_transport: a format and two quantisation parameters."""
 _IMU_FIELDS = "angular_velocity", "linear_acceleration"
 CHARGING = 1
 """Of the power supply states."""
@@ -58,7 +58,7 @@ def transform(message: Message, parent: str, child: str) -> tuple[float, Pose2D]
 
 
 def laser_scan(message: Message, at: float) -> LaserScan:
-    """Decode ``sensor_msgs/LaserScan``; non-finite ranges arrive as null, those out of range count as no hit."""
+    """Decode ``sensor_msgs/LaserScan``; non-finite ranges arrive as null, ranges outside the limits count as no hit."""
     ranges = np.array([math.inf if value is None else value for value in message["ranges"]], dtype=float)
     lower, upper = float(message["range_min"]), float(message["range_max"])
     ranges[~((ranges >= lower) & (ranges <= upper))] = np.inf

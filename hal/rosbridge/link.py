@@ -1,5 +1,6 @@
-"""One websocket to a rosbridge server, by roslibpy: it never reconnects by itself, so that no command is delivered
-late."""
+"""One websocket to a rosbridge server, by roslibpy; it never reconnects automatically, so that no command is delivered
+late.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +26,8 @@ class TopicStream(Generic[Value]):
     else.
 
     ``ros_time``: shared by the streams of a part, whose stamps are compared. ``longest_age``: seconds after which a
-    value is too old. ``header``: of a message; None: it is about something else. ``frame``: the ``frame_id`` of the
-    newest value. Written by the link's thread, read by any.
+    value is too old. ``header(message)``: returns its header, or None if the message is about something else.
+    ``frame``: the ``frame_id`` of the newest value. Written by the link's thread, read by any.
     """
 
     def __init__(
@@ -99,13 +100,15 @@ class TopicStream(Generic[Value]):
 
     @property
     def age(self) -> float:
-        """Seconds since the newest value was stamped."""
+        """Return the seconds since the newest value was stamped."""
         newest = self._newest
         return self._clock.now() - newest[1] if newest is not None else float("inf")
 
     @property
     def unlike_clock(self) -> str:
-        """Return why the newest stamp contradicts a synchronised clock; empty if it does not, or without that claim."""
+        """Return why the newest stamp contradicts a synchronised clock; empty if it does not, or if the clock is not
+        declared synchronised.
+        """
         if not isinstance(self._ros_time, SynchronisedTime):
             return ""
         if (ahead := self._ros_time.ahead) > FARTHEST_AHEAD:
@@ -213,7 +216,7 @@ class RosLink:
             ros.factory.on_ready(lambda protocol: protocol.send_close())
 
     def abandon(self) -> None:
-        """Drop the connection at once, so that pending messages do not arrive."""
+        """Drop the connection immediately, so that pending messages do not arrive."""
         ros = self._ros
         if ros is not None and ros.is_connected:
             ros.factory.on_ready(

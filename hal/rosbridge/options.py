@@ -39,10 +39,10 @@ class RosbridgeOptions:
     poses arrive as ``nav_msgs/Odometry`` or as the transform from ``odom_frame`` to ``base_frame``, frame names in ROS.
     ``frames``: part → frame name of its messages in ROS, if different from the robot model's; they are compared when
     connecting. ``clock``: ``synchronised`` with this machine's by PTP or NTP, so that stamps are used directly, or
-    ``estimated`` for each part from its fastest message, whose own latency stays unknown. ``stamped_velocity``: whether
-    the base takes ``TwistStamped``. ``rate``: of velocities and set-points, Hz. ``longest_delay``: seconds that
-    readings may be late for a while. ``image_time``: seconds to wait for an image. ``pairing``: maximum seconds between
-    the stamps of matching colour and depth images. ``secure``: TLS. ``connect_timeout``: seconds.
+    ``estimated`` for each part from its fastest message, whose own latency remains unknown. ``stamped_velocity``:
+    whether the base takes ``TwistStamped``. ``rate``: rate of velocities and set-points, Hz. ``longest_delay``: largest
+    sustained delay of readings, seconds. ``image_time``: seconds to wait for an image. ``pairing``: maximum seconds
+    between the stamps of matching colour and depth images. ``secure``: TLS. ``connect_timeout``: seconds.
     """
 
     topics: Mapping[str, Mapping[str, str]] = field(default_factory=dict)

@@ -13,7 +13,7 @@ Body = Literal["fingers", "robot", "object", "furniture", "floor", "wall", "walk
 
 @dataclass(frozen=True)
 class ContactIncident:
-    """A contact of two bodies with more than 1 N and gaps of less than a quarter of a second.
+    """A contact of two bodies with more than 1 N, including gaps of less than a quarter of a second.
 
     ``first``: the robot's link, or the object that it held. ``second``: the other body, or a link of another arm of the
     robot. ``kinds``: of both bodies. ``articulation``: the door or drawer, ``furniture/name``, if the second body is
@@ -34,7 +34,7 @@ class ContactIncident:
 
 @dataclass(frozen=True)
 class Penetration:
-    """The deepest overlap of two bodies, metres, and when."""
+    """The deepest overlap of two bodies, metres, and its time, seconds."""
 
     first: str
     second: str
@@ -54,8 +54,8 @@ class Finding:
 class DisturbanceEvent:
     """An intervention on an object, door or drawer ``name``, from ``stamp`` to ``until`` (s).
 
-    ``put``: set down at ``pose`` (x, y, z and quaternion xyzw of its centre of mass, in the map). ``slip``: without
-    friction, until it has come to rest. ``push``: a hand shuts it. ``text``: its description.
+    Kinds: ``put``: set down at ``pose`` (x, y, z in metres and quaternion xyzw of its centre of mass, in the map).
+    ``slip``: without friction, until it has come to rest. ``push``: pushed shut by a hand. ``text``: its description.
     """
 
     stamp: float

@@ -33,11 +33,11 @@ from hal.simulation.simulation import SimulatedChannel, Simulation
 
 Array = NDArray[np.float64]
 Velocity = tuple[float, float, float]
-"""vx, vy, wz: m/s and rad/s in the base frame; or a path: metres and radians."""
+"""vx, vy, wz in the base frame, m/s and rad/s; or a displacement, metres and radians."""
 
 
 class Drive(ABC):
-    """Between the velocity of a base and the motion of its wheels; (n,) wheels, (k,) steering joints, radians."""
+    """The kinematics between the velocity of a base and its n wheels and k steering joints; radians."""
 
     @abstractmethod
     def wheel_speeds(self, velocity: Velocity, steering: Array) -> Array:
@@ -45,10 +45,14 @@ class Drive(ABC):
 
     @abstractmethod
     def motion(self, wheels: Array, steering: Array) -> Velocity:
-        """Return the velocity from speeds of the wheels (n,), rad/s, or the path from their angles, rad."""
+        """Return the velocity (m/s, rad/s) for wheel speeds (n,), rad/s, or the displacement for wheel angles (n,),
+        rad.
+        """
 
     def steering_angles(self, velocity: Velocity, present: Array) -> Array:
-        """Return the target angles of the steering joints (k,), the nearer of two solutions; empty without any."""
+        """Return the target angles of the steering joints (k,), the nearer of two solutions; empty without steering
+        joints.
+        """
         return present
 
 
@@ -82,7 +86,7 @@ class SideDrive(Drive):
 class SteeredDrive(Drive):
     """Wheels that each turn about a vertical axis above them: ``places`` (n, 2) metres in the base, ``radii`` (n,).
 
-    At a steering angle of zero a wheel rolls along x. Steering joints turn without end.
+    At a steering angle of zero a wheel rolls along x. Steering joints are continuous.
     """
 
     places: Array
@@ -96,13 +100,13 @@ class SteeredDrive(Drive):
         return np.where(np.hypot(*ways.T) > 1e-4, present + turn, present)
 
     def wheel_speeds(self, velocity: Velocity, steering: Array) -> Array:
-        """Return each wheel's velocity along its rolling direction."""
+        """Return the speeds of the wheels (n,), rad/s, from each wheel's velocity along its rolling direction."""
         along = np.column_stack([np.cos(steering), np.sin(steering)])
         speeds: Array = np.sum(self._wheel_velocities(velocity) * along, axis=1) / self.radii
         return speeds
 
     def motion(self, wheels: Array, steering: Array) -> Velocity:
-        """Return the rigid motion whose wheel velocities are nearest to those rolled, in the sense of least squares."""
+        """Return the rigid motion whose wheel velocities fit the measured ones best, by least squares."""
         rolled = (wheels * self.radii)[:, None] * np.column_stack([np.cos(steering), np.sin(steering)])
         n = len(self.radii)
         rows = np.zeros((2 * n, 3))
@@ -167,7 +171,7 @@ STILL = Twist2D(0.0, 0.0, 0.0)
 
 
 class WheelDrive(SimulatedChannel, BaseChannel):
-    """Drives the wheels at given speeds; commanded to stop, and once at rest, they are held in position."""
+    """Drives the wheels at given speeds; after a stop, once at rest, they are held in position."""
 
     def __init__(
         self, name: str, model: WheeledBaseModel, parameters: SimulationParameters, rng: np.random.Generator
@@ -182,7 +186,7 @@ class WheelDrive(SimulatedChannel, BaseChannel):
         self._still_for, self._parked = 0.0, False
 
     def attach(self, simulation: Simulation) -> None:
-        """Stop, with odometry at zero."""
+        """Stop the wheels and reset the odometry to zero."""
         super().attach(simulation)
         motors = self._attached_motors = WheelMotors(simulation, self._model.part, self._parameters)
         self.encoders.attach(
@@ -230,7 +234,7 @@ class WheelDrive(SimulatedChannel, BaseChannel):
         return self._attached_motors
 
     def watch(self) -> None:
-        """Count the wheels' turns, and hold the wheels once they have stood for a while."""
+        """Read the wheel encoders, and hold the wheels once they have been at rest for a while."""
         motors = self._motors
         motors.count()
         with contextlib.suppress(NoDataError):
@@ -319,7 +323,9 @@ LEGS_CANNOT = {
 
 
 class LegDrive(SimulatedChannel, BaseChannel):
-    """A walking base that trots. It uses only its joints and its IMU. ``body``: of the whole robot."""
+    """A walking base that trots. It uses only its joints and its IMU. ``body``: mass and centre of mass of the whole
+    robot.
+    """
 
     def __init__(self, model: LeggedBaseModel, parameters: SimulationParameters, imu: Imu, body: Payload) -> None:
         self._model, self._parameters, self._imu, self._body = model, parameters, imu, body
@@ -329,7 +335,7 @@ class LegDrive(SimulatedChannel, BaseChannel):
         self._walker = TrotGait(model, body)
 
     def attach(self, simulation: Simulation) -> None:
-        """Stand up, with odometry at zero."""
+        """Stand up and reset the odometry to zero."""
         super().attach(simulation)
         self._slots = simulation.slots(self._model.part.joints)
         self._indices = simulation.joints(self._model.part.joints)

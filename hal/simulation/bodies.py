@@ -37,8 +37,8 @@ class BuiltWorld:
 
     ``frames``: frames of the robot that are not links here: frame → (link, link_from_frame). ``articulations``: doors
     and drawers, ``furniture/name`` → body and joint, which is also the link's number. ``walkers``: body and the joints
-    of its slides. ``parents``: of the robot, link → the link that carries it. Masses in kilograms, of objects by body.
-    ``max_efforts``: of the robot's joints, N m or N; 0: without a limit.
+    of its slides. ``parents``: link of the robot → its parent link. Masses in kilograms, those of objects by body.
+    ``max_efforts``: of the robot's joints, N m or N; 0: unlimited.
     """
 
     floor: int
@@ -66,7 +66,7 @@ class BuiltWorld:
         return names
 
     def below(self, joints: Iterable[str]) -> list[int]:
-        """Return the robot's links that hang on its joints of these names, in rising order."""
+        """Return the robot's links below the joints of these names, in ascending order."""
         carried = {self.joints[joint] for joint in joints}
         for link, parent in sorted(self.parents.items()):  # parents come before children
             if parent in carried:
@@ -90,7 +90,7 @@ def among(bodies: Mapping[str, Found], name: str, kind: str) -> Found:
 
 
 class BodyState(NamedTuple):
-    """Pose of the centre of mass of a body's root link in the map frame and its velocity."""
+    """Pose of the centre of mass of a body's root link in the map frame, and its velocity (m/s, rad/s)."""
 
     position: Vector
     quaternion: Quaternion
@@ -109,8 +109,9 @@ class LinkMotion(NamedTuple):
 class ContactPoint(NamedTuple):
     """A contact point of two bodies that touch or nearly do; metres, newtons and unit vectors in the map frame.
 
-    ``normal``: of the second body, towards the first. ``distance``: negative if they overlap. Forces on the first body:
-    ``pressure`` along the normal, ``friction`` along ``direction`` and ``friction_2`` along ``direction_2``.
+    ``normal``: normal of the second body, towards the first. ``distance``: negative if they overlap. Forces on the
+    first body: ``pressure`` along the normal, ``friction`` along ``direction`` and ``friction_2`` along
+    ``direction_2``.
     """
 
     first: int

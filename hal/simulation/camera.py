@@ -23,14 +23,14 @@ from hal.simulation.simulation import Simulation
 
 
 class ScenePhotographer:
-    """Takes pictures with shadows. Like GroundTruth, construct it before time runs, or it counts as untrusted."""
+    """Takes pictures with shadows. Like GroundTruth, construct it before the first step, or it counts as untrusted."""
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self._reader = robot.simulation.reader(ReadPurpose.RECORDING)
         self._built = robot.simulation.built
 
     def visible(self, viewpoint: Viewpoint, name: str, width: int = 160, height: int = 120) -> tuple[float, float]:
-        """Return the shares of a small picture that show an object and the robot, 0 to 1."""
+        """Return the fractions, 0 to 1, of a small picture that show an object and the robot."""
         bodies, _ = self._reader.segments(viewpoint, width, height)
         thing = among(self._built.objects, name, "object")
         return float(np.mean(bodies == thing)), float(np.mean(bodies == self._built.robot))
@@ -53,19 +53,19 @@ def smooth(rgb: NDArray[np.uint8], oversampling: int) -> NDArray[np.uint8]:
 EDGE_CURVATURE = 0.03
 NEIGHBOURS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 MOVED = 5e-4
-"""Metres, or radians, that a camera has moved by between an image and its rendering before that counts."""
+"""Smallest motion of a camera between an image and its rendering that is taken into account, metres or radians."""
 
 
 @dataclass(frozen=True, eq=False)
 class Exposure:
-    """When and from where an image was taken; ``map_from_optical`` is the true pose, used for rendering alone."""
+    """When and from where an image was taken; ``map_from_optical`` is the true pose, used only for rendering."""
 
     map_from_optical: Pose
     stamp: float
 
 
 class SimulatedCamera(SimulatedSensor[Exposure], Camera):
-    """Renders on request. With a latency, it takes images at its rate and returns the latest that has arrived.
+    """Renders on request. With a latency, it takes images at its rate and returns the latest one available.
 
     Only requested images are rendered: objects moving in front of the camera are drawn at their current pose, up to a
     latency and a frame later than the stamp. The camera's own pose is that of the stamp. If it has moved since, the
@@ -82,7 +82,7 @@ class SimulatedCamera(SimulatedSensor[Exposure], Camera):
         self._rendered: tuple[Exposure, SensorFault | None, RGBDImage] | None = None
 
     def capture(self) -> RGBDImage:
-        """Render colour and depth, and spoil the depth as the model says."""
+        """Render colour and depth, and add the depth errors of the model."""
         capture, fault = super().read(), self.fault
         if self._rendered is not None:
             shown, shown_fault, image = self._rendered
@@ -145,7 +145,7 @@ def spoil_depth(depth: NDArray[np.float64], model: CameraPart, rng: np.random.Ge
 MARGIN = 2
 """Margin of pixels rendered beyond those that the lens needs, for interpolation."""
 LARGEST = 3.0
-"""How many times wider than the image the ideal field may become; no lens that the model fits needs more."""
+"""Largest width of the ideal image relative to the real one; no lens that the model fits needs more."""
 ITERATIONS = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-10)
 
 

@@ -169,11 +169,11 @@ def _on_the_floor(base: BaseModel, built: BuiltWorld) -> list[int]:
 
 
 CLOSING = 0.02
-"""Metres per second towards the other, just before they touch, from which on a contact is the robot's doing."""
+"""Speed towards the other body, just before the contact, from which the robot counts as its cause, m/s."""
 PUSHING = 0.01
 """Motion towards the other body during contact above which a body counts as moving, metres; recoil is less."""
 APART = 0.25
-"""Seconds after which they have parted."""
+"""Seconds without contact after which a contact has ended."""
 
 Pair = tuple[int, int]  # a link of the robot and the other body
 
@@ -189,7 +189,7 @@ class _Touch:
 
 
 class ApproachWatcher:
-    """Processes the contacts of an observation one by one; the robot is judged by the motion of its body.
+    """Processes the contacts of an observation one by one; the cause is determined from the motion of the robot's body.
 
     An impact changes velocities, so the first contact is judged by the velocities of the observation before, 1/60 s
     earlier; later, by how far the body has moved towards the other.
@@ -220,7 +220,7 @@ class ApproachWatcher:
             touch.stamp = observation.stamp
 
     def ours(self, link: int, other: int) -> bool:
-        """Return whether the present contact of a link with ``other`` is the robot's doing."""
+        """Return whether the robot caused the current contact of a link with ``other``."""
         touch = self._touches.get((link, other))
         return touch is None or touch.ours
 

@@ -28,7 +28,7 @@ FALL_TIME = 2.0
 PUSH_TIME = 10.0
 """Seconds after which a blocked push is given up."""
 ENDS_WITHIN = 0.1
-"""Seconds after its time in which a slip or a push has ended: checked after every control period."""
+"""Seconds after its end time within which a slip or a push has ended; checked after every control period."""
 PUSH_EFFORT = {"prismatic": 30.0, "revolute": 10.0}
 """Maximum force and torque of a pushing hand, N and N m."""
 
@@ -58,8 +58,8 @@ class DisturbanceInjector:
 
     Its actions are listed in ``AuditRecord.disturbances`` and are not faults of the run if the evaluation knows of
     them: each action returns its event, and ``audit`` compares these with those that the monitor has excused. An
-    injector created later also works, but all its actions count as cheats. It never acts within ``KEEPS_AWAY`` of the
-    robot, except by ``let_slip``, so it never causes a contact of the robot.
+    injector created later also works, but all its actions count as tampering. It never acts within ``KEEPS_AWAY`` of
+    the robot, except by ``let_slip``, so it never causes a contact of the robot.
     """
 
     def __init__(self, robot: SimulatedRobot) -> None:

@@ -28,7 +28,7 @@ EFFORT_TOLERANCE = (0.02, 0.01)  # share and least
 
 @dataclass
 class WatchedArticulation:
-    """A door or drawer. ``friction``, ``latched``: efforts of its joint beyond ``travel`` and within; ``falling``:
+    """A door or drawer. ``friction``, ``latched``: efforts of its joint beyond and within ``travel``; ``falling``:
     largest speed gain by its weight in one step; ``position``, ``velocity``: after the previous step. ``drift``: recent
     motion without a velocity.
     """
@@ -113,7 +113,9 @@ class DoorWatcher:
         door.position, door.velocity = position, velocity
 
     def motor_fault(self, door: WatchedArticulation, velocity: float, effort: float) -> str:
-        """Return as text how the effort of a joint's motor differs from friction and latch; empty if it does not."""
+        """Return, as text, the deviation of a joint motor's effort from friction and latch; empty without a
+        deviation.
+        """
         owed = door.latched if abs(door.position) < door.travel else door.friction
         slack = EFFORT_TOLERANCE[0] * owed + EFFORT_TOLERANCE[1]
         if abs(effort) > owed + slack:

@@ -1,7 +1,7 @@
 """Doors and drawers: their latches, hands that push them, and scripts by which a person moves them.
 
-A latch is more dry friction near the closed position, as a magnet or a spring catch has it. A hand is a motor of the
-joint with bounded effort.
+A latch is additional dry friction near the closed position, like that of a magnet or a spring catch. A hand is a motor
+of the joint with bounded effort.
 """
 
 from __future__ import annotations
@@ -64,15 +64,13 @@ class Latches:
 
 
 ARRIVED: dict[JointKind, float] = {"revolute": math.radians(1.0), "prismatic": 0.004}
-"""Radians or metres from its goal at which it lets go; less than a latch holds on."""
+"""Distance from its goal at which a hand releases the door, radians or metres; less than the range of a latch."""
 
 
 @dataclass(frozen=True)
 class DoorPush:
-    """A push on a door or drawer. ``place``: body and joint. It moves ``to`` (radians or metres open) at ``speed`` (per
-    second).
-
-    ``effort``: maximum N m or N, beyond the friction of the joint.
+    """A push on a door or drawer. ``place``: body and joint. The joint moves to the opening ``to``, radians or metres,
+    at ``speed``, rad/s or m/s. ``effort``: maximum effort, N m or N, beyond the friction of the joint.
     """
 
     place: tuple[int, int]
@@ -98,7 +96,7 @@ class Hand:
         return False
 
     def rest(self, push: DoorPush) -> None:
-        """Release it: it is held by its friction, and by its latch near the closed position."""
+        """Release the door, which is then held by its friction and, near the closed position, by its latch."""
         door = push.door
         caught = abs(_position(self._engine, push.place)) < LATCH_TRAVEL[door.kind]
         self._turn(push, 0.0, door.friction + door.latch if caught else door.friction)

@@ -103,7 +103,9 @@ class Engine(ABC):
 
     @abstractmethod
     def cast_rays(self, starts: Array, ends: Array) -> tuple[NDArray[np.intp], Array]:
-        """Cast rays between points (n, 3); returns the hit bodies (n,), -1 for none, and the share of each ray (n,)."""
+        """Cast rays between points (n, 3); returns the hit bodies (n,), -1 for none, and the fraction of each ray up to
+        the hit (n,).
+        """
 
     @abstractmethod
     def depth_image(
@@ -129,7 +131,7 @@ class Engine(ABC):
 
     @abstractmethod
     def set_joint(self, body: int, joint: int, position: float) -> None:
-        """Put a joint to a position, at rest."""
+        """Set a joint to a position, at rest."""
 
     @abstractmethod
     def friction(self, body: int) -> tuple[float, float]:
@@ -137,10 +139,10 @@ class Engine(ABC):
 
     @abstractmethod
     def set_friction(self, body: int, sliding: float, spinning: float) -> None:
-        """Set both coefficients of friction, effective at once, also in existing contacts."""
+        """Set both coefficients of friction, effective immediately, also in existing contacts."""
 
     def forget_contacts(self, body: int, link: int) -> None:  # noqa: B027 - for engines that keep contacts
-        """Recompute the contacts of a link in the next step; no effect in an engine that always does so."""
+        """Recompute the contacts of a link in the next step; without effect in engines that always do so."""
 
     @abstractmethod
     def constraint_count(self) -> int:

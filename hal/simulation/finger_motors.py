@@ -1,4 +1,4 @@
-"""The motors of parallel fingers as a channel: force-limited; objects are held by friction alone."""
+"""The motors of parallel fingers as a channel: force-limited; objects are held only by friction."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from hal.simulation.parameters import SimulationParameters
 from hal.simulation.simulation import SimulatedChannel, Simulation
 
 PRESSING = 0.0015
-"""Metres short of where they were sent: then the fingers press on something, or are on their way."""
+"""Distance from the commanded width, metres, above which fingers press on something or are still moving."""
 
 
 class FingerMotors(SimulatedChannel, GripperChannel):
-    """Motors at the joints that drive the fingers, gears to those that follow (see the world's builder)."""
+    """Motors at the driving joints of the fingers; gears move the others (see the world builder)."""
 
     reaction_time = 0.0
 
@@ -33,7 +33,7 @@ class FingerMotors(SimulatedChannel, GripperChannel):
         self._sent_to = model.max_width
 
     def attach(self, simulation: Simulation) -> None:
-        """Hold the present width."""
+        """Hold the current width."""
         super().attach(simulation)
         self._slots = simulation.slots(self._model.part.joints)
         self._indices = simulation.joints(self._model.part.joints)
@@ -52,7 +52,7 @@ class FingerMotors(SimulatedChannel, GripperChannel):
         self._drive(width, force, speed)
 
     def halt(self) -> None:
-        """Hold the present width."""
+        """Hold the current width."""
         width = float(np.clip(self.read().width, self._model.part.min_width, self._model.max_width))
         self._drive(width, self._holding_force, self._model.part.max_speed)
 

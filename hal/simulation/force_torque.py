@@ -1,7 +1,7 @@
 """Simulated force-torque sensors: the balance of forces on everything mounted on the sensor.
 
-Bullet's own joint feedback leaves out most of what the gear between two fingers carries, so a bar that pushes the
-fingers aside would hardly be felt; contacts, weight and inertia give the same wrench completely.
+Bullet's own joint feedback omits most of the load on the gear between two fingers, so a bar that pushes the fingers
+sideways would hardly be measured; contacts, weight and inertia give the complete wrench.
 """
 
 from __future__ import annotations

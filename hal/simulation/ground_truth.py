@@ -11,7 +11,7 @@ from hal.simulation.robot import SimulatedRobot
 
 
 class GroundTruth:
-    """True poses in the map frame. Create it right after ``robot.connect()``, before time advances.
+    """True poses in the map frame. Create it right after ``robot.connect()``, before the first step.
 
     One created later also works, but each of its reads counts as a ``ground_truth_read`` in the audit, so that skills
     cannot read the ground truth unnoticed. ``trusted``: whether reads are not counted.

@@ -37,7 +37,7 @@ KINDS = {
 Robotics API, whose parts get the engine from ``Simulation.actor``.
 """
 OWN = frozenset({"joint_states"})
-"""Of these, those that are free for the robot's own body: its encoders."""
+"""Those of these functions that are allowed for the robot's own body: its encoders."""
 
 
 class ReadPurpose(Enum):
@@ -51,7 +51,9 @@ class ReadPurpose(Enum):
 
 
 class GuardedEngine:
-    """An engine as any code finds it in a robot: its functions are the attributes, and each of them is counted."""
+    """The engine that is accessible to any code through the robot: its functions are attributes, and each call is
+    counted.
+    """
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine

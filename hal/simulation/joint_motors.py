@@ -162,7 +162,7 @@ class JointMotors(SimulatedChannel, JointChannel):
         self._sent_to = positions
 
     def exert(self, efforts: Array) -> None:
-        """Apply torques from the next physics step on."""
+        """Apply torques from the next physics step."""
         simulation = self.simulation
         if self._torques is None:
             simulation.release(self._indices)

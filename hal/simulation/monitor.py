@@ -57,7 +57,7 @@ class AttachmentCheck:
     ) -> None:
         """Process one observation and the normal forces of the robot on each body, newtons.
 
-        ``put_down``: objects placed by a script: their half second restarts.
+        ``put_down``: objects placed by a script: their half second of observation restarts.
         """
         if put_down:
             self._history.clear()
@@ -169,14 +169,14 @@ class IntegrityCheck:
 
 FULL_CHECK_EVERY = 60
 PUT_THERE = (2e-3, 1e-2)
-"""Metres and radians from where an intervention has put it, within which an object is at the next look."""
+"""Largest deviation of an object from the pose set by an intervention, at the next observation, metres and radians."""
 
 
 class AuditMonitor:
     """Watches one simulation of ``world`` from the moment its scene is built.
 
     Events in ``disturbance_log`` are excused: each explains the motion of one object, door or drawer for a while. They
-    stay in the record, whatever happens to the log; the evaluation compares them with the task's own script.
+    remain in the record, even if the log changes; the evaluation compares them with the task's own script.
     """
 
     def __init__(self, simulation: Simulation, world: World) -> None:

@@ -1,4 +1,4 @@
-"""Watches for motion that no velocity explains, of any cause, and for joints beyond their limits."""
+"""Detects motion that no velocity explains, regardless of its cause, and joints beyond their limits."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class MotionWatcher:
     """Compares how far bodies and joints have moved with the motion explained by their velocities.
 
     In every step a body moves by exactly its velocity after the step; ``integrate`` sums this between two observations.
-    A reset of a pose or of a state shows as a residual, and small ones add up. Joints are compared with the mean of
+    A reset of a pose or of a state causes a residual, and small ones accumulate. Joints are compared with the mean of
     their velocities before and after.
     """
 
@@ -214,7 +214,7 @@ class MotionWatcher:
                 self.jumps.append(Finding(observation.stamp, text))
 
     def watch_limits(self, observation: SimulationState) -> None:
-        """Note joints that have come beyond a limit since the last call."""
+        """Record joints that have exceeded a limit since the last call."""
         states = observation.joints[:2]
         beyond = (states < self._least) | (states > self._most)
         if beyond.any():

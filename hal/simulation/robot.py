@@ -56,8 +56,8 @@ Channel = FingerMotors | JointMotors | LegDrive | SuctionPump | WheelDrive
 JOINTS = Tracking(latency=0.0)
 """Timing of joints: a reading shows the set-point of the previous control period."""
 LEGS = BaseTiming(stop_time=0.08, arrival=Arrival(arrived=0.005))
-"""Timing of a walking base: it needs most of half a second to put its feet down, and rests less exactly than on
-wheels.
+"""Timing of a walking base: it needs almost half a second to put its feet down, and comes to rest less precisely than a
+base on wheels.
 """
 
 
@@ -103,7 +103,7 @@ class SimulatedRobot(Robot):
 
     @property
     def world(self) -> World:
-        """Return the requested world with the true start poses; reading it once time runs is counted."""
+        """Return the requested world with the true start poses; reads after the first step are counted."""
         if self._simulation is not None and self._simulation.ledger.truth_closed:
             self._simulation.ledger.note("truth_reads", f"{type(self).__name__}.world")
         return self._world
@@ -134,7 +134,7 @@ class SimulatedRobot(Robot):
 
     @property
     def unsupported(self) -> Mapping[str, str]:
-        """Legs cannot do all that wheels can."""
+        """Return the unsupported features: those of legged bases."""
         return LEGS_CANNOT if self.model.of(LeggedBaseModel) else {}
 
     def audit_record(self) -> AuditRecord:
@@ -150,9 +150,8 @@ class SimulatedRobot(Robot):
         return self._monitor.disturbance_log
 
     def close_truth(self) -> None:
-        """Close the truth: views that are opened later are counted. Raises NotConnectedError.
-
-        The first step of time closes it, too; a judged run closes it before its tree is loaded.
+        """Close access to the ground truth: views opened later are counted. Raises NotConnectedError. The first step
+        also closes it; a judged run closes it before its tree is loaded.
         """
         self.simulation.ledger.close_truth()
 
@@ -193,7 +192,7 @@ class SimulatedRobot(Robot):
         self._simulation = None
 
     def stop(self) -> None:
-        """Bring all parts to rest and latch the stop; thread-safe, effective at once."""
+        """Bring all parts to rest and latch the stop; thread-safe, effective immediately."""
         with self._lock:
             if self._latch.set():
                 self._recorder.stopped("stop() was called")
@@ -201,8 +200,8 @@ class SimulatedRobot(Robot):
                 part.stop()
 
     def keep_black_box_in(self, folder: Path | None) -> None:
-        """Set the folder of the black box. A recording of a stop that has just occurred is written incomplete, because
-        time does not advance meanwhile.
+        """Set the folder of the black box. The record of a very recent stop is written incompletely, because time does
+        not advance meanwhile.
         """
         self._recorder.keep_in(folder)
 

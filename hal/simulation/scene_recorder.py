@@ -14,10 +14,9 @@ from hal.simulation.robot import SimulatedRobot
 
 @dataclass(frozen=True, eq=False)
 class SceneSnapshot:
-    """Where everything is at ``stamp``: poses in the map frame, joint positions by name.
-
-    ``articulation_poses``: of doors and drawers, ``furniture/name`` → map_from_articulation, a frame at the joint that
-    is turned as the furniture's while closed. ``walker_poses``: of people, on the floor, upright.
+    """The poses of everything at ``stamp``, seconds: poses in the map frame, joint positions by name.
+    ``articulation_poses``: door or drawer, ``furniture/name`` → map_from_articulation, a frame at the joint with the
+    furniture's orientation while closed. ``walker_poses``: of people, on the floor, upright.
     """
 
     stamp: float
@@ -29,7 +28,7 @@ class SceneSnapshot:
 
 
 class SceneRecorder:
-    """Takes snapshots for the runtime's recorder; construct it before time runs, or it is not ``trusted``."""
+    """Takes snapshots for the runtime's recorder; construct it before the first step, or it is not ``trusted``."""
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self._robot = robot

@@ -77,7 +77,7 @@ class Simulation:
 
     @property
     def now(self) -> float:
-        """The robot's time: ``epoch``, when this simulation began, and the steps since then; seconds."""
+        """The robot's time, seconds: ``epoch``, the start of this simulation, plus the steps since then."""
         return self.epoch + self.elapsed
 
     def step(self) -> None:
@@ -106,8 +106,8 @@ class Simulation:
         return Reader(self._engine, self._guarded, purpose, sys._getframe(1).f_globals.get("__name__", ""))
 
     def actor(self) -> Engine:
-        """Return the engine for parts that act on the world, such as a suction cup; not counted if taken before
-        ``close_truth``.
+        """Return the engine for parts that act on the world, such as a suction cup; its calls are not counted if it is
+        obtained before ``close_truth``.
         """
         return self.engine if self.ledger.truth_closed else self._engine
 
@@ -120,7 +120,7 @@ class Simulation:
         return [self.built.joints[joint] for joint in joint_names]
 
     def release(self, joints: Sequence[int]) -> None:
-        """Switch the engine's motors at joints of the robot off, so that torques can be commanded."""
+        """Switch off the engine's motors at joints of the robot, so that torques can be commanded."""
         nothing = [0.0] * len(joints)
         self._engine.turn(self.built.robot, joints, nothing, nothing)
 
@@ -140,7 +140,7 @@ class Simulation:
     def contacts(self, reader: Reader) -> Sequence[ContactPoint]:
         """Return all contacts; read at most once per step.
 
-        Reading only those of the robot takes as long.
+        Reading only those of the robot would take as long.
         """
         if self._contacts_at != self.steps or not reader.trusted:
             self._contacts = reader.contacts()
@@ -159,12 +159,12 @@ class Simulation:
         return pose
 
     def holder(self, frame: str) -> int:
-        """Return the number of the robot's link that carries a frame, or is it."""
+        """Return the number of the robot's link that is, or carries, a frame."""
         return self.built.links[self.built.frames.get(frame, (frame, None))[0]]
 
 
 class SimulatedChannel:
-    """The base of channels to simulated actuators: the simulation, attached while connected."""
+    """Base class of channels to simulated actuators: the simulation, attached while connected."""
 
     _attached_to: Simulation | None = None
     motors: Engine

@@ -20,13 +20,10 @@ BUILD_UP = 0.15
 
 
 class SuctionPump(SimulatedChannel, GripperChannel):
-    """A cup that sucks at width 0 and lets go at any other.
-
-    While the rim touches a body, flat, the vacuum presses the two together with equal and opposite forces. No
-    constraint ties them: friction at the rim holds sideways, and a pull beyond the rated force tears them apart.
-
-    Its width is nominal: half of the full width where it sucks at something; sucking air, it sinks to 0 in the time
-    in which a vacuum would have been built up twice.
+    """A cup that sucks at width 0 and releases at any other. While the rim lies flat on a body, the vacuum presses the
+    two together with equal and opposite forces. No constraint is used: friction at the rim holds sideways, and a pull
+    beyond the rated force separates them. The width is nominal: half of the full width while an object is held; while
+    sucking air, it falls to 0 in twice the time that a vacuum needs to build up.
     """
 
     reaction_time = 0.0

@@ -15,8 +15,8 @@ from hal.simulation.sensor_pipeline import SimulatedSensor
 from hal.simulation.simulation import Simulation
 
 FACING = 0.7
-"""Cosine of the largest angle between the pad's normal and a force that counts: forces from the side or from behind do
-not act on the pad.
+"""Cosine of the largest angle between the pad's normal and an acting force: forces from the side or from behind do not
+act on the pad.
 """
 
 Array = NDArray[np.float64]

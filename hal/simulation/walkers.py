@@ -1,4 +1,4 @@
-"""People who walk about a scene: their motions along rounds, what they mind, when they stop."""
+"""People who walk through a scene: their routes, what they yield to, and when they stop."""
 
 from __future__ import annotations
 
@@ -13,19 +13,21 @@ from hal.simulation.audit_record import Finding
 from hal.simulation.engine import Engine
 
 FORCE = 120.0
-"""Newtons that a walker pushes with, at most, along each axis: it walks into a robot, and does not shove it away."""
+"""Largest pushing force of a walker along each axis, newtons: it may walk into a robot, but does not push it away."""
 AHEAD = 0.25
-"""Metres along its round to the point that a walker makes for."""
+"""Lookahead distance of a walker along its route, metres."""
 STOPS_BEFORE = 0.9
-"""Metres between the middles of a considerate walker and the robot, beyond the walker's radius, at which it stops."""
+"""Distance between the centres of a considerate walker and the robot, minus the walker's radius, at which it stops,
+metres.
+"""
 BEHIND_OTHERS = 0.15
 """Distance at which a considerate walker stops behind another one, metres."""
 IN_FRONT = math.radians(70.0)
-"""From its direction, each way: where a considerate walker minds the robot and others."""
+"""Half-angle of the sector ahead in which a considerate walker yields to the robot and others."""
 PATIENCE = 4.0
-"""Seconds after which a walker that is blocked turns round."""
+"""Seconds after which a blocked walker turns round."""
 GETS_ON = 0.15
-"""Metres in that time that count as getting on."""
+"""Distance in that time that counts as progress, metres."""
 
 
 @dataclass

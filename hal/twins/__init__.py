@@ -1,4 +1,4 @@
 """Protocol twins: a simulated world that speaks the wire protocols of real controllers, in real time.
 
-Clients of twins import ``TwinProcess``, which brings no simulation; the world is in ``hal.twins.twin_host``.
+Clients of twins import ``TwinProcess``, which imports no simulation; the world is in ``hal.twins.twin_host``.
 """

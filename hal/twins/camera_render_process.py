@@ -28,16 +28,15 @@ from hal.twins.errors import TwinError
 START_TIME = 60.0
 FRAME_TIME = 10.0
 REAL_TIME_PRIORITY = 1
-"""Below the controllers' own; a real camera does not wait for the robot's computer either."""
+"""Real-time priority, below that of the controllers; a real camera does not wait for the robot's computer either."""
 Packed = TypeVar("Packed")
 RawPose = tuple[tuple[float, ...], tuple[float, ...]]
 
 
 @dataclass(frozen=True)
 class WorldState:
-    """Where everything is at ``stamp``: raw poses of bodies and positions of joints.
-
-    ``wall_time``: of the machine when it was so; the simulation's own time does not lag behind it evenly.
+    """The state of the world at ``stamp``, seconds: raw poses of bodies and positions of joints. ``wall_time``: the
+    corresponding time of the machine, because the lag of simulated time varies.
     """
 
     stamp: float
@@ -49,7 +48,7 @@ class WorldState:
 
 
 class WorldStateReader:
-    """Reads states of a running simulation; constructed before time runs, used in the world's thread."""
+    """Reads states of a running simulation; constructed before the first step, used in the world's thread."""
 
     def __init__(self, robot: SimulatedRobot) -> None:
         self._robot = robot
@@ -59,7 +58,7 @@ class WorldStateReader:
         self._joints = list(dict.fromkeys(chain(robot.simulation.joint_names, *coupled)))
 
     def read(self) -> WorldState:
-        """Return the present state; a few hundred microseconds."""
+        """Return the current state; takes a few hundred microseconds."""
         built, reader, articulations = self._built, self._reader, self._built.articulations.items()
         pose, robot = reader.body_pose, built.robot
         indices = [built.joints[joint] for joint in self._joints]

@@ -41,8 +41,8 @@ class WireFaults:
 class Faults:
     """The faults of one connection.
 
-    Of the wire: ``drop`` (silence), ``delay`` (with a value: seconds from 0 to ``LONGEST_DELAY``), ``restore``.
-    Others, which the twin of the controller adds by ``offer``, happen to the machine: ``protective_stop``, …
+    Faults of the wire: ``drop`` (silence), ``delay`` (with a value: seconds from 0 to ``LONGEST_DELAY``), ``restore``.
+    Others, which the controller's twin adds by ``offer``, are faults of the machine: ``protective_stop``, …
     """
 
     def __init__(self) -> None:

@@ -8,11 +8,11 @@ import time
 from collections.abc import Callable
 
 PERIOD = 5.0
-"""Seconds that are looked at together, and between two messages."""
+"""Seconds of one observation period, and between two messages."""
 MOST_GIVEN_UP = 0.1
-"""Share of real time that the world may lose."""
+"""Fraction of real time that the world may lose."""
 OLDEST_FRAME, FRAME_PIXELS = 0.3, 640 * 480
-"""Seconds from exposure to the wire at this size; the limit goes with the length of an edge."""
+"""Longest time from exposure to sending, seconds, at this size; the limit scales with the length of an edge."""
 
 
 class MachineWatch:

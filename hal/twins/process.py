@@ -17,11 +17,10 @@ from hal.twins.tcp_server import ask
 
 
 class TwinProcess:
-    """``bestman-bt twin`` in the background, as a context manager; ends with it, or with this process.
+    """``bestman-bt twin`` in the background, as a context manager; ends with the context, or with this process. Its
+    messages go to standard error: that the machine is too slow, or why a controller stopped.
 
-    Its messages go to the standard error: a machine that is too slow for it, the reason of a controller's stop.
-
-    ``addresses``: connection → address. ``settings``: dotted keys → values that direct a robot's YAML to the twins.
+    ``addresses``: connection → address. ``settings``: dotted keys → values that connect a robot's YAML to the twins.
     ``board``: where a calibration board is, as ``bestman-bt twin --board`` takes it.
     """
 
@@ -67,7 +66,7 @@ class TwinProcess:
 
     @property
     def settings(self) -> dict[str, str]:
-        """For ``load_robot_model(name, settings)``."""
+        """Return the settings for ``load_robot_model(name, settings)``."""
         settings = (setting.removeprefix("robot.").partition("=") for setting in self._announced["settings"])
         return {key: value for key, _, value in settings}
 

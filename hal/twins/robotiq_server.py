@@ -14,7 +14,7 @@ from hal.twins.tcp_server import TcpTwin, lines, modbus_frames
 from hal.twins.world import TwinWorld
 
 OPEN, CLOSED = 3, 230
-"""Its own numbers where the fingers are fully open and closed."""
+"""Its position values with the fingers fully open and closed."""
 LEAST_SPEED, LEAST_FORCE = 0.02, 20.0
 ACTIVATION_TIME, RESET_TIME = 0.3, 0.4
 RESET, ACTIVATING, ACTIVE = 0, 1, 3
@@ -90,7 +90,7 @@ class RobotiqGripper:
         return self._powered
 
     def lose_power(self) -> None:
-        """Cut the power, as by an unplugged cable, until ``regain_power``; the fingers keep their position."""
+        """Cut the power, as with an unplugged cable, until ``regain_power``; the fingers keep their position."""
         self._powered = False
         self._wanted = {"ACT": 0, "GTO": 0}
         self._activation, self._fault, self._object, self._reset_since = RESET, 0, MOVING, 0.0

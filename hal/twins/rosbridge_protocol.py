@@ -32,7 +32,7 @@ except ImportError as error:
 LONGEST_OUTBOX = 200
 POLL = 0.02
 Taker = Callable[[Mapping[str, Any]], None]
-"""Takes a message that a client publishes; KeyError, TypeError or ValueError where it is malformed."""
+"""Handles a message published by a client; raises KeyError, TypeError or ValueError if it is malformed."""
 
 
 @dataclass

@@ -28,15 +28,15 @@ from hal.twins.world import TwinWorld
 
 Array = NDArray[np.float64]
 TRACKING_GAIN = 20.0
-"""Per second: how hard a trajectory controller pulls joints to where they should be."""
+"""Gain with which a trajectory controller corrects the joint positions, 1/s."""
 AT_GOAL = 1e-5
-"""Radians or metres: joints nearer to their goal are held in position; from farther away that would be a jolt."""
+"""Radians or metres: joints nearer to their goal are held in position; from farther away this would cause a jolt."""
 ROLLING_WINDOW = 5
 """Number of readings in the mean velocity of a base, as ``velocity_rolling_window_size`` of diff_drive_controller."""
 
 
 class TwinBase:
-    """Accepts ``Twist`` and ``TwistStamped``, clipped to the base's limits; its dead-man ends old velocities."""
+    """Accepts ``Twist`` and ``TwistStamped``, clipped to the base's limits; its command timeout ends old velocities."""
 
     def __init__(self, world: TwinWorld, base: MobileBase) -> None:
         self._world, self.base = world, base
@@ -57,7 +57,7 @@ class TwinBase:
         self._world.post(lambda: self.base.set_velocity(*velocity))
 
     def tick(self) -> None:
-        """Prepare the next physics step of the world; without a dead-man, the last velocity continues."""
+        """Prepare the next physics step of the world; without a command timeout, the last velocity continues."""
         if not self.has_dead_man:
             self.base.set_velocity(*self._asked)
 
@@ -119,7 +119,7 @@ IDLE = 0.5
 FRAME_PAUSE = 0.1
 """Pause after a frame, seconds: requests that arrive meanwhile get that frame."""
 HANDING_OVER = 0.005
-"""Seconds until a reading that has come is published: a physics step at least."""
+"""Seconds until a new reading is published: at least a physics step."""
 LOCALISATION_RATE, POST_DATED, CLOCK_STEP = 10.0, 1.0, 0.5
 SENSORS: Mapping[str, tuple[str, str, str, str, Callable[[Message, Any], Message]]] = {
     "lidar": ("scan", "scan", "sensor_msgs", "LaserScan", ros_messages.laser_scan),
@@ -154,7 +154,7 @@ class RosbridgeTwin:
     Its clock is the machine's wall clock, which differs from the client's. A camera captures while a client subscribes
     to it. Further faults: ``stale_odometry`` (repeats the same odometry), ``silent_odometry`` (none),
     ``fresh_odometry``; ``silent_scan``, ``fresh_scan``; ``stuck`` (the base does not move), ``free``; ``no_dead_man``
-    (it keeps driving when commands cease), ``dead_man``; ``other_wrench_sign`` (the hand's wrench on the environment),
+    (it keeps driving without commands), ``dead_man``; ``other_wrench_sign`` (the hand's wrench on the environment),
     ``wrench_sign``; ``blind`` (no images), ``sighted``; ``restart`` (disconnects all clients); ``clock_back`` (its
     clock is half a second behind, as after a step of NTP), ``clock_right``. Besides the base's transforms, it publishes
     those of a localisation that stamps them ahead: AMCL adds ``transform_tolerance``, 1.0 s by default ("time with

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 STIFFNESS = 100.0
-"""rad/s: of the critically damped filter between set-points and drives; it lags behind by 2 / 100 s = 20 ms."""
+"""Natural frequency of the critically damped filter between set-points and drives, rad/s; its lag is 2 / 100 s = 20 ms.
+"""
 NOMINAL_INTERVAL = 0.01
 JUMP_FACTOR, JUMP_MARGIN = 1.5, 0.02
 
@@ -40,8 +41,8 @@ class ServoFollower:
     def take(self, arrived: float, *goals: Array) -> None:
         """Process set-points that were found at ``arrived`` seconds of the machine's clock.
 
-        Several are found where the process was held up: when each of them came is not known, so each may have come
-        after all of the time.
+        Several arrive at once if the process was delayed: their arrival times are unknown, so each may have arrived at
+        the end of the interval.
         """
         between = max(self._since, arrived - self._arrived)
         reach = JUMP_FACTOR * self._speed * max(min(between, 0.1), NOMINAL_INTERVAL) + JUMP_MARGIN
@@ -65,5 +66,5 @@ class ServoFollower:
         return self.setpoint
 
     def faster_than(self, speed: float) -> bool:
-        """Return whether a joint moves faster than ``speed`` rad/s, with a tenth to spare."""
+        """Return whether a joint moves faster than ``speed`` rad/s, with a tolerance of 10 %."""
         return bool(np.any(np.abs(self._velocity) > 1.1 * speed))

@@ -28,10 +28,10 @@ from hal.twins.world import TwinWorld
 
 
 class JudgeServer(JsonLineServer):
-    """Answers ``{"ask": QUESTION, "name": NAME}`` by ``{"answer": …}``.
+    """Answers ``{"ask": QUESTION, "name": NAME}`` with ``{"answer": …}``.
 
-    Questions are the methods of ``GroundTruth``, ``audit_record``, ``time``, ``joints`` (of a part:
-    true positions and velocities) and ``width`` (of a gripper).
+    Questions are the methods of ``GroundTruth``, ``audit_record``, ``time``, ``joints`` (true positions and velocities
+    of a part) and ``width`` (of a gripper).
     """
 
     def __init__(self, path: Path, world: TwinWorld) -> None:
@@ -92,7 +92,7 @@ FIRST_ADDRESS, LAST_ADDRESS = 2, 254
 class Twin(Protocol):
     """The simulated controller of one connection.
 
-    Created as ``(connection, model, world, address)``, before the world runs. Raises OSError if a port on the address
+    Created as ``(connection, model, world, address)``, before the world starts. Raises OSError if a port on the address
     is taken. It registers its state in ``world.ticks``. If clients use another driver than the connection's own, it is
     named in ``reached_by``; a controller that reports a serial number has ``serial_number``.
     """

@@ -127,7 +127,7 @@ class URController:
         self._kinematics.length_error = length
 
     def end_program(self) -> None:
-        """Press the button Stop."""
+        """Press the Stop button."""
         self._world.post(self._end_program)
 
     def set_slider(self, share: float) -> None:
@@ -135,7 +135,7 @@ class URController:
         self._slider = share
 
     def pause(self, paused: bool) -> None:
-        """Press the button Pause or Play."""
+        """Press the Pause or Play button."""
 
         def change() -> None:
             if paused == self._paused:
@@ -187,7 +187,7 @@ class URController:
         self.end_program()
 
     def power(self, on: bool) -> None:
-        """Switch the arm on, with its brakes closed, or off."""
+        """Switch the arm's power on, with closed brakes, or off."""
         self.robot_mode = RobotMode.IDLE if on else RobotMode.POWER_OFF
         if not on:
             self.end_program()

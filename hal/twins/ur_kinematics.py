@@ -12,7 +12,7 @@ from bestman_bt.robot_model.payload import flange_of
 
 Array = NDArray[np.float64]
 CONTROLLER_FRAME = pinocchio.SE3(pinocchio.utils.rotate("z", np.pi), np.zeros(3))
-"""The controller's base frame in the URDF's ``base_link``: UR count x and y the other way round."""
+"""The controller's base frame in the URDF's ``base_link``: UR's x and y axes are reversed."""
 DAMPING = 1e-3
 
 

@@ -1,15 +1,16 @@
 """Emulates the program that ur-rtde uploads: a loop that reads commands from RTDE registers.
 
 What a command does and how it is acknowledged is that of ``scripts/rtde_control.script`` in ur-rtde 1.6.5: register 0
-tells 1 when ready and 2 when a command is done, which the client answers by clearing it; real-time commands need no
-answer. From there, too:
+is 1 when ready and 2 when a command is done, which the client answers by clearing it; real-time commands need no
+answer. Also from there:
 
 - ``thread speed_thread(): while (True): … speedj(target, a=acceleration, t=time)``: a speed lasts until command 15,
-  and a new one is looked at when the ``speedj`` under way has lasted its ``time``.
+  and a new one is read when the current ``speedj`` has lasted its ``time``.
 - ``thread servo_thread(): while (True): … servoj(…)``: likewise, until command 16.
 - ``stopj(deceleration_rate)``, ``stopl(…)``: the command is done when the arm rests.
 
-A program of the client's own that keeps to these registers may set the watchdog at once, and run its path on command 1.
+A client's own program that uses these registers may set the watchdog immediately, and run its path on
+command 1.
 
 Motion functions of two threads at once are a run-time error that ends the program ("another thread is already
 controlling the robot", URScript manual, Threads).
@@ -40,7 +41,7 @@ AT_REST = 0.02
 
 
 class Command(IntEnum):
-    """The commands that do something in the twin; all others are acknowledged and forgotten."""
+    """The commands that have an effect in the twin; all others are acknowledged and ignored."""
 
     NONE = 0
     MOVE_JOINTS = 1
@@ -152,8 +153,8 @@ class URProgram:
     ) -> None:
         """Execute one cycle.
 
-        ``inputs``: the registers. ``arrived``: their contents after each command since the last cycle: several where
-        this process was held up. ``slider``: of the pendant, 0 to 1.
+        ``inputs``: the registers. ``arrived``: their contents after each command since the last cycle; several if this
+        process was delayed. ``slider``: speed slider of the pendant, 0 to 1.
         """
         self._slider = slider
         command, numbers = _command(inputs)

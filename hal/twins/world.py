@@ -24,7 +24,7 @@ from hal.twins.machine_watch import MachineWatch
 
 Result = TypeVar("Result")
 DRIVE_RESERVE = 5.0
-"""How many times the acceleration that a robot file allows its drives have, to follow a controller without lag."""
+"""Acceleration limit of the drives, as a multiple of that in the robot file, to follow a controller without lag."""
 LONGEST_DELAY = 0.25
 """Maximum seconds of the simulation behind real time; the excess is skipped and counted."""
 
@@ -65,7 +65,7 @@ class TwinWorld:
 
     @property
     def truth(self) -> GroundTruth:
-        """Return the ground truth of this world, for the judge; made before time runs."""
+        """Return the ground truth of this world, for the judge; created before the first step."""
         if self._truth is None:
             raise RuntimeError("the world does not run yet")
         return self._truth

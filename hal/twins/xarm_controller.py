@@ -146,7 +146,7 @@ class XArmController:
         return True
 
     def turn(self, joint: int | None) -> None:
-        """Invert a joint's motion in servo mode from its current position on, as with a wrong drive sign; None: no
+        """Invert a joint's motion in servo mode from its current position, as with a wrong drive sign; None: no
         joint.
         """
 
@@ -174,7 +174,7 @@ class XArmController:
         self._world.post(lambda: self._move_gripper(gripper, share, pace))
 
     def power_gripper(self, share: float | None) -> None:
-        """Drive the gripper of a Lite 6, which is controlled by power alone, to 0 (closed) or 1 (open) of its width;
+        """Drive the gripper of a Lite 6, which is controlled only by its power, to 0 (closed) or 1 (open) of its width;
         None: no power.
         """
         gripper = self._gripper

@@ -24,9 +24,9 @@ from hal.twins.xarm_settings import FIRMWARE, XArmSettings
 
 CONTROL_PORT = 502
 REPORTS = {30001: (145, 5.0), 30002: (494, 5.0), 30003: (135, 100.0)}
-"""Port → length of a report and how many come each second."""
+"""Port → length of a report, bytes, and reports per second."""
 PRIVATE_PROTOCOLS = (2, 3)
-"""Without and with heartbeats of the client."""
+"""Timeouts without and with heartbeats of the client."""
 ERROR_FLAG, NOT_READY_FLAG = 0x40, 0x10
 LITE6_TYPE = 9
 """The type that xArms report is their number of joints."""

@@ -25,9 +25,10 @@ OTHER_BATCH, OTHER_OFFSET, OTHER_LOAD, OTHER_LENGTH = "00000099", 5.0, 2.0, 5.0
 class XArmSettings:
     """Settings of a control box, in the units of the vendor's SDK.
 
-    ``serial_number``: of the arm. ``tool_offset``: mm and rad, from the flange. ``load``: kg, and the centre of mass in
-    mm. ``gravity``: its direction in the arm's base. ``length_error``: mm by which the real flange is farther out along
-    its axis than in the controller's kinematics. ``keeps_load``: whether another load is acknowledged but ignored.
+    ``serial_number``: serial number of the arm. ``tool_offset``: mm and rad, from the flange. ``load``: kg, and the
+    centre of mass in mm. ``gravity``: direction of gravity in the arm's base. ``length_error``: mm by which the real
+    flange is farther out along its axis than in the controller's kinematics. ``keeps_load``: whether another load is
+    acknowledged but ignored.
     """
 
     serial_number: str

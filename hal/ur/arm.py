@@ -1,4 +1,4 @@
-"""A UR arm: streamed set-points as for every arm, and motions that the controller plans by itself."""
+"""A UR arm: streamed set-points as for every arm, and motions that the controller plans itself."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ class URArm(StreamedArm):
                 super().brake()
 
     def fail(self, fault: Failure) -> None:
-        """Fail the motion under way; the controller has stopped the arm or cannot be reached."""
+        """Fail the current motion; the controller has stopped the arm or cannot be reached."""
         with self._connection.lock:
             if self._own is not None:
                 self._own.stopping = True  # a fault of the link leaves the controller moving

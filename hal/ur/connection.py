@@ -36,7 +36,7 @@ TIMEOUT = 1.0
 
 
 class URDigitalIO:
-    """Eight standard and eight configurable channels, two of the tool; numbered from 0."""
+    """Eight standard, eight configurable and two tool channels, numbered from 0."""
 
     def __init__(self, link: URLink, latch: StopLatch) -> None:
         self._link, self._latch = link, latch
@@ -83,12 +83,12 @@ class UROptions:
     """Options of ``driver: ur``.
 
     ``model``: the arm model that the controller must report; None: only the pose of its flange is compared. ``rate``:
-    of set-points and readings, Hz. ``servo_lookahead`` (seconds) and ``servo_gain``: smoothing and gain of the
-    controller's ``servoj``. ``payload``, ``payload_center``: kg and metres in the flange, of the permanent load; by
-    default the controller's own. ``controller_watchdog``: seconds without a sign of life from us after which the
-    controller ends its program. ``reduced_scaling``: fraction of the speed in the controller's reduced mode, whose
-    limits it does not report. ``longest_delay``: seconds that readings may be late for a while. ``connect_timeout``:
-    seconds.
+    rate of set-points and readings, Hz. ``servo_lookahead`` (seconds) and ``servo_gain``: smoothing and gain of the
+    controller's ``servoj``. ``payload``, ``payload_center``: mass, kg, and centre of mass, metres in the flange frame,
+    of the permanent load; by default the controller's own. ``controller_watchdog``: seconds without a heartbeat from
+    the client after which the controller ends its program. ``reduced_scaling``: fraction of the speed in the
+    controller's reduced mode, whose limits it does not report. ``longest_delay``: largest sustained delay of readings,
+    seconds. ``connect_timeout``: seconds.
     """
 
     model: Model | None = None
@@ -162,7 +162,9 @@ def fault_of(report: Report) -> Failure | None:
 
 
 def scaling_of(report: Report, reduced: float) -> float:
-    """Return the time scale of a motion: the speed slider; 0 while paused; at most ``reduced`` in that mode."""
+    """Return the time scale of a motion, 0 to 1: the speed slider; 0 while paused; at most ``reduced`` in
+    reduced mode.
+    """
     if report.runtime_state != PLAYING:
         return 0.0
     return min(report.scaling, reduced) if report.safety_mode == REDUCED else report.scaling
@@ -240,7 +242,7 @@ class URConnection(Connection):
         return self._link.heard
 
     def reported_fault(self) -> Failure | None:
-        """Return a safety or robot mode, a program that has ended, or a link that is too slow."""
+        """Return the failure for a safety or robot mode, an ended program, or a connection that is too slow."""
         report = self._link.pump()
         if not self._link.alive:
             return Failure(MotionErrorCode.DISCONNECTED, f"the process of {self.name}'s SDK has ended")
@@ -271,7 +273,7 @@ class URConnection(Connection):
         return URRelease(self.name, self.settings.address, self.options.connect_timeout)
 
     def abandon(self) -> None:
-        """End the SDK's process, which would reconnect by itself."""
+        """End the SDK's process, which would reconnect automatically."""
         self._link.abandon()
 
     def _cycle(self, elapsed: float) -> None:
@@ -327,7 +329,7 @@ class URJoints(JointChannel):
 
     @property
     def age(self) -> float:
-        """Return the age of the newest reading, seconds; readings arrive without set-points, too."""
+        """Return the age of the newest reading, seconds; readings also arrive without set-points."""
         return self._link.age
 
     @property
@@ -371,7 +373,9 @@ class URForceTorque(HardwareForceTorque):
 
 
 FLANGE_TOLERANCE = 0.01
-"""Metres: above the calibration offsets of a single arm's flange, and far below the difference of two models."""
+"""Largest deviation of the flange, metres: above the calibration offsets of one arm, and far below the difference
+between two models.
+"""
 
 
 @dataclass(frozen=True)
@@ -380,8 +384,8 @@ class URIdentity:
 
     ``model``, ``serial_number``: from its dashboard. ``tcp_offset``, ``tool_pose``: of the active tool in the flange,
     and in the controller's base frame; metres and rotation vectors. ``joints``: (6,) rad. ``payload``: configured load
-    at its flange, kg. ``torques``: (6,) of the joints by the controller's model, N m; its mounting shows there alone:
-    neither RTDE's outputs nor the dashboard have it, and URScript has ``set_gravity`` without a counterpart.
+    at its flange, kg. ``torques``: (6,) of the joints by the controller's model, N m; only they reveal the mounting:
+    neither RTDE's outputs nor the dashboard contain it, and URScript has ``set_gravity`` but no getter.
     """
 
     model: str
@@ -393,7 +397,9 @@ class URIdentity:
     torques: list[float]
 
     def mismatch(self, robot: RobotModel, arm: str, model: str | None) -> str | None:
-        """Return the difference from the arm of the robot file, whose option ``model`` may name it, or None."""
+        """Return, as text, how the arm differs from that of the robot file, or None. ``model``: the expected arm model,
+        if the file names one.
+        """
         reported = f"the controller calls its arm {self.model}, serial number {self.serial_number}"
         if model is not None and _family(self.model) != _family(model):
             return f"{reported}; the option 'model' says {model}"
@@ -408,7 +414,7 @@ class URIdentity:
         return weighed.text if weighed is not None and not weighed.agrees else None
 
     def arm_facts(self) -> ArmFacts:
-        """Return the same in the frames of the URDF, whose base counts x and y the other way round."""
+        """Return the same facts in the frames of the URDF, in whose base x and y are reversed."""
         base = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, np.pi))
         tool, offset = base @ _pose(self.tool_pose), _pose(self.tcp_offset)
         torques = np.array(self.torques)

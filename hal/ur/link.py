@@ -89,7 +89,7 @@ class URLink:
             self.send(None)
 
     def send(self, positions: list[float] | None) -> None:
-        """Send one set-point or sign of life; if the process is gone, the watchdog notices."""
+        """Send one set-point or heartbeat; if the process is gone, the watchdog notices."""
         stream = self._stream
         if stream is not None:
             try:
@@ -125,7 +125,7 @@ class URLink:
 
     @property
     def heard(self) -> float:
-        """Time of the clock at which the controller took the newest reading."""
+        """Clock time at which the controller took the newest reading, seconds."""
         report = self.pump()
         return report.time - self._lateness.lag + self._clock_offset if report is not None else -1e9
 
@@ -153,7 +153,7 @@ class URLink:
             process.kill()
 
     def kill(self) -> None:
-        """End the process at once; idempotent."""
+        """End the process immediately; idempotent."""
         process, self._process = self._process, None
         if process is not None:
             process.kill()

@@ -1,8 +1,8 @@
 """Protective stops and other states of a UR that need a person, and their release, through a separate connection to the
 dashboard server.
 
-"Always inspect cause of protective stop before unlocking", the dashboard's server says: a person's part. So neither
-connecting nor ``clear_stop()`` comes here, only ``bestman-bt robot release``.
+The dashboard server demands: "Always inspect cause of protective stop before unlocking". So neither connecting nor
+``clear_stop()`` uses this module, only ``bestman-bt robot release``.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ from typing import Any
 from hal.parts.part_connection import ConnectionFailedError
 
 UNLOCK_TIME, POWER_TIME = 7.0, 20.0
-"""Seconds: a protective stop cannot be unlocked for 5 s; the arm takes its time to power on and release its brakes."""
+"""Seconds for a release: a protective stop cannot be unlocked for 5 s, and powering on and releasing the brakes takes
+time.
+"""
 AT_THE_ROBOT = ("EMERGENCY", "SAFEGUARD")
 
 

@@ -1,13 +1,12 @@
 """The vendor's SDK, unmodified, in a separate process: run as a script, without imports from this package.
 
-Two threads of ur-rtde decide for themselves: where a connection fails, they connect again and start their program on
-the controller again, wait without a limit, and write to the standard output. In a process that can be ended at any time
-none of that matters: it ends with its parent, and the controller's own watchdog stops what it has left behind.
-
-Two pipes lead to the parent. Over ``calls`` come ``(name, arguments)``, answered by ``(True, result)`` or
-``(False, words)``. Over ``stream`` come set-points, of which only the latest counts, and signs of life (None), and go
-``Report``s. A parent that was silent for ``heartbeat`` seconds hangs: the arm brakes, until ``recover``; likewise if
-this process was held up and the next set-point is farther than ``longest_step`` radians from the last one.
+Two threads of ur-rtde act on their own: if a connection fails, they reconnect and restart their program on the
+controller, wait without a limit, and write to standard output. In a process that can be ended at any time this does no
+harm: it ends with its parent, and the controller's own watchdog stops any remaining motion. Two pipes lead to the
+parent. ``calls`` receives ``(name, arguments)`` and answers with ``(True, result)`` or ``(False, message)``. ``stream``
+receives set-points, of which only the latest is used, and heartbeats (None), and sends ``Report``s. If the parent is
+silent for ``heartbeat`` seconds, the arm brakes until ``recover``; likewise if this process was delayed and the next
+set-point is more than ``longest_step`` radians from the last one.
 """
 
 from __future__ import annotations
@@ -33,12 +32,12 @@ KICK_PERIOD = 0.02
 SPEED_TIME = 0.02
 """Seconds that one ``speedj`` of the SDK's program lasts, after which it checks for a newer one."""
 REST_TIME, AT_REST = 1.0, 0.02
-"""Seconds that the arm gets to come to rest, and rad/s that count as that."""
+"""Seconds for the arm to come to rest, and the joint speed that counts as rest, rad/s."""
 REAL_TIME_PRIORITY = 20
 DASHBOARD_TIME, PROGRAM_TIME = 2.0, 5.0
 """Seconds for a reply of the dashboard server, and for the controller to report that its program runs."""
 READY_TIME = 5 * DASHBOARD_TIME + 2 * PROGRAM_TIME + 5.0
-"""Seconds that ``open`` and ``recover`` may take by all of their own limits, with a reserve."""
+"""Longest duration of ``open`` and ``recover`` according to all of their own limits, with a reserve, seconds."""
 RUNNING, PLAYING = 7, 2
 VARIABLES = [
     "timestamp",
@@ -68,8 +67,9 @@ class Report(NamedTuple):
 
     Positions, velocities and the target torques of the controller's model: (6,) each; rad, rad/s, N m. ``tool_pose``:
     metres and rotation vector in the controller's base frame. ``wrench``: (6,) of the flange's sensor, N and N m.
-    ``busy``: its program is being exchanged. ``moving``: it moves along a path of its own. ``lapsed``: why this process
-    has braked the arm; empty: it has not. ``scaling``: of motion time, by the speed slider and its limiter.
+    ``busy``: its program is being exchanged. ``moving``: the controller moves the arm along an uploaded path.
+    ``lapsed``: why this process has braked the arm; empty: it has not. ``scaling``: time scale of motions by the speed
+    slider and its limiter.
     """
 
     time: float
@@ -179,7 +179,7 @@ class SDKProcess:
         threading.Thread(target=self._report, name="reports", daemon=True).start()
 
     def recover(self) -> None:
-        """Restart the program: its interrupted command is over. Raises RefusedError like ``open``."""
+        """Restart the program, discarding its interrupted command. Raises RefusedError like ``open``."""
         self._check_released()
         self._renewed_until = None
         self._upload()
@@ -234,7 +234,7 @@ class SDKProcess:
             self._busy = False
 
     def start_path(self) -> bool:
-        """Move along the path that was uploaded: command 1 of the program, whose own arguments do not count."""
+        """Move along the uploaded path: command 1 of the program, whose own arguments are ignored."""
         begun = bool(self._control.moveJ(self._receive.getActualQ(), 0.1, 0.1, True))
         self._watch(self.stop_path)
         return begun

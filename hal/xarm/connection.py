@@ -27,10 +27,10 @@ from hal.xarm.wire import XArmWire, read_report
 
 Array = NDArray[np.float64]
 LONGEST_STEP = 0.01
-"""Metres of the tool between two set-points of the servo mode, by UFACTORY's guide."""
+"""Largest tool motion between two set-points in servo mode, metres, by UFACTORY's guide."""
 Result = TypeVar("Result")
 FASTEST, SLOWEST = 5000, 350
-"""Speeds of the gripper's motor, revolutions per minute; the fastest is taken for the part's ``max_speed``."""
+"""Speeds of the gripper's motor, revolutions per minute; the fastest corresponds to the part's ``max_speed``."""
 
 
 class XArmJoints(JointChannel):
@@ -48,7 +48,7 @@ class XArmJoints(JointChannel):
         return self._reading
 
     def refresh(self) -> None:
-        """Read positions, velocities and torques in one round trip; without a reply the last reading stays."""
+        """Read positions, velocities and torques in one round trip; without a reply the last reading stays valid."""
         states = self._wire.ask(lambda arm: arm.get_joint_states(is_radian=True, num=3))
         if states is not None:
             columns = np.array(states, dtype=float)[:, : self._count]
@@ -68,7 +68,7 @@ class XArmGripper(GripperChannel):
         self._width: float | None = None
 
     def refresh(self) -> bool:
-        """Read the width; without a reply the last one stays."""
+        """Read the width; without a reply the last one stays valid."""
         pulses = self._wire.ask(lambda arm: arm.get_gripper_position())
         if pulses is None:
             return False
@@ -101,7 +101,7 @@ def _set_position(arm: Any, pulses: int, turns: int) -> int:
 
 
 REPORTS, REPORT_PERIOD = 3, 0.1
-"""How many reports are waited for, which come five times a second; seconds between two looks."""
+"""Number of reports to wait for, of which five arrive per second; seconds between two checks."""
 COUNTS = "the controller counts on"
 """Beginning of a remark on a payload that differs."""
 PAYLOAD_STEP = 0.01

@@ -22,18 +22,18 @@ class Lite6GripperWire(GripperChannel):
         self._since = 0.0
 
     def recall(self) -> None:
-        """Restore the state of its last outputs; if unknown, it counts as closed."""
+        """Restore the state from its last outputs; if unknown, the gripper counts as closed."""
         outputs = self._wire.ask(lambda arm: arm.get_tgpio_output_digital())
         opened = outputs is not None and bool(outputs[0])
         self._from = self._to = self._model.max_width if opened else self._model.part.min_width
 
     def read(self) -> GripperReading:
-        """Return the guess: the fingers have the part's ``max_speed`` until they are where they were sent."""
+        """Return an estimate: the fingers move at the part's ``max_speed`` until they reach their target."""
         moved = self._model.part.max_speed * (self._clock.now() - self._since)
         return GripperReading(self._from + float(np.clip(self._to - self._from, -moved, moved)))
 
     def send(self, width: float, force: float, speed: float) -> None:
-        """Open or close; force and speed are its own."""
+        """Open or close; the gripper's force and speed are fixed."""
         opens = width >= self._model.max_width - AT_END
         self._begin(self._model.max_width if opens else self._model.part.min_width)
         if opens:
@@ -54,7 +54,7 @@ class Lite6Gripper(CommandedGripper):
     """A gripper without intermediate widths and without detection of objects."""
 
     def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion[None]:
-        """Open or close fully. Raises CommandRefusedError for widths between."""
+        """Open or close fully. Raises CommandRefusedError for widths in between."""
         model = self.model
         if model.part.min_width + AT_END < width < model.max_width - AT_END:
             why = f"width = {width} m: a Lite 6's gripper opens ({model.max_width:.4g} m) and closes, nothing between"

@@ -34,7 +34,9 @@ ROUNDING = 0.01
 
 @dataclass(frozen=True)
 class ArmIdentity:
-    """A controller's report: number of joints, type, and, by the SDK's table, their limits (radians), or none."""
+    """The arm in a controller's report: number of joints, type, and their limits from the SDK's table (radians), or
+    none.
+    """
 
     axes: int
     device_type: int
@@ -115,7 +117,7 @@ STOP_BUTTONS = frozenset({1, 2, 3})
 
 
 def controller_fault(number: int, load: Callable[[str], ModuleType]) -> Failure:
-    """Return the fault for error ``C<number>`` of the controller; its words are the vendor's."""
+    """Return the fault for error ``C<number>`` of the controller; its text is the vendor's."""
     if number in COLLISION:
         code = MotionErrorCode.COLLISION
     elif number in TRACKING:
@@ -192,12 +194,12 @@ READY, STOPPED = 0, (4, 5)
 ERROR_FLAGGED, WARNING_FLAGGED, STATE_NOT_READY = 1, 2, 9
 NOT_CONNECTED = -1
 UNANSWERED = frozenset({NOT_CONNECTED, 3, 8})
-"""Codes of the SDK for: not connected, no reply in time, not sent. The watchdog judges the last two."""
+"""Codes of the SDK for: not connected, no reply in time, not sent. The watchdog handles the last two."""
 GRIPPER_FAULT = 102
 RECOVERY_TIME = 3.0
 LOOK_FIRST = "inspect the robot, then run: bestman-bt robot release"
 MODE_CHANGE_TIME = 0.1
-"""Seconds that the controller takes to change its mode."""
+"""Time that the controller takes to change its mode, seconds."""
 
 
 class XArmWire:
@@ -320,7 +322,7 @@ class XArmWire:
             self._heard, self._fault = self._clock.now(), None
 
     def held(self) -> str | None:
-        """Return the controller's error, or that it is stopped, or None if neither is so."""
+        """Return the controller's error, or that it is stopped, or None if neither applies."""
         self._fault = None
         self._look_for_errors()
         if self._fault is not None:

@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 class Attitude:
     """Estimates the trunk's orientation; its heading starts at 0 and drifts with the gyroscope.
 
-    ``gain``: rate at which gravity corrects the tilt, 1/s. ``bias_time``: time constant of the bias estimate while the
-    robot stands still, seconds; standing still: rates below ``still`` rad/s.
+    ``gain``: rate at which gravity corrects the tilt, 1/s. ``bias_time``: time constant of the bias estimate at rest,
+    that is, at rates below ``still`` rad/s, seconds.
     """
 
     gain: float = 0.3
