@@ -18,7 +18,7 @@ class InputError(Error):
 
 
 class RobotError(Error):
-    """The robot, one of its controllers or one of its sensors failed to do what was requested."""
+    """The robot, one of its controllers or one of its sensors failed to execute a request."""
 
     code = "fault"
 

@@ -20,16 +20,16 @@ from hal.hardware.isolated_robot import IsolatedRobot
 Kind = TypeVar("Kind")
 POLL = 0.02
 SPEED = 0.1
-"""Share of the joints' limits that steps move with."""
+"""Fraction of the joints' limits at which steps move."""
 
 
 @dataclass
 class BroughtUpRobot:
     """The robot of a bring-up. ``name``: its name or file. ``settings``: as for ``load_robot_model``.
 
-    ``signed_serials``, ``signed_firmware``: those of an earlier part of this bring-up, by connection.
-    ``base_from_board``: the measured pose of a calibration board in the robot's base frame.
-    ``twin``: whether its controllers are twins.
+    ``signed_serials``, ``signed_firmware``: those from an earlier part of this bring-up, by connection.
+    ``base_from_board``: the measured pose of a calibration board in the robot's base frame. ``twin``: whether its
+    controllers are twins.
     """
 
     name: str
@@ -97,7 +97,9 @@ class BroughtUpRobot:
 
     @contextmanager
     def disconnected_robot(self) -> Iterator[None]:
-        """Disconnect for the duration: controllers accept one client. Raises RobotError if reconnecting fails."""
+        """Disconnect for the duration, because controllers accept one client. Raises RobotError if reconnecting
+        fails.
+        """
         self.robot.disconnect()
         try:
             yield

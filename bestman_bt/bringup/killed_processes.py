@@ -22,17 +22,17 @@ from bestman_bt.bringup.mover import CREEP, SWING_SPEED
 from hal.api import JointGroup, MobileBase, RobotError
 
 PROCESSES = ("planner", "robot process", "SDK process")
-"""Each one is the parent of the next; the third one is there for controllers whose SDK needs one."""
+"""Each process is the parent of the next; the third exists for controllers whose SDK needs one."""
 PROGRAM = "from bestman_bt.bringup.mover import main; main()"
 SET_OUT = 0.03
-"""Radians or metres that it has moved before a process is killed."""
+"""Distance that the part has moved before a process is killed, radians or metres."""
 START_TIME, ALONE = 60.0, 2.0
-"""Seconds that the program that moves it may take to begin, and that the robot is left alone afterwards."""
+"""Seconds for the moving program to start, and for which the robot is then only observed."""
 REST_TIME = 0.5
 SPARE, STILL, WATCHED = 0.03, 0.003, 0.5
-"""Radians beside the way of ``REST_TIME``; by which it may drift in ``WATCHED`` seconds."""
+"""Tolerance in addition to the motion within ``REST_TIME``, radians; largest drift within ``WATCHED`` seconds."""
 DEAD_MAN = 1.0
-"""Seconds within which a base has to stand whose controller hears nothing more; ROS's bases take 0.5."""
+"""Seconds within which a base has to be at rest without commands; ROS bases take 0.5."""
 BASE_SPARE = 0.02
 
 

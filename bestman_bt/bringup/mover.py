@@ -16,7 +16,7 @@ from hal.api import JointGroup, MobileBase, MotionStatus, RobotError
 from hal.hardware.isolated_robot import IsolatedRobot
 
 SWING, SWING_SPEED = 0.2, 0.15
-"""Radians to each side, rad/s, of the first joint."""
+"""Amplitude, radians, and speed, rad/s, of the first joint."""
 CREEP = 0.05
 """m/s of the base."""
 PERIOD = 0.02

@@ -2,8 +2,8 @@
 base.
 
 A joint must move by that distance in the commanded direction, and no other joint may move. The empty hand opens,
-closes, opens by half, and changes its force; it is open afterwards. The base drives 0.2 m, turns by 30° and returns, by
-its own odometry.
+closes, opens half-way, and changes its force; it is open afterwards. The base drives 0.2 m, turns by 30° and returns,
+by its own odometry.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ JOINT_STEP = math.radians(1.0)
 """Radians; sliding joints: metres."""
 JOINT_TOLERANCE = 0.3 * JOINT_STEP
 SHIFT_TOLERANCE = 0.001
-"""Metres by which the controller's tool may move otherwise than ours does."""
+"""Largest difference between the motions of the controller's tool and of the model's, metres."""
 WIDTH_TOLERANCE = 0.005
 """Metres."""
 FORCE_SHARE = 0.5
@@ -142,15 +142,17 @@ drive, turn = for_each_part(MobileBase, "no base is", _drive), for_each_part(Mob
 SPEEDS = (0.05, 0.1, 0.2)
 """Shares of the joint's limit."""
 BASE_SPEEDS = (0.05, 0.1, 0.2)
-"""m/s, or what the base's limit is where that is less."""
+"""Speed, m/s, or the base's limit if that is lower."""
 SWING = 0.6
-"""Radians of the first joint, at most."""
+"""Largest motion of the first joint, radians."""
 REST_TIME = 0.5
-"""Seconds within which a robot is at rest after ``stop()``, by ``hal.api.Robot``."""
+"""Seconds within which a robot is at rest after ``stop()``, as required by ``hal.api.Robot``."""
 MEAN_SHARE, SPARE = 0.7, 0.005
-"""Share of the way at full speed for ``REST_TIME`` that a stop may take, and radians or metres beside it."""
+"""Largest stopping distance, as a fraction of the distance at full speed in ``REST_TIME``, and an additional tolerance,
+radians or metres.
+"""
 AT_REST, SLOWER = 0.01, 0.9
-"""rad/s or m/s; share of the speed below which the arm has begun to brake."""
+"""Speed of rest, rad/s or m/s; fraction of the speed below which the arm has started to brake."""
 WATCHED, PERIOD, PATIENCE = 1.0, 0.004, 5.0
 
 
@@ -188,7 +190,7 @@ class Stop:
 
 
 def stopping(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
-    """Swing the first joint of each arm, drive each base ahead, stop the robot, and yield the measured stops."""
+    """Swing the first joint of each arm, drive each base forwards, stop the robot, and yield the measured stops."""
     bases = subject.parts(MobileBase)
     if not subject.arms and not bases:
         yield not_applicable(subject.model.name, "no arm or base is behind a connection")

@@ -1,4 +1,4 @@
-"""The steps of a bring-up in order; each completed step is written to the file at once."""
+"""The steps of a bring-up in order; each completed step is written to the file immediately."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def bring_up(
     steps: Iterable[Step] = STEPS,
     before: Callable[[Step], None] = lambda step: None,
 ) -> Iterator[StepResult]:
-    """Do the steps on a connected robot, and write each one into the file; ends after one that has failed.
+    """Execute the steps on a connected robot and write each result to the file; end after the first failed step.
 
     When all ``STEPS`` have passed, or do not apply, the file is signed. ``before``: called before each step.
     """

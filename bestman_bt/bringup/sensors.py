@@ -1,4 +1,4 @@
-"""Steps of a bring-up that look at sensors: cameras against a board, wrists against the hand's weight."""
+"""Bring-up steps for sensors: cameras are checked against a board, wrist sensors against the hand's weight."""
 
 from __future__ import annotations
 
@@ -23,9 +23,11 @@ from hal.simulation.parameters import SimulationParameters
 BOARD = CharucoBoard(7, 5, 0.04, 0.03)
 """As ``docs/calibration.md`` prints it."""
 LONGEST_AGE, TRIES = 1.0, 5
-"""Seconds; images of which the newest counts, as many as skills take. They accept images of up to half a second."""
+"""Largest age of an image, seconds; number of images of which the newest is used, as in skills, which accept ages up to
+half a second.
+"""
 BOARD_TOLERANCE, BOARD_TURN = 0.015, math.radians(3.0)
-"""What a ruler and a spirit level measure a board's place to, and a camera sees it."""
+"""Accuracy of a board's pose measured with a ruler and a spirit level, and by the camera."""
 
 
 def camera(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
@@ -69,8 +71,8 @@ def board_finding(name: str, image: RGBDImage, base_from_eye: Pose, base_from_bo
 
 
 def board_in_view(model: RobotModel) -> str | None:
-    """Return a pose for ``--board`` in view of the first camera behind a connection, in the posture in which simulated
-    robots start; None without a camera.
+    """Return a pose for ``--board`` in view of the first camera behind a connection, in the start posture of simulated
+    robots; None without a camera.
     """
     connected = {part for connection in model.connections.values() for part in connection.parts}
     frames = [camera.optical_frame for name, camera in model.of(CameraPart).items() if name in connected]

@@ -16,7 +16,7 @@ from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import parse_settings
 
 SCENE = "pick_place_table"
-"""Of the twins that stand in."""
+"""Settings of the twins that replace the controllers."""
 
 
 def bringup(

@@ -66,7 +66,7 @@ class Wanted:
 
 @dataclass(frozen=True)
 class World:
-    """What differs from the task's scene, robot and settings."""
+    """Overrides of the task's scene, robot and settings."""
 
     scene: Scene = None
     robot: Robot = None

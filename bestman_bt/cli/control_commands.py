@@ -1,4 +1,4 @@
-"""The verbs of running executions: which one is meant, the request to it, and what it answers.
+"""The verbs of running executions: selection of the execution, the request, and the response.
 
 The last lines of a verb's docstring are the examples at the end of its help.
 """
@@ -42,7 +42,7 @@ Share = Annotated[
 def status_command(run: Run = None, as_json: Json = False) -> None:
     """Show the state of the running executions: active leaves, parts, the last failure.
 
-    Examples: bestman-bt status; bestman-bt status fetch_cup --json. Exit code 1 where nothing runs.
+    Examples: bestman-bt status; bestman-bt status fetch_cup --json. Exit code 1 if nothing runs.
     """
     running = running_statuses() if run is None else [chosen(run)]
     if as_json:
@@ -58,7 +58,7 @@ def status_command(run: Run = None, as_json: Json = False) -> None:
 def pause_command(run: Run = None) -> None:
     """Pause a running execution between two ticks.
 
-    Example: bestman-bt pause, or bestman-bt pause fetch_cup where several run.
+    Example: bestman-bt pause, or bestman-bt pause fetch_cup if several run.
     """
     path, status = chosen(run)
     answer = ask(path, {"do": "pause"})
@@ -68,7 +68,7 @@ def pause_command(run: Run = None) -> None:
 def resume_command(run: Run = None) -> None:
     """Resume a paused execution.
 
-    Example: bestman-bt resume, or bestman-bt resume fetch_cup where several run.
+    Example: bestman-bt resume, or bestman-bt resume fetch_cup if several run.
     """
     path, status = chosen(run)
     answer = ask(path, {"do": "resume"})
@@ -78,7 +78,7 @@ def resume_command(run: Run = None) -> None:
 def step_command(run: Run = None) -> None:
     """Execute one tick of a paused execution, up to its end or a breakpoint.
 
-    Example: bestman-bt step; answers once the tick is done.
+    Example: bestman-bt step; returns when the tick has ended.
     """
     path, status = chosen(run)
     answer = ask(path, {"do": "step"})
@@ -89,7 +89,7 @@ def step_command(run: Run = None) -> None:
 def decline_command(run: Run = None) -> None:
     """Refuse the motion that a run with --confirm waits to start.
 
-    Example: bestman-bt decline; of a run with --confirm. bestman-bt resume starts the motion.
+    Example: bestman-bt decline, for a run with --confirm; bestman-bt resume starts the motion instead.
     """
     path, status = chosen(run)
     ask(path, {"do": "decline"})
@@ -97,7 +97,7 @@ def decline_command(run: Run = None) -> None:
 
 
 def speed_command(share: Share = None, run: Run = None) -> None:
-    """Scale the speed of the robot of a running execution, including motions under way; 1 is normal speed.
+    """Scale the speed of the robot of a running execution, including current motions; 1 is normal speed.
 
     Examples: bestman-bt speed 30%; bestman-bt speed 1 fetch_cup; bestman-bt speed (shows the current scale).
     """
@@ -179,9 +179,9 @@ def stop_command(
     run: Run = None,
     everything: Annotated[bool, typer.Option("--all", help="All of them, as without RUN.")] = False,
 ) -> None:
-    """Stop the robot of one run, or of all that this user runs.
+    """Stop the robot of one run, or of all runs of this user.
 
-    Stops executors of this user through their control sockets; exit code 1 if one did not obey.
+    Stops executors of this user through their control sockets; exit code 1 if one did not respond.
     """
     if run is not None and everything:
         raise typer.BadParameter("one run or --all, not both", param_hint="RUN")
@@ -206,7 +206,7 @@ def node_of(text: str) -> int | str:
 
 
 def running_statuses() -> list[tuple[Path, dict[str, Any]]]:
-    """Return the socket and status of each running executor; one that does not answer is reported and left out."""
+    """Return the socket and status of each running executor; executors that do not respond are reported and skipped."""
     found = []
     for path in running_executors():
         try:

@@ -24,7 +24,7 @@ def command(
         bool, typer.Option("--canonical", help="Indented, with double quotes, as UTF-8; else white space stays.")
     ] = False,
 ) -> None:
-    """Write a tree file as version 4 and as XML; a file that is both stays as it is, byte for byte."""
+    """Write a tree file as version 4 and as XML; a file that is already both is copied byte for byte."""
     converted = convert(read_file(file, str(file)), str(file))
     data = converted.data
     if normalized:

@@ -15,13 +15,13 @@ from bestman_bt.manipulation.policy.training.dataset_folder import DatasetError,
 from bestman_bt.manipulation.policy.training.dataset_video import pictures
 
 PICTURES = 8
-"""Pictures of each camera, spread evenly over the episode."""
+"""Number of pictures per camera, spread evenly over the episode."""
 STATE, ACTION, NODE = "observation.state", "action", "node"
 
 
 def draw_episode(dataset: DatasetFolder, episode: int, path: Path) -> None:
-    """Write the picture as a PNG. Raises DatasetError if files are missing, MissingExtraError without PyAV where the
-    dataset has videos.
+    """Write the picture as a PNG. Raises DatasetError if files are missing, MissingExtraError if the dataset has videos
+    and PyAV is not installed.
     """
     data, row, videos = dataset.data(episode), dataset.episodes[episode], dataset.videos
     times = np.array(data["timestamp"])

@@ -1,4 +1,4 @@
-"""Example: bestman-bt diff old.xml new.xml --svg diff.svg. Exit code 0 if nothing differs, 1 if something does."""
+"""Example: bestman-bt diff old.xml new.xml --svg diff.svg. Exit code 0 if the files are equal, 1 if they differ."""
 
 from __future__ import annotations
 

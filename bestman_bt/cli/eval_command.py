@@ -148,7 +148,7 @@ def _standing(document: dict[str, Any]) -> Text:
 
 
 MOST_EPISODES = 1000
-"""With --until: where neither the command nor the entry of a suite bounds the episodes."""
+"""Limit of episodes with --until if neither the command nor the suite's entry sets one."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ class EpisodeOptions:
 
 @dataclass(frozen=True)
 class JobOptions(LauncherOptions):
-    """The machines, and the part of the episodes that they run."""
+    """The machines, and their part of the episodes."""
 
     shard: Annotated[
         str | None,

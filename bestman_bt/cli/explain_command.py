@@ -20,7 +20,7 @@ from bestman_bt.records.writer import EVENTS_FILE, RESULT_FILE
 MOST = 20
 """Most failures that are printed."""
 LEFT_OUT = ("blackboard", "map", "path", "robot", "scan", "states")
-"""Events that say nothing about failures."""
+"""Events without information about failures."""
 SCENE = "scene"
 
 
@@ -31,7 +31,7 @@ def command(
     """Print why a run failed: leaf, code, stage, colliding bodies or joint at its limit, the last pose tried, and the
     image.
 
-    Failures from which the tree recovered are listed, too.
+    Failures from which the tree recovered are also listed.
     """
     with json_output(as_json) as write:
         document = _explanation(run)

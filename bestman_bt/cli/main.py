@@ -61,7 +61,7 @@ VERBS = {
 }
 
 NUMBERS = {"int": "whole number", "int range": "whole number", "float": "number", "float range": "number"}
-"""What typer calls the types of options → what people do."""
+"""Typer's name of an option type → the name shown to users."""
 
 CONTROLS = ("status", "pause", "resume", "step", "decline", "speed", "break", "unbreak", "set", "stop")
 """Verbs of running executions."""
@@ -70,7 +70,7 @@ STARTING = (
     *("demo", "run", "plan", "eval", "sweep", "collect", "look"),
     *("twin", "monitor", "render", "replay", "robot", "calibrate"),
 )
-"""Verbs that start something: where their input is wrong, they say that nothing was started."""
+"""Verbs that start something: for invalid input, they report that nothing was started."""
 
 
 class Verbs(TyperGroup):
@@ -83,7 +83,7 @@ class Verbs(TyperGroup):
         return list(VERBS)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Import the verb's module; a misspelt verb is answered by the closest one."""
+        """Import the verb's module; for a misspelt verb, the closest one is suggested."""
         if cmd_name not in VERBS:
             from bestman_bt.registry import suggestion
 
@@ -152,9 +152,8 @@ def main() -> None:
 
 @contextmanager
 def input_errors(starts: bool) -> Iterator[None]:
-    """Turn the errors that wrong input raises into a message and exit code 2.
-
-    ``starts``: whether the verb would have started something, which the message then denies.
+    """Convert the errors of invalid input to a message and exit code 2. ``starts``: whether the verb starts something;
+    the message then states that nothing was started.
     """
     try:
         yield

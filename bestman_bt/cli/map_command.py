@@ -14,7 +14,7 @@ from bestman_bt.messages.grids import FREE, OCCUPIED, UNKNOWN
 from bestman_bt.navigation.map_file import read_map
 
 _AROUND = 0.5
-"""Metres that a picture shows around what is known."""
+"""Margin of a picture around the known cells, metres."""
 _UNKNOWN_COLOUR = (204, 214, 224)
 
 verbs = typer.Typer(
@@ -37,7 +37,7 @@ def show(
     png: Png = None,
     as_json: Json = False,
 ) -> None:
-    """Show the contents of a map file: size, resolution, and shares of free, occupied and unknown cells."""
+    """Show the contents of a map file: size, resolution, and fractions of free, occupied and unknown cells."""
     with json_output(as_json) as write:
         grid = read_map(file)
         facts = _facts(grid)

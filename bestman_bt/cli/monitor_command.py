@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Connections:
-    """Processes of others that are watched."""
+    """External processes to watch."""
 
     connect: Annotated[
         list[str] | None,

@@ -74,7 +74,7 @@ def add(
     force: Annotated[bool, typer.Option("--force", help="Replace an object of this name.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Make an object from a mesh: convex parts, symmetry, grasps, a picture and its YAML."""
+    """Create an object from a mesh: convex parts, symmetry, grasps, a picture and its YAML."""
     from bestman_bt.runtime.object_import import import_object
 
     with json_output(as_json) as write:
@@ -174,7 +174,7 @@ def _facts(model: ObjectModel, path: Path | None) -> dict[str, Any]:
 
 
 def why_no_grasps(model: ObjectModel, robot: str, gripper: GripperModel) -> dict[str, str]:
-    """Return the fact that the gripper cannot grasp the object, and why; nothing if it can."""
+    """Return the reason why the gripper cannot grasp the object, as an entry of the document; empty if it can."""
     if model.grasps:
         return {}
     narrowest, opening = 1e3 * float(min(model.size)), 1e3 * gripper.max_width

@@ -1,4 +1,6 @@
-"""What several verbs share: options, checks of their values, the confirmation that ``--yes`` replaces, ``--json``."""
+"""Common parts of several verbs: options, checks of their values, the confirmation that ``--yes`` replaces,
+``--json``.
+"""
 
 from __future__ import annotations
 
@@ -140,7 +142,7 @@ MONITOR_PORT = 8750
 
 @dataclass(frozen=True)
 class PlanningOptions:
-    """The planning problem and the known world; ``world`` is read along with the request."""
+    """The planning problem and the known world; ``world`` is read together with the request."""
 
     task: Annotated[
         str | None, typer.Option(help="The task that gives the scene, the robot and, by default, the goal.")
@@ -237,7 +239,9 @@ def wrong_input(source: str, message: str) -> ConfigurationError:
 
 
 def number(option: str, text: str, *dimensions: str, allow_zero: bool = False) -> float:
-    """Return a quantity above 0 in SI units, such as ``5mm`` of the dimension ``length``. Raises ConfigurationError."""
+    """Return a quantity above 0 in SI units, for example 0.005 for ``5mm`` with the dimension ``length``. Raises
+    ConfigurationError.
+    """
     from bestman_bt.configuration.quantity import parse_quantity
 
     try:

@@ -1,5 +1,5 @@
 """Examples: bestman-bt plan --goal "on(mug, table) and closed(drawer)" --builder reactive -o tree.xml; bestman-bt plan
-"bring the mug from the drawer to the table" --planner language --run. Exit codes: 0 there is a plan (with --run: it
+"bring the mug from the drawer to the table" --planner language --run. Exit codes: 0 a plan was found (with --run: it
 succeeded), 1 no plan was found or the run failed, 2 the input was invalid, 130 the user declined to run it.
 """
 
@@ -38,7 +38,7 @@ from bestman_bt.task_planning.symbolic.problem import PlanningError, PlanningPro
 
 @contextmanager
 def shown_log(package: str) -> Iterator[None]:
-    """Print the log of ``package`` from INFO on, and of no other package."""
+    """Print the log of only ``package``, from level INFO."""
     logger = logging.getLogger(package)
     handler = logging.StreamHandler(sys.stderr)
     level, passes = logger.level, logger.propagate
@@ -114,7 +114,7 @@ class TreeFiles:
 
 @dataclass(frozen=True)
 class ExecutionOptions:
-    """Whether the plan is run, and the folder of its run folder."""
+    """Whether to run the plan, and the parent folder of its run folder."""
 
     run: Annotated[bool, typer.Option("--run", help="Run it at once, and plan again on failure.")] = False
     yes: Annotated[bool, typer.Option("--yes", help="Run a plan of a language model without confirmation.")] = False

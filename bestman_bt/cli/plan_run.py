@@ -22,9 +22,8 @@ if TYPE_CHECKING:
 
 
 def run_plan(question: PlanRequest, problem: PlanningProblem, made: PlanTree, planner: str, runs: Path) -> RunResult:
-    """Run the tree in the scene that was planned for; on failure, plan again from the current beliefs.
-
-    The language model is not called again: ``symbolic`` plans for its goal.
+    """Run the tree in the planned scene; on failure, replan from the current beliefs. The language model is not called
+    again: ``symbolic`` replans for its goal.
     """
     goal = " and ".join(map(str, problem.goal))
     asked = FactsFields(
@@ -39,8 +38,7 @@ def run_plan(question: PlanRequest, problem: PlanningProblem, made: PlanTree, pl
 
 
 def judged_by_goal(setup: ResolvedConfig, problem: PlanningProblem, asked: FactsFields, tree: Path) -> RunConfig:
-    """Return the run's configuration with the plan's goal in place of the task's, if it has one; reports facts that
-    cannot
+    """Return the run's configuration with the plan's goal instead of the task's, if any; reports facts that cannot
 
     be judged.
     """

@@ -116,7 +116,7 @@ def descriptions(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Bring the robot models that PyBullet's wheel holds (pybullet_data), without the simulator."""
+    """Download the robot models from PyBullet's wheel (pybullet_data), without the simulator."""
     from bestman_bt.runtime.robot_facts import REQUIREMENT, bring_pybullet_data
 
     with json_output(as_json) as write:
@@ -149,7 +149,7 @@ def move_into_limits(
     settings: Settings = None,
     yes: Annotated[bool, typer.Option("--yes", help="Move without asking: a person watches the robot.")] = False,
 ) -> None:
-    """Bring joints of a real robot that stand outside of their configured range back into it, slowly."""
+    """Slowly move joints of a real robot that are outside their configured range back into it."""
     from bestman_bt.robot_model.compose import load_robot_model
     from hal.hardware.into_limits import admit_outside, execute_return, return_motions
     from hal.hardware.robot import HardwareRobot
@@ -190,7 +190,7 @@ def import_urdf(
     png: Png = None,
     as_json: Json = False,
 ) -> None:
-    """Make a part of any URDF: its kind, joints, limits, tool frame and postures are found out as far as it goes."""
+    """Create a part from any URDF: its kind, joints, limits, tool frame and postures are derived as far as possible."""
     from bestman_bt.robot_model.robot_config import name_fault
     from bestman_bt.robot_model.urdf_source import UrdfError, read_srdf
     from bestman_bt.runtime.part_import import PartRequest, import_part

@@ -89,9 +89,9 @@ class Groot2View:
 
 SLOW_ARMS = "safety: arms go at 10 % of their joints' speed and 0.25 m/s of the tool at most: {why}"
 START_WAIT = 120.0
-"""Seconds within which something is recorded."""
+"""Seconds within which the first data are recorded."""
 LAST_WORDS = 1.0
-"""Seconds in which viewers take what was written last."""
+"""Seconds for viewers to read the last data."""
 
 
 @contextmanager
@@ -162,7 +162,7 @@ class DriverOptions:
 
 @dataclass(frozen=True)
 class TreeOptions:
-    """The handling of the tree's files, and of parts that are missing from it."""
+    """The handling of the tree's files and of missing nodes."""
 
     search: Search = None
     pretend: Annotated[
@@ -234,7 +234,7 @@ def command(
     page: MonitorOptions = MonitorOptions(),
     as_json: Json = False,
 ) -> None:
-    """Run a task, a tree with the task that names it, or a tree in place of a task's own."""
+    """Run a task, a tree with the task that names it, or a tree instead of the task's own."""
     view.check(asked.driver)
     with json_output(as_json) as print_json:
         faults: list[Problem] = []
@@ -336,7 +336,9 @@ def no_faster_than_real_time(
     wall: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
 ) -> Callable[[], None]:
-    """Return a callable that waits after each tick until real time has caught up; computing delays are not made up."""
+    """Return a callable that waits after each tick until real time has caught up; computing delays are not caught
+    up.
+    """
     clock = session.robot.clock
     began = wall() - clock.now()
 

@@ -28,7 +28,7 @@ from hal.parts.simulated_clock import SimulatedClock
 
 
 class ProgressConsole(Console):
-    """A console whose reader may go away, as with ``2>&1 | head``: what is under way continues without it."""
+    """A console whose reader may close it, as with ``2>&1 | head``: the run then continues without output."""
 
     @override
     def on_broken_pipe(self) -> None:
@@ -38,7 +38,7 @@ class ProgressConsole(Console):
 CONSOLE = ProgressConsole(stderr=True)
 """Progress, warnings and errors."""
 RESULTS = Console()
-"""The result; with ``--json``, which uses standard output, on standard error."""
+"""Console for the result: with ``--json``, which uses standard output, standard error."""
 
 OUTCOME_LOOKS: dict[Outcome, Look] = {
     Outcome.SUCCESS: LOOKS[SUCCESS],
@@ -50,7 +50,7 @@ _UNITS = {"mm": " mm", "deg": "°"}
 
 
 class RunView:
-    """Shows a running tree: redrawn in place on a terminal, one line per event elsewhere; with warnings and errors."""
+    """Shows a running tree: redrawn in place on a terminal, otherwise one line per event; with warnings and errors."""
 
     def __init__(self, title: str) -> None:
         self._title = title

@@ -29,9 +29,9 @@ from bestman_bt.runtime.executor import Executor, TerminationReason
 from bestman_bt.runtime.telemetry import Telemetry
 
 PAGE_LOOKS = 1.5
-"""Seconds before and after a run in which the page finds it and receives its result."""
+"""Seconds before and after a run for the page to find it and to receive its result."""
 MOST_NAMES = 12
-"""Paths that one line of the summary names."""
+"""Largest number of paths in one line of the summary."""
 
 
 @grouped_options
@@ -101,7 +101,9 @@ def command(  # noqa: PLR0913 - its options, each by its name
 
 
 def run_shown(tree: Tree, *, name: str, seed: int, period: float, limit: float) -> tuple[int, int]:
-    """Tick in real time, with the control channel that the live page connects to; the last status, and the ticks."""
+    """Tick in real time, with the control channel that the live page connects to; return the last status and the number
+    of ticks.
+    """
     executor = Executor(tree, tree.clock, period=period, time_limit=limit)
     run = RunEvent(
         task=f"simulation of {Path(name).stem}", tree=name, scene="", robot="", seed=seed, folder="", pid=os.getpid(),

@@ -15,7 +15,7 @@ from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.monitor.control_client import SERVICE, TOKEN_VARIABLE, page_address, socket_folder
 
 IDLE_END = 600
-"""Seconds after which a monitor that was started so ends, once nothing runs and no page is open."""
+"""Seconds after which a monitor started in this way exits if nothing runs and no page is open."""
 START_WAIT = 60.0
 HEALTH_WAIT = 2.0
 LARGEST_ANSWER = 10_000

@@ -1,4 +1,6 @@
-"""Example: bestman-bt validate trees/*.xml. Exit code 2 if something is wrong, 1 if something is missing here."""
+"""Example: bestman-bt validate trees/*.xml. Exit code 2 if a file is invalid, 1 if a node, port or tree is missing
+here.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from bestman_bt.robot_model.model import RobotModel
 
 MOST_NAMES = 20
-"""Unknown nodes, and unused trees that a summary names."""
+"""Largest numbers of unknown nodes and of unused trees named in a summary."""
 _UNKNOWN = re.compile(r"unknown node '(.*)'")
 
 
@@ -45,8 +47,9 @@ def command(
 ) -> None:
     """Check tree files without running them.
 
-    Exit code 0: nothing but warnings. 1: a node, port or tree is missing here; the file may be right elsewhere. 2: a
-    file is wrong, also a port of a node that is implemented here, unless its TreeNodesModel declares another one.
+    Exit code 0: at most warnings. 1: a node, port or tree is missing here; the file may be valid elsewhere. 2: a file
+    is invalid, including ports of nodes that are implemented here, unless the file's TreeNodesModel declares other
+    ports.
     """
     registry = others.registry()
     model, worst = None, 0

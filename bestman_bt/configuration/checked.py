@@ -44,7 +44,7 @@ _OF_PYDANTIC = re.compile(r"^(Value error,|Input|String|Tuple|Dictionary) ")
 def check(document: Document, dataclass_type: type[T]) -> T:
     """Build a frozen dataclass from a document.
 
-    Raises ConfigurationError listing all unknown, missing and wrong fields.
+    Raises ConfigurationError listing all unknown, missing and invalid fields.
     """
     value, problems = salvage(document, dataclass_type)
     if problems:
@@ -55,9 +55,8 @@ def check(document: Document, dataclass_type: type[T]) -> T:
 def salvage(document: Document, dataclass_type: type[T]) -> tuple[T, list[Problem]]:
     """Check a document like ``check``, but omit invalid parts, so that the rest can be checked further.
 
-    Returns the value and all problems. A wrong field has its default; one without a default raises UnreadError on
-    access.
-    Wrong entries of mappings and lists are missing; ``numbered`` gives the original indices of list entries.
+    Returns the value and all problems. An invalid field has its default; one without a default raises UnreadError on
+    access. Invalid entries of mappings and lists are omitted; ``numbered`` gives the original indices of list entries.
     """
     kind: Any = dataclass_type  # mypy takes the types of dataclasses for unhashable
     try:
@@ -70,7 +69,7 @@ def salvage(document: Document, dataclass_type: type[T]) -> tuple[T, list[Proble
 
 
 def numbered(entries: Sequence[T]) -> Iterator[tuple[int, T]]:
-    """Yield the entries of a list with their numbers in the file; ``salvage`` may have left some out."""
+    """Yield the entries of a list with their numbers in the file; ``salvage`` may have omitted some."""
     return zip(entries.numbers if isinstance(entries, _Left) else range(len(entries)), entries, strict=True)
 
 
@@ -139,7 +138,7 @@ def _adapter(annotation: Any) -> TypeAdapter[Any]:
 
 
 _UNREAD: Any = object()
-"""In the place of a value that could not be read."""
+"""Placeholder for a value that could not be read."""
 
 
 class _Left(tuple[Any, ...]):

@@ -25,7 +25,7 @@ class _Loader(yaml.SafeLoader):
 
 
 _FastLoader: Any = type("_FastLoader", (getattr(yaml, "CSafeLoader", yaml.SafeLoader),), {})
-"""The same by libyaml, where it is there: ten times as fast, with fewer words about what is wrong."""
+"""The same with libyaml, if available: ten times as fast, with less detailed error messages."""
 
 for _loader in (_Loader, _FastLoader):
     _loader.yaml_implicit_resolvers = {
@@ -60,7 +60,7 @@ class Document:
         return Problem(source, line, dotted(path), message)
 
     def count(self, path: FieldPath) -> int | None:
-        """Return the number of entries of the list at ``path`` as written, including wrong ones; None if there is no
+        """Return the number of entries of the list at ``path`` as written, including invalid ones; None if it is not a
         list.
         """
         written: Any = self.data
@@ -88,7 +88,7 @@ class Document:
 
 
 def dotted(path: FieldPath) -> str:
-    """Return a field path as people write it: ``parts.arm.xyz[2]``."""
+    """Return a field path in dotted notation: ``parts.arm.xyz[2]``."""
     text = ""
     for key in path:
         text += f"[{key}]" if isinstance(key, int) else f".{key}" if text else key
@@ -112,7 +112,7 @@ def parse_document(text: str, source: str, faults: list[Problem] | None = None) 
     """Parse YAML text that holds a mapping; ``source`` names it in errors.
 
     Raises ConfigurationError with file and line for invalid YAML and for duplicate keys. With ``faults`` they are added
-    there instead and the later value is used, so that the rest can be checked too.
+    there instead and the later value is used, so that the rest can also be checked.
     """
     problems: list[Problem] = []
     twice: list[Problem] = problems if faults is None else faults
@@ -152,7 +152,7 @@ def _nodes(text: str) -> tuple[Any, yaml.Node | None]:
 
 
 def parse_value(text: str) -> Any:
-    """Return the value of a YAML text. Raises ValueError when it is not YAML."""
+    """Return the value of a YAML text. Raises ValueError if it is not YAML."""
     try:
         return yaml.load(text, Loader=_Loader)  # noqa: S506 - a safe loader
     except yaml.MarkedYAMLError as error:

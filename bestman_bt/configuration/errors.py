@@ -61,7 +61,7 @@ class _Unread:
 
 
 UNREAD: Any = _Unread()
-"""In the place of something that could not be read at all: it raises UnreadError whatever is asked of it."""
+"""Placeholder for a value that could not be read: any access raises UnreadError."""
 
 
 def up_to_unread_field(check: Callable[P, Iterable[T]]) -> Callable[P, Iterator[T]]:
@@ -94,7 +94,7 @@ def naming_python_parameters() -> Iterator[None]:
 
 
 def in_python(text: str) -> str:
-    """Return a text that names options of the command line, with the parameters of Python functions for them."""
+    """Return a text with the names of command-line options replaced by Python parameters."""
     if text == "command line":
         return "arguments"
     return (_GIVEN if _GIVEN.fullmatch(text) else _NAMED).sub(_as_parameter, text)
@@ -130,7 +130,7 @@ class ProblemCollector:
             self.problems += error.problems
 
     def raise_if_any(self) -> None:
-        """Raise ConfigurationError with all that was gathered, each once, those of a file in the order of its lines."""
+        """Raise ConfigurationError with all collected faults, each once, those of a file in line order."""
         if self.problems:
             place = {source: at for at, source in enumerate(dict.fromkeys(one.source for one in self.problems))}
             once = dict.fromkeys(self.problems)

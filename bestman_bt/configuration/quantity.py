@@ -102,7 +102,7 @@ def _limit(*dimensions: str) -> Callable[[Any], float]:
 
 
 LIMITS = "limits"
-"""Pydantic's type of the fault of two limits the wrong way round."""
+"""Pydantic's error type for two limits in the wrong order."""
 
 
 def _smaller_first(limits: tuple[float, float]) -> tuple[float, float]:
@@ -112,7 +112,7 @@ def _smaller_first(limits: tuple[float, float]) -> tuple[float, float]:
 
 
 SmallerFirst = AfterValidator(_smaller_first)
-"""Of two limits: ``Annotated[tuple[Length, Length], SmallerFirst]``."""
+"""Check that the smaller of two limits comes first: ``Annotated[tuple[Length, Length], SmallerFirst]``."""
 
 
 def _four_or_five(values: tuple[float, ...]) -> tuple[float, ...]:
@@ -162,7 +162,7 @@ TimeLimit = Annotated[float, Field(gt=0), BeforeValidator(_limit("time"))]
 SpeedLimit = Annotated[float, Field(gt=0), BeforeValidator(_limit("speed"))]
 AngularSpeedLimit = Annotated[float, Field(gt=0), BeforeValidator(_limit("angular speed"))]
 SpeedLimitOrNone = Annotated[float, Field(ge=0), BeforeValidator(_limit("speed"))]
-"""0 for a way that the part cannot go; so the next one."""
+"""Limit of a direction; 0 if the part cannot move in it; the same for the next one."""
 AngularSpeedLimitOrNone = Annotated[float, Field(ge=0), BeforeValidator(_limit("angular speed"))]
 ForceLimit = Annotated[float, Field(gt=0), BeforeValidator(_limit("force"))]
 TorqueLimit = Annotated[float, Field(ge=0), BeforeValidator(_limit("torque"))]
@@ -178,7 +178,7 @@ Friction = Annotated[float, Field(ge=0), BeforeValidator(_reader())]
 WholeNumber = Annotated[int, Field(strict=True, ge=0)]
 PositiveWholeNumber = Annotated[int, Field(strict=True, gt=0)]
 Seed = Annotated[int, Field(strict=True, ge=0, lt=2**62)]
-"""A seed; those of further episodes, counted from it, fit into 64 bits, too."""
+"""A seed; the seeds of further episodes, counted from it, also fit into 64 bits."""
 
 Lengths3 = tuple[Length, Length, Length]
 Angles3 = tuple[Angle, Angle, Angle]

@@ -40,7 +40,7 @@ class RunConfig:
     ``robot_settings``: dotted keys → values for ``load_scene`` and ``load_robot_model``. ``driver``: the implementation
     of the Robotics API. ``recording``: the run folder that the driver ``replay`` plays. ``entry``: the suite entry of
     the run; has no effect on it. ``confirm``: ask a person before each motion. ``search``: folders with SubTrees of the
-    tree. ``pretend``: simulate leaves without code, by the file ``scenario`` or at random. ``watch``: take changes of
+    tree. ``pretend``: simulate leaves without code, by the file ``scenario`` or at random. ``watch``: apply changes of
     the tree's files while it runs. ``written``: the task as written, for messages; not part of the run.
     """
 
@@ -65,7 +65,7 @@ class RunConfig:
         return _remembering(dataclasses.replace(self, **fields), self.written)
 
     def problem(self, path: FieldPath, message: str) -> Problem:
-        """Return a fault of the task's field at ``path``, with the file and line, or the option, that gave it."""
+        """Return a fault of the task's field at ``path``, with the file and line, or the option, that set it."""
         origins = {(): (f"task {self.name}", None), **self.written.origins}
         return Document({}, origins).problem(path, message)
 
@@ -117,7 +117,7 @@ def load_run(  # noqa: PLR0913 - the arguments of a run, each by its name
 def run_of_options(asked: RunRequest, faults: list[Problem] | None = None) -> RunConfig:
     """Merge like ``load_run``, for the command line: errors name its options.
 
-    With ``faults``, faults are added there and the wrong parts left out if the rest can be checked further: a missing
+    With ``faults``, faults are added there and invalid parts omitted if the rest can be checked further: a missing
     tree, scene or robot is empty.
     """
     task = asked.task
@@ -197,7 +197,7 @@ def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
 def dump_run(run: RunConfig, absolute: bool = False) -> str:
     """Return the run as YAML text, SI numbers; without the addresses and tokens of controllers.
 
-    ``absolute``: with the whole paths of files that are named from the working directory, to be read anywhere.
+    ``absolute``: make paths relative to the working directory absolute, so that the text can be read anywhere.
     """
     document = _plain(run)
     if absolute:

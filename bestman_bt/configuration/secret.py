@@ -1,4 +1,4 @@
-"""Texts that no message, log or file shows: addresses and tokens of controllers."""
+"""Texts that never appear in messages, logs or files: addresses and tokens of controllers."""
 
 from __future__ import annotations
 

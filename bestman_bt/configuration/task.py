@@ -43,7 +43,7 @@ class DisturbanceConfig:
     ``kind``: ``moved``: after ``object`` was seen and before it is in the hand, it is put ``distance`` metres away on
     its surface. ``elsewhere``: it is put on ``surface``, by default one that the seed chooses. ``slips``: after
     ``object`` was lifted, it falls out of the hand. ``shut``: after the door or drawer ``articulation`` was opened, it
-    is pushed shut; with ``object`` only before that is in the hand. ``after``: the delay, seconds.
+    is pushed shut; with ``object``, only before that object is in the hand. ``after``: the delay, seconds.
     """
 
     kind: DisturbanceKind
@@ -93,7 +93,7 @@ _NOW_IN_GOALS = {
     "reach": "tool_at",
     "tidy": "tidied",
 }
-"""Fields of tasks before goals were a list → the kind of goal."""
+"""Fields of the old task format, without a list of goals → the kind of goal."""
 FIELDS_OF_GOALS = ("goals", *_NOW_IN_GOALS)
 
 _NAMED = ("tree", "scene", "robot")
@@ -103,7 +103,7 @@ TickRate = Annotated[Frequency, Field(le=1000)]  # physics takes steps of about 
 
 @dataclass(frozen=True)
 class TolerancesConfig:
-    """The tolerances of a success: metres, radians (``yaw`` None: any), seconds of rest before the judgement."""
+    """The tolerances of a success: metres, radians (``yaw`` None: any), seconds of rest before judging."""
 
     position: PositiveLength = 0.02
     tilt: AngleTolerance = _TEN_DEGREES
@@ -132,12 +132,12 @@ class TaskConfig:
     ``goals``: each a goal kind with its fields: ``{placed: {object: cup, at: place, …}}``. The kinds, files of
     ``bestman_bt.facts.goals``, check them when the run is prepared, because plug-ins may add kinds. ``predicate``: the
     success predicate, or several that must all hold. ``allowed_contacts``: the only pairs that may touch, of those that
-    skills declare; each an object, a piece of furniture, ``fingers``, ``robot`` or a link; None: all that they declare.
+    skills declare; each an object, a piece of furniture, ``fingers``, ``robot`` or a link; None: all declared contacts.
     ``max_penetration``: metres. ``time_limit``: simulated seconds. ``tick_rate``: hertz, at most 1000. ``known_start``:
     whether the robot receives its approximate start pose on the map. ``disturbances``: interventions during the run.
-    ``algorithms``: slot → ``algorithm: NAME`` and its parameters, merged over the shipped default. ``skills``:
-    family → parameters of skills that differ from their defaults, checked when the run is prepared. ``nav2``: the
-    meaning of Nav2's algorithm names.
+    ``algorithms``: slot → ``algorithm: NAME`` and its parameters, merged over the shipped default. ``skills``: family →
+    parameters of skills that differ from their defaults, checked when the run is prepared. ``nav2``: the meaning of
+    Nav2's algorithm names.
     """
 
     tree: str
@@ -178,9 +178,8 @@ class TaskConfig:
 
 
 def task_document(name_or_path: str | Path, faults: list[Problem] | None = None) -> Document:
-    """Return the document of a task with the default algorithms below it; raises, and ``faults``, as ``read_document``.
-
-    Paths that it names are counted from its file.
+    """Return the document of a task merged over the default algorithms; ``faults`` and exceptions as for
+    ``read_document``. Paths in it are relative to its file.
     """
     path = find_data("task", name_or_path)
     document = read_document(path, faults)
@@ -220,8 +219,8 @@ def load_task(name_or_path: str | Path) -> TaskConfig:
 def check_task(document: Document, faults: list[Problem] | None = None) -> TaskConfig:
     """Return the task of a document. Raises ConfigurationError.
 
-    With ``faults``, faults are added there instead and the wrong parts left out, so that the rest can be checked: a
-    wrong algorithm becomes the default, and a missing tree, scene or robot is empty.
+    With ``faults``, faults are added there instead and invalid parts omitted, so that the rest can be checked: an
+    invalid algorithm becomes the default, and a missing tree, scene or robot is empty.
     """
     problems: list[Problem] = []
     document = _in_goals(document, problems)
@@ -268,7 +267,7 @@ def _in_goals(document: Document, faults: list[Problem]) -> Document:
 def task_of_tree(tree: str) -> str | None:
     """Return the first shipped task, by name, that uses a shipped tree, or None if there is none.
 
-    ``tree``: its name or file. A file of the same name elsewhere is another tree.
+    ``tree``: its name or file. A file of the same name elsewhere does not count.
     """
     wanted = Path(tree).stem
     is_file = Path(tree).name != tree or Path(tree).suffix

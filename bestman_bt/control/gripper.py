@@ -1,4 +1,4 @@
-"""Parallel grippers: opening, closing on objects, letting go of them gently."""
+"""Parallel grippers: opening, closing on objects, releasing them gently."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class GripperOutcome:
 class HeldWidth:
     """Criteria on the width between the fingers for a held object; metres.
 
-    ``tolerance``: difference from the known width of the object. ``shut``: above the least width, up to which the hand
-    is empty. ``slip``: allowed change during a pull; ``slip_turning``: while a bar rotates in the hand. ``let_go``:
-    opening beyond the held width that counts as released.
+    ``tolerance``: difference from the known width of the object. ``shut``: distance above the minimum width up to which
+    the hand counts as empty. ``slip``: allowed change during a pull; ``slip_turning``: while a bar rotates in the hand.
+    ``let_go``: opening beyond the held width that counts as released.
     """
 
     tolerance: float = 0.008
@@ -48,11 +48,11 @@ HELD_WIDTH = HeldWidth()
 
 @dataclass(eq=False)
 class GripperController:
-    """Commands one gripper and determines, from its encoder and motor alone, whether it presses on something.
+    """Commands one gripper and determines, only from its encoder and motor, whether it presses on something.
 
     ``closing_speed``, ``release_speed``: largest rates of the width, m/s; faster fingers push objects aside or drag
-    them along. ``release_clearance``: metres that a release opens. ``confirm``: asks a person before each motion, which
-    fails as DECLINED if refused.
+    them along. ``release_clearance``: metres by which a release opens the fingers. ``confirm``: asks a person before
+    each motion, which fails as DECLINED if refused.
     """
 
     gripper: Gripper

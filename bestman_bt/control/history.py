@@ -12,7 +12,9 @@ from bestman_bt.messages import Pose2D, wrap_angle
 Value = TypeVar("Value")
 
 BEFORE = 0.5
-"""Seconds before the first value for which that value also counts: a robot is at rest when it is first read."""
+"""Seconds before the first value for which this value is also valid, because a robot is at rest when it is first
+read.
+"""
 
 
 class NotRecordedError(RobotError, LookupError):
@@ -50,7 +52,7 @@ class History(Generic[Value]):
         self._values = [*self._values[old:keep], value]
 
     def at(self, stamp: float) -> Value:
-        """Return the value at a time, seconds. Raises NotRecordedError outside of the recorded time."""
+        """Return the value at a time, seconds. Raises NotRecordedError outside the recorded time."""
         if not self._stamps:
             raise NotRecordedError("nothing is recorded yet")
         first, last = self._stamps[0], self._stamps[-1]

@@ -26,14 +26,14 @@ class GyroHeading:
         return self._heading
 
     def begin(self) -> None:
-        """Start integrating, at rest: readings until ``level`` are bias."""
+        """Start integrating, at rest: readings until ``level`` determine the bias."""
         self.end()
         self._bias = self._heading = self._summed = 0.0
         self._stamp = self._began = self._imu.read().stamp
         self._timer = self._clock.every(1.0 / 240.0, self._take)
 
     def level(self) -> None:
-        """Take the readings since ``begin`` as bias; the heading is 0 from now on."""
+        """Use the readings since ``begin`` as the bias; the heading is 0 from now on."""
         if self._stamp > self._began:
             self._bias = self._summed / (self._stamp - self._began)
         self._heading = 0.0
@@ -56,7 +56,7 @@ class GyroHeading:
 
 
 class FusedOdometry:
-    """Odometry for localizers, in place of the base's own. ``gyro``: if the filter uses it."""
+    """Odometry for localizers, instead of the base's own. ``gyro``: the gyroscope, if the filter uses one."""
 
     def __init__(
         self, base: MobileBase, clock: Clock, odometry_filter: OdometryFilter, gyro: GyroHeading | None = None

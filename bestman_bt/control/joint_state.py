@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 READING_ERRORS = (NotConnectedError, NoDataError)
-"""Errors that reading a robot may raise: a controller is gone, or a sensor is silent; see their ``code``."""
+"""Errors that readings of a robot may raise: a controller is lost, or a sensor is silent; see their ``code``."""
 
 
 RECORDING_RATE = 50.0

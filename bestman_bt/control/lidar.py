@@ -46,7 +46,7 @@ class LidarSensor:
 
     @cached_property
     def height(self) -> float:
-        """Of its plane above the floor, metres."""
+        """Height of the scan plane above the floor, metres."""
         return float(self._kinematics.pose(self._lidar.frame, {}).position[2])
 
     def scan(self) -> LaserScan:

@@ -1,4 +1,4 @@
-"""Motions of parts as controllers hand them out: previewed, with a result, and refused ones as failed motions."""
+"""Motions of parts as controllers return them: previewed, with a result; refused commands become failed motions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ Result = TypeVar("Result")
 
 
 class ControlledMotion(Motion[Result]):
-    """Ends as the part's ``motion`` does, or earlier if a controller fails it; ``read`` then reads its result."""
+    """A motion that ends with the part's ``motion``, or earlier if a controller fails it; ``read`` then returns its
+    result.
+    """
 
     def __init__(self, part: str, motion: Motion[Any], read: Callable[[], Result] | None = None) -> None:
         super().__init__(part, motion.cancel)
@@ -77,7 +79,7 @@ class PlannedMotion:
 
 
 Confirm = Callable[[PlannedMotion], bool]
-"""Shows a motion and waits; whether it may start."""
+"""Shows a motion, waits, and returns whether it may start."""
 
 
 def declined(confirm: Confirm | None, planned: Callable[[], PlannedMotion]) -> Motion[Any] | None:

@@ -23,7 +23,7 @@ class OperatorSpeed:
         self.share = 1.0
 
     def set(self, share: float) -> None:
-        """Set the scale, ``SLOWEST`` to 1. Raises ValueError outside of it."""
+        """Set the scale, ``SLOWEST`` to 1. Raises ValueError outside this range."""
         if not SLOWEST <= share <= 1.0:
             raise ValueError(
                 f"a speed is {SLOWEST:.0%} to 100%, not {share:.4g} of the usual one; pause holds the robot"

@@ -70,7 +70,7 @@ class RGBDView:
 
     @property
     def in_map(self) -> View:
-        """The view in the map frame, as good as the localisation."""
+        """The view in the map frame, as accurate as the localisation."""
         return View(self._of_the_world, self.map_from_base @ self.base_from_camera)
 
     @cached_property
@@ -173,7 +173,7 @@ class RGBDSensor:
 
 
 NEAREST = 0.02
-"""Metres before the camera: a body nearer than this is part of the camera's own mount and not drawn."""
+"""Distance from the camera, metres, within which a body is part of the camera's own mount and not drawn."""
 
 
 class SelfFilter:

@@ -8,7 +8,7 @@ HELD = "this stop was requested by a person: it holds until the run has ended"
 
 
 class RobotStop:
-    """Reports whether the robot is stopped, and clears the stop, unless a controller waits for a person.
+    """Reports whether the robot is stopped, and clears the stop unless a controller waits for a person.
 
     A stop requested by a person (``hold``) cannot be cleared here; it ends with the session.
     """

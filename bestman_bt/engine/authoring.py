@@ -1,4 +1,4 @@
-"""Trees in Python: nodes that read like the XML, and the same builder behind them.
+"""Trees in Python: nodes with the same form as in XML, built by the same builder.
 
     Sequence("fetch", [
         NavigateTo(goal="{stand}"),
@@ -57,7 +57,7 @@ def build_tree(
     faults: list[TreeProblem] | None = None,
     **options: Unpack[LoadOptions],
 ) -> Tree:
-    """Build a tree from nodes made in Python; native py_trees behaviours get wrapper nodes.
+    """Build a tree from nodes created in Python; native py_trees behaviours get wrapper nodes.
 
     ``faults`` and ``options``: as in ``load_tree``.
 

@@ -467,7 +467,7 @@ class SharedEntries:
     """Entries shared with py_trees: ``steps`` of the top blackboard is its key ``/steps``, ``ns/steps`` is
     ``/ns/steps``.
 
-    Writes of nodes, scripts and external code reach py_trees at once; ``take_over`` imports the writes of native
+    Writes of nodes, scripts and external code reach py_trees immediately; ``take_over`` imports the writes of native
     behaviours. The type that a port declares also binds native writers; other types may change freely. Construct it
     from a shared blackboard after the tree's ports have declared their entries. The clients of ``behaviours`` lose
     their keys when the tree is garbage-collected, so that the next tree of the same kind can get exclusive access

@@ -107,7 +107,7 @@ class Gaps(ABC):
     """Handles nodes and trees that have no code here, but may exist in another BehaviorTree.CPP process."""
 
     suggests = True
-    """Whether the problems say what may help against unknown nodes; a search by spelling takes milliseconds each."""
+    """Whether problems suggest remedies for unknown nodes; each search for similar names takes milliseconds."""
 
     def __init__(self) -> None:
         self.problems: list[TreeProblem] = []

@@ -22,7 +22,7 @@ class EngineClock(Protocol):
 
 @runtime_checkable
 class WakeableClock(EngineClock, Protocol):
-    """A clock whose sleep can be cut short, so that a wake-up starts the next tick at once."""
+    """A clock whose sleep can be cut short, so that a wake-up starts the next tick immediately."""
 
     def wait(self, dt: float, wake: threading.Event) -> None:
         """Wait for up to ``dt`` seconds; return early when ``wake`` is set."""

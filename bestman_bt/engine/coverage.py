@@ -78,7 +78,9 @@ class Coverage:
 
     @property
     def never_left(self) -> list[Node]:
-        """Nodes that have started but never ended by themselves; not those whose children were all skipped."""
+        """Nodes that have started but were always halted before their end; not those whose children were all
+        skipped.
+        """
         uses = [(node, self.of(node)) for node in self.tree.nodes]
         unfinished = [node for node, use in uses if use.began and not use.succeeded + use.failed]
         return [node for node in unfinished if self._began_at_a_leaf(node)]

@@ -34,7 +34,7 @@ def render_text(tree: Tree, states: Mapping[int, int] | None = None, *, ports: b
 def render_paths(tree: Tree) -> str:
     """Return a line for each node with its number and path, the names for breakpoints and requests.
 
-    A path shared by several nodes names none of them; use their numbers.
+    A path shared by several nodes does not identify any of them; use their numbers.
     """
     count = Counter(node.path for node in tree.nodes)
     shared = "  (by number alone: several have this path)"

@@ -44,9 +44,8 @@ def load_tree(
         main_tree: the tree to run, if the file holds several; overrides ``main_tree_to_execute``.
         search_path: folders that ``<include>`` may use besides the file's own.
         substitutions: nodes to replace, for tests.
-        faults: receives the errors of the tree, including those of a later tick; faulty parts are left out, so that
-            the rest can be checked. Do not tick a tree that has errors.
-        package: other files that contain SubTrees.
+        faults: receives the errors of the tree, including those of a later tick; faulty parts are omitted, so that the
+            rest can be checked. Do not tick a tree that has errors. package: other files that contain SubTrees.
         options: ``context``, ``clock`` and ``blackboard``, see ``LoadOptions``.
 
     Raises:

@@ -114,7 +114,7 @@ def _stamps(tree: Tree) -> set[tuple[str, int]]:
 
 
 def obstacles(old: Tree, new: Tree) -> Iterator[str]:
-    """Yield each reason why ``new`` cannot take the place of ``old`` now."""
+    """Yield each reason why ``new`` cannot replace ``old`` now."""
     for leaf in old.stopping.until:
         yield f"{leaf.where or leaf.path} is still stopping"
     there = {node.path: node for node in new.nodes}

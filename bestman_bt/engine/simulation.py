@@ -31,7 +31,7 @@ from bestman_bt.engine.xml.writer import tree_to_xml
 LIMIT: Final = 600.0
 """Default time limit of a run, simulated seconds."""
 MAX_TICKS: Final = 100_000
-"""Largest number of ticks: a tree that keeps waking itself up lets no time pass."""
+"""Largest number of ticks: in a tree that keeps waking itself up, no time passes."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def simulate(  # noqa: PLR0913 - each by its name
         search_path: folders that includes may use.
         main_tree: the tree to run, if the file holds several.
         clock: replaces the simulated clock; for use with ``drive``.
-        drive: ticks the tree to its end in place of ``period`` and ``limit``, and returns its last status and the
+        drive: ticks the tree to its end instead of using ``period`` and ``limit``, and returns its last status and the
             number of ticks.
 
     Raises:

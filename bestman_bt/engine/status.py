@@ -50,7 +50,7 @@ def state_code(uid: int, state: int) -> int:
 
 
 def uid_and_state(code: int) -> tuple[int, int]:
-    """Return uid and state that ``state_code`` has encoded."""
+    """Return the uid and state encoded by ``state_code``."""
     return divmod(code, 8)
 
 

@@ -22,7 +22,7 @@ _ONCE = (
     *(*_IN_ORDER, decorators.SubTree, decorators.Inverter, decorators.ForceSuccess, decorators.ForceFailure),
     *(decorators.Timeout, decorators.Delay, decorators.RunOnce),
 )
-"""Nodes that tick each child to its end once: an earlier child has ended when the next one starts."""
+"""Nodes that tick each child once to its end, so that an earlier child has ended when the next one starts."""
 
 
 MOST_HINTS = 50
@@ -35,10 +35,10 @@ _OURS = ("bestman_bt.", "behaviours.", "py_trees.", "builtins")
 class UnwrittenRead:
     """An entry that has no value when it is read.
 
-    ``node``, ``port``, ``key``: its outermost use, which is the SubTree that passes it in, else the reader. ``fails``:
-    whether reading it ends the tree, because the reader has no default. ``later``: the line of a write that comes too
-    late, 0 if the line is unknown; None: nothing in the tree writes it. ``not_given``: the node is a SubTree of another
-    file that reads a port which was not given.
+    ``node``, ``port``, ``key``: its outermost use, which is the SubTree that passes it in, or else the reader.
+    ``fails``: whether reading it ends the tree, because the reader has no default. ``later``: the line of a write that
+    happens too late, 0 if the line is unknown; None: no node of the tree writes it. ``not_given``: the node is a
+    SubTree of another file that reads a port which was not given.
     """
 
     node: Node
@@ -170,7 +170,8 @@ def _meant(subtrees: SubTrees, subtree: decorators.SubTree, key: str) -> str:
 def entries_of(tree: Tree) -> tuple[dict[str, bool], list[str]]:
     """Return the inputs and outputs of a tree as a SubTree.
 
-    These are its root entries that only others write, with whether an empty one is an error, and those that it writes.
+    Inputs are root entries that only other code writes, each with whether an empty one is an error; outputs are those
+    that the tree writes.
     """
     uses = [use for use in entry_uses(tree) if tree.blackboard.slot(use.slot.key) is use.slot]
     written = dict.fromkeys(use.slot.key for use in uses if use.writes)

@@ -47,13 +47,13 @@ def validate_file(
     """Return all errors and warnings of a tree file.
 
     Problems with ``missing`` set may be valid in another BehaviorTree.CPP process. Faults of nodes in ``registry`` are
-    among these only where a TreeNodesModel declares other ports for them.
+    among these only if a TreeNodesModel declares other ports for them.
 
     Args:
         path: an XML file or a Python file with ``build()``.
         registry: the nodes that it may name.
         search_path: folders that it may include from.
-        given: root entries set before the tree runs; None leaves out entries that are read before they are written.
+        given: root entries set before the tree runs; None: do not report entries that are read before they are written.
         package: other files with its SubTrees and models of nodes.
     """
     registry = registry or NodeRegistry()

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     T = TypeVar("T", ContactIncident, DisturbanceEvent, Finding, Declared)
 
 TIMES = ("stamp", "start", "end", "until")
-"""What times are called in records."""
+"""Names of times in records."""
 LISTED = 20
-"""How many details of a kind are listed; the counters count them all."""
+"""Largest number of listed details per kind; the counters include all."""
 TOLD = 3
-"""How many of them the reason of a failure names."""
+"""Largest number of them in the reason of a failure."""
 
 CHEATS = ("teleports", "grasp_constraints", "ground_truth_reads", "tampering", "object_follows_open_hand")
 """The counters that an honest run leaves at 0."""
@@ -46,12 +46,13 @@ class Collision:
 
 @dataclass(frozen=True)
 class Audit:
-    """The counters of ``result.json``. The first five kinds are cheats; the others are faults of a run.
+    """The counters of ``result.json``. The first five kinds are violations of honest simulation; the others are faults
+    of a run.
 
     ``teleports``: resets of poses, joints or states, called or detected. ``grasp_constraints``: constraints made after
-    the scene was built. ``ground_truth_reads``: reads of poses that a robot cannot know. ``tampering``: external
-    forces, changed masses or frictions, motors driven past the Robotics API. ``object_follows_open_hand``: objects that
-    moved with the hand although the fingers did not press on them. ``collisions``: caused by the robot.
+    the scene was built. ``ground_truth_reads``: reads of poses that are not available to a robot. ``tampering``:
+    external forces, changed masses or frictions, motors driven past the Robotics API. ``object_follows_open_hand``:
+    objects that moved with the hand although the fingers did not press on them. ``collisions``: caused by the robot.
     ``contacts_by_walkers``: people who walked into a robot that did not move towards them; not a fault.
     ``disturbances``: descriptions of the scripted events of the scene. ``declared_contacts``: contacts that skills
     declared and made.
@@ -99,7 +100,7 @@ class Audit:
         return tuple(faults)
 
     def objections(self, max_penetration: float) -> tuple[str, ...]:
-        """Return why an episode fails: first the cheats with their counts, then ``faults``."""
+        """Return why an episode fails: first the violations of honest simulation with their counts, then ``faults``."""
         cheats = [f"{counter_words(cheat)} {getattr(self, cheat)}" for cheat in CHEATS if getattr(self, cheat)]
         found = self.findings[:TOLD] + (("…",) if len(self.findings) > TOLD else ())
         return ((", ".join(cheats), *found) if cheats else ()) + self.faults(max_penetration)

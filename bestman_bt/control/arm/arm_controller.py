@@ -32,7 +32,7 @@ class ContactLimits:
     """Thresholds of contact detection.
 
     ``force``: newtons, above the inertial forces of hand and load. ``lag``: radians behind the set-point. ``samples``:
-    consecutive samples that must agree. ``period``: seconds between two checks. ``latency``: least delay of the
+    consecutive samples that must agree. ``period``: seconds between two checks. ``latency``: smallest delay of the
     encoders behind the set-points, seconds; the arm's own may be longer.
     """
 
@@ -46,7 +46,7 @@ class ContactLimits:
 class ContactMonitor:
     """Monitors one free motion for contacts; ``objection`` is called every ``period``.
 
-    The force is relative to the wrist's reading at the start, so that the weight of a held object does not count.
+    The force is relative to the wrist's reading at the start, so that the weight of a held object is excluded.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class ContactMonitor:
 
 
 LOOKS = 12
-"""Places on a way at which an arm is drawn for a person."""
+"""Number of positions along a path at which the arm is drawn for a person."""
 Guard = Callable[[], str | None]
 Result = TypeVar("Result")
 
@@ -124,7 +124,8 @@ class ArmController:
     fails with that text. ``kinematics`` and ``wrist``: for ``move_until`` and ``follow_constraint``. ``coordinator``:
     shared by the controllers of a robot's arms; a motion that would cross another arm's path waits for it, or fails as
     OTHER_ARM_IN_THE_WAY. ``confirm``: asks a person before each motion, which fails as DECLINED if refused; ``bodies``:
-    from joint positions to the corners (N, 3) of what moves with the arm, in the map frame, to show to the person.
+    from joint positions to the corners (N, 3), metres in the map frame, of the bodies that move with the arm, to show
+    to the person.
     """
 
     def __init__(
@@ -190,7 +191,7 @@ class ArmController:
     def move_until(
         self, direction: ArrayLike, speed: float, max_distance: float, stop_force: float
     ) -> Motion[GuardedOutcome]:
-        """Move the tool straight along ``direction`` (3,), base frame, until it is resisted with ``stop_force`` N.
+        """Move the tool straight along ``direction`` (3,), base frame, until the resistance reaches ``stop_force`` N.
 
         Reaching ``max_distance`` metres without contact is also a success; the outcome distinguishes the two. The hand
         keeps its orientation. Fails as UNREACHABLE if the arm cannot continue. Raises ValueError for invalid values.

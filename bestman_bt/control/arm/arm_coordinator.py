@@ -1,4 +1,6 @@
-"""Coordination of several moving arms: an arm starts only if its path does not cross the remaining path of another."""
+"""Coordination of several moving arms: an arm starts only if its path does not cross the remaining path of another
+arm.
+"""
 
 from __future__ import annotations
 
@@ -43,12 +45,11 @@ class _UnderWay:
 
 
 class ArmCoordinator:
-    """The motions of a robot's arms under way, and which arms have to wait.
-
-    An arm that starts while another moves waits until the rest of the other's path is clear of its own. It fails as
-    ``other_arm_in_the_way`` after ``patience``, or at once if the other rests, or will come to rest, on its path: then
-    another path is needed. Motions of unknown path (``move_until``, ``follow_constraint``) run one at a time. A motion
-    that supersedes one of the same arm does not wait; it fails instead.
+    """The current motions of a robot's arms, and which arms have to wait. An arm that starts while another one moves
+    waits until the rest of the other's path is clear of its own. It fails as ``other_arm_in_the_way`` after
+    ``patience``, or immediately if the other arm rests, or will come to rest, on its path: then another path is needed.
+    Motions of unknown path (``move_until``, ``follow_constraint``) run one at a time. A motion that supersedes one of
+    the same arm does not wait; it fails instead.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """Compliant following of a door or drawer whose joint is unknown, with a hand that holds its handle.
 
 Position control shaped by the wrist's force (admittance: Hogan, "Impedance control", 1985); the direction is learned
-from the hand's own way (Karayiannidis et al., "Model-free robot manipulation of doors and drawers by means of
+from the path of the hand (Karayiannidis et al., "Model-free robot manipulation of doors and drawers by means of
 fixed-grasps", ICRA 2013).
 """
 
@@ -101,19 +101,19 @@ _CODES = {
 
 
 _GAINED_TURN = (*(0.5**halved for halved in range(7)), 0.0)
-"""Shares of the wanted change of the hand's turning speed that are tried in a period."""
+"""Fractions of the requested change of the hand's turning speed to try in a period."""
 
 
 @dataclass(frozen=True)
 class Following:
     """Parameters of the compliant following. SI units.
 
-    ``compliance``: m/s across the motion per newton, up to ``side_speed``. ``acceleration``: along it.
-    ``force_filter``: seconds. ``stall_time``: without ``stall_distance`` of progress counts as stuck. ``moved``:
-    distance beyond which a stuck joint is jammed, not locked. ``turn_speed``: rad/s of the hand. ``turn_lag``: radians
-    by which the hand's turn may lag behind its guide at full speed; at twice as much the hand stops and turns.
-    ``relax_time``: of yielding to residual forces at the end. ``time_factor``: on the time at full speed.
-    ``stop_speed``: m/s where an end stop is expected.
+    ``compliance``: m/s across the motion per newton, up to ``side_speed``. ``acceleration``: along it, m/s².
+    ``force_filter``: time constant, seconds. ``stall_time``: without ``stall_distance`` of progress counts as stuck.
+    ``moved``: distance beyond which a stuck joint is jammed, not locked. ``turn_speed``: rad/s of the hand.
+    ``turn_lag``: radians by which the hand's turn may lag behind its guide at full speed; at twice as much the hand
+    stops and turns. ``relax_time``: seconds of yielding to residual forces at the end. ``time_factor``: time limit as a
+    multiple of the time at full speed. ``stop_speed``: m/s where an end stop is expected.
     """
 
     compliance: float = 2.5e-4
@@ -192,7 +192,7 @@ class ConstraintFollowing:
         self._ending: tuple[FollowEnd, str, float] | None = None
 
     def tick(self) -> bool:
-        """Run one period; return False when it is over and the arm should stop."""
+        """Run one period; return False when the motion has ended and the arm should stop."""
         self._time += self._stream.step_time
         tool = self._stream.measured()
         self._feel(tool)

@@ -1,4 +1,4 @@
-"""Guarded moves: straight on until something is touched (Will and Grossman, 1975)."""
+"""Guarded moves: straight motion until contact (Will and Grossman, 1975)."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class StreamStep(Enum):
 
 
 class ToolStream:
-    """Streams tool poses from the current one. ``pose``: base_from_tool, last sent."""
+    """A stream of tool poses that starts at the current one. ``pose``: the last pose sent, base_from_tool."""
 
     def __init__(self, arm: Arm, kinematics: InverseKinematics, streaming: Streaming = Streaming()) -> None:
         self._arm, self._kinematics = arm, kinematics
@@ -53,7 +53,7 @@ class ToolStream:
 
     @property
     def step_time(self) -> float:
-        """The seconds of motion per period, fewer if an operator has slowed the arm down."""
+        """The seconds of motion per period; fewer if an operator has slowed the arm down."""
         return self.streaming.period * self._arm.speed_share
 
     def measured(self) -> Pose:
@@ -110,7 +110,8 @@ class Guarding:
 
 @dataclass(frozen=True, eq=False)
 class GuardedOutcome:
-    """The result of a guarded move. ``touched``: whether the force was reached. ``distance``: of the tool, metres.
+    """The result of a guarded move. ``touched``: whether the force was reached. ``distance``: distance moved by the
+    tool, metres.
 
     ``force``: (3,) newtons, in the base frame, of the environment on the hand, relative to the start. ``tool``:
     base_from_tool at the end.
@@ -146,7 +147,7 @@ class GuardedMove:
         self._speed = 0.0
 
     def tick(self) -> bool:
-        """Run one period; return False when the move is over."""
+        """Run one period; return False when the move has ended."""
         period, p = self._stream.streaming.period, self._guarding
         tool = self._stream.measured()
         share = period / (period + p.force_filter)

@@ -22,9 +22,9 @@ class AxisFitting:
     """Parameters of the fit of an axis to the hand's path. Metres and radians.
 
     ``spacing``: between two samples of the path. ``bulge``: of the path from its chord, above which a circle is fitted;
-    ``hinted_bulge``: the same if a hinge is expected. ``longest_radius``: of a hinge. ``recent``: length of the path's
-    end that gives the direction before a circle is found. ``enough``: length of the path from which the estimate
-    replaces the belief.
+    ``hinted_bulge``: the same if a hinge is expected. ``longest_radius``: largest radius of a hinge. ``recent``: length
+    of the path's end that gives the direction before a circle is found. ``enough``: length of the path from which the
+    estimate replaces the belief.
     """
 
     spacing: float = 0.002

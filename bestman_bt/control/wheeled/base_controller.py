@@ -30,7 +30,7 @@ from bestman_bt.world_model.world_model import BasePose
 from hal.api import CommandRefusedError, MobileBase, Motion, MotionStatus, RobotStoppedError, Timer
 
 RESTS = 0.02
-"""Speed in m/s below which a base no longer drives."""
+"""Speed below which a base counts as stopped, m/s."""
 
 
 @dataclass(frozen=True)
@@ -86,13 +86,13 @@ class _Action:
 class BaseController:
     """Drives one base by odometry and lidar; keeps ``world.base`` up to date from ``start`` to ``close``.
 
-    A new action supersedes the one under way. The result of every motion is the believed final pose. ``localisation``:
-    by odometry and lidar; it also provides the clock and the world model. ``monitor``: the collision monitor of each
+    A new action supersedes the current one. The result of every motion is the believed final pose. ``localisation``: by
+    odometry and lidar; it also provides the clock and the world model. ``monitor``: the collision monitor of each
     velocity; by default one without a bumper. ``layer``: obstacles that the lidar sees but the map lacks. ``model``:
     limits and footprint. ``confirm``: asks a person before each action, which fails as DECLINED if refused.
     ``speed_limit``: m/s for all actions until changed; None: the base's own; 0: stop. ``surroundings``: costmap of the
-    mapped obstacles with the current arm, for drives without a costmap. ``last_scan``: of the localisation, for
-    display.
+    mapped obstacles with the current arm, for drives without a costmap. ``last_scan``: the latest scan of the
+    localisation, for display.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class BaseController:
 
     @property
     def path(self) -> Path2D | None:
-        """The path that is driven, None if none is."""
+        """The path being driven, or None."""
         return None if self._driven is None else self._driven.path
 
     @property
@@ -161,7 +161,7 @@ class BaseController:
         return driven.swept.contact(here, self.layer.points, self._gate.outline)
 
     def scan(self) -> OdometryScan:
-        """Return the current lidar scan; raises as its readings do."""
+        """Return the current lidar scan. Raises NotConnectedError or NoDataError."""
         with self._lock:
             return self.localisation.scan()
 
@@ -201,9 +201,9 @@ class BaseController:
         """Drive along a path in the map frame to its goal pose; ``costmap``: of the map, without ``layer``.
 
         With it, the base gives way to walking people, and obstacle-avoiding followers may leave the path. ``follower``:
-        for this path only. A base that has come to rest within the tolerance of the goal of the path under way only
-        turns if it gets another path to that goal: otherwise one that gets a path each second would turn to and fro
-        with the localisation's noise.
+        for this path only. A base at rest within the tolerance of the goal of its current path only turns if it gets
+        another path to that goal: otherwise a base that gets a path each second would turn back and forth with the
+        localisation's noise.
         """
         with self._lock:
             if self._has_come_to(path.goal):
@@ -216,7 +216,7 @@ class BaseController:
             return self._begin(self.follower, path.goal, driven=driven, known=costmap)
 
     def rotate_to(self, heading: float) -> Motion[BasePose]:
-        """Turn on the spot to ``heading``, radians in the map frame."""
+        """Turn in place to ``heading``, radians in the map frame."""
         pose = self._world.base.pose
         self._rotation.turn_to(heading)
         return self._begin(self._rotation, Pose2D(pose.x, pose.y, heading), math.inf)
@@ -253,7 +253,7 @@ class BaseController:
 
     @property
     def _driven(self) -> _DrivenPath | None:
-        """The path that is driven, None if none is."""
+        """The path being driven, or None."""
         action = self._action
         return None if action is None or action.motion.done else action.driven
 
@@ -463,11 +463,13 @@ class BaseController:
 
 
 LONGEST_LOOK = 1.0
-"""Seconds between two looks at the progress of a base that is driven, at most."""
+"""Largest time between two checks of a driving base's progress, seconds."""
 
 
 class ProgressWatch:
-    """As nav2's progress checker: within ``time`` seconds a base should move ``distance`` metres or turn ``angle``."""
+    """Like Nav2's progress checker: within ``time`` seconds a base should move ``distance`` metres or turn by ``angle``
+    radians.
+    """
 
     def __init__(self, distance: float, angle: float, time: float) -> None:
         self._distance, self._angle, self._time = distance, angle, time
@@ -477,7 +479,7 @@ class ProgressWatch:
         """Seconds without progress, as of the last pose."""
 
     def restart(self) -> None:
-        """Restart the measurement, after a time in which the base was not to move."""
+        """Restart the measurement after the base was intentionally at rest."""
         self._pose = None
 
     def is_stuck(self, pose: Pose2D, now: float, speed_share: float = 1.0) -> bool:

@@ -1,10 +1,10 @@
 """Collision monitor: limits each velocity command just before the wheels, independent of path and planner, as Nav2's
 does.
 
-It holds what the lidar sees and what the bumper feels against the motion that is commanded, with the exact footprint,
-and what of the map no lidar sees, such as the top of a table, against what reaches above the lidar: a command goes
-through as it is, slowed down so far that the base stops before it touches anything ("approach"), or not at all. A slow
-approach to a table is let through up to a finger's breadth; moving away is always free.
+It checks the commanded motion of the exact footprint against lidar hits and bumper contacts, and the motion of parts
+above the lidar against mapped obstacles that the lidar cannot see, such as a table top. A command is passed unchanged,
+slowed down so that the base stops before contact ("approach"), or blocked. A slow approach to a table is allowed up to
+about a centimetre; moving away is always allowed.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from hal.api import Bumper
 STANDING = 0.02
 """Speed in m/s and rad/s below which a base counts as at rest."""
 CREEP = 0.005
-"""m/s and rad/s below which going on is not worth it."""
+"""Speeds, m/s and rad/s, below which a command is blocked instead of slowed down."""
 BEFORE = 0.15
 """Metres around a person's disc within which hits belong to that person."""
 EDGE = 0.03
-"""Metres beyond the shortest range within which noise may hide a hit already."""
+"""Metres beyond the minimum range within which noise may hide a hit."""
 NEAR = 1.0
 """Metres around an arm within which the heights of obstacles are checked."""
 MEMORY = 30.0
@@ -45,9 +45,9 @@ SPACING = 0.01
 
 
 _Look = tuple[FootprintMotion, NDArray[np.float64]]
-"""An outline that moves, and the points (N, 2) of the base frame that it is held against."""
+"""A moving outline, and the points (N, 2), base frame, that it must not touch."""
 _Entry = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Points (N, 2) of an outline that moves, and the corners (M, 2) of an area that they are kept out of."""
+"""Points (N, 2) of a moving outline, and the corners (M, 2) of an area that they must not enter."""
 
 
 class MonitorAction(Enum):

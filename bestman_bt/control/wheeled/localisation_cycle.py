@@ -19,12 +19,12 @@ from hal.api import Clock, NoDataError
 LONGER = 2
 """Number of control ticks to wait for a due scan, so that its age is the lidar's latency plus one tick."""
 MOST_LEFT_OUT = 5
-"""Scans in a row that may be left out because their time is not known."""
+"""Number of consecutive scans that may be skipped because their time is unknown."""
 
 
 @dataclass(frozen=True)
 class Localising:
-    """Parameters of localisation. ``rate``: of control, 20 to 50 Hz. ``scan_every``: control ticks per lidar scan.
+    """Parameters of localisation. ``rate``: control rate, 20 to 50 Hz. ``scan_every``: control ticks per lidar scan.
 
     ``settle_scans``: scans at rest after which the pose of a resting base is final; from then on it scans only every
     ``rest_scan_every`` ticks, to notice a push. ``still_speed`` (m/s), ``still_turn_rate`` (rad/s): limits of rest. The
@@ -58,8 +58,8 @@ class PlacedScan:
 class LocalisationCycle:
     """Updates ``world.base`` with each ``step``; ``seen`` is called with each scan.
 
-    ``estimate``: the localizer's latest, from ``begin`` on.
-    ``lost``: whether the pose is unknown until a scan fits again; also set by the controller that drives by the map.
+    ``estimate``: the localizer's latest estimate, available after ``begin``. ``lost``: whether the pose is unknown
+    until a scan fits again; also set by the controller that drives by the map.
     """
 
     estimate: LocalizationEstimate

@@ -42,9 +42,10 @@ def measure_turning_slip(
 ) -> TurningSlip:
     """Turn a base left and right and measure its slip; ``present``: the factor currently used by its odometry.
 
-    Blocks, with exclusive use of the base, until it is done. Floor, load and speed should be those of normal operation;
-    a wrong factor changes the speed of turning, so repeat the measurement with the result. ``angle``: radians of each
-    turn by odometry, ``speed``: fraction of the maximum turning speed. Raises as the base's commands do.
+    Blocks, with exclusive use of the base, until it has finished. Floor, load and speed should be those of normal
+    operation; a wrong factor changes the speed of turning, so repeat the measurement with the result. ``angle``:
+    radians of each turn by odometry, ``speed``: fraction of the maximum turning speed. Raises the errors of the base's
+    commands.
     """
     ways = [_turn(base, gyro, clock, side * angle, speed) for side in (1.0, -1.0)]
     left, right = (present * counted / turned for counted, turned in ways)

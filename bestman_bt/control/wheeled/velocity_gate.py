@@ -1,4 +1,4 @@
-"""What every velocity of a wheeled base passes: its limits, people's right of way, the collision monitor."""
+"""The gate for every velocity of a wheeled base: its limits, people's right of way, the collision monitor."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle
 from hal.api import MobileBase
 
 STANDING = 0.02
-"""m/s and rad/s below which the wheels count as standing."""
+"""Speeds, m/s and rad/s, below which the wheels count as at rest."""
 REST = 0.05
-"""Share of a velocity below which going on is not worth it."""
+"""Fraction of a velocity below which the base stops instead of continuing."""
 ON_IT, BESIDE_IT = 0.10, 0.15
 """Metres from a mapped outline within which a hit belongs to it, and beyond which it is an unmapped obstacle."""
 RISE = 1.0
-"""By how much the share that people leave may rise in a second: it is as good as an acceleration."""
+"""Largest increase per second of the velocity fraction that people allow, which limits the acceleration."""
 
 
 class VelocityGate:

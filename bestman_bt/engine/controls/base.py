@@ -19,8 +19,9 @@ class Control(Node, Composite):
     MAX_CHILDREN: ClassVar[int | None] = None
 
     def bind_children(self, log: list[Any] | None) -> None:
-        """Pair each child with its tick function. Modifies the list in place, so that a tick under way sees the
-        change."""
+        """Pair each child with its tick function. Modifies the list in place, so that the current tick sees the
+        change.
+        """
         pairs: list[tuple[Tick, Node]] = [(child.run, child) for child in self.nodes_below()]
         if hasattr(self, "pairs"):
             self.pairs[:] = pairs

@@ -1,7 +1,7 @@
 """ReactiveSequence and ReactiveFallback: every child is ticked again at every tick.
 
 Only one child can be RUNNING. It is remembered, so that no tick has to search all children for one to halt; children
-that finish become idle at once.
+that finish become idle immediately.
 """
 
 from __future__ import annotations
@@ -183,7 +183,7 @@ class _Reactive(Control):
 
 
 class ReactiveSequence(_Reactive, composites.Sequence):
-    """Ticks its children from the first on at every tick; a failing condition halts the running child."""
+    """Ticks its children from the first at every tick; a failing condition halts the running child."""
 
     CONTINUE_ON = SUCCESS
     tick_bare = _reactive_tick_bare(SUCCESS, FAILURE)
@@ -191,7 +191,7 @@ class ReactiveSequence(_Reactive, composites.Sequence):
 
 
 class ReactiveFallback(_Reactive, composites.Selector):
-    """Ticks its children from the first on at every tick; a child that succeeds or runs halts the later ones."""
+    """Ticks its children from the first at every tick; a child that succeeds or runs halts the later ones."""
 
     CONTINUE_ON = FAILURE
     tick_bare = _reactive_tick_bare(FAILURE, SUCCESS)

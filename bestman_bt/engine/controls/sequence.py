@@ -33,7 +33,7 @@ class Indexed(Control):
         super().halt()
 
     def on_tick(self) -> int:
-        """Tick the children from the current one on."""
+        """Tick the children, starting at the current one."""
         children = self.nodes_below()
         if self._s <= IDLE:
             self.skipped = 0

@@ -65,7 +65,7 @@ def invalid_status_error(status: object, child: Node) -> NodeError:
 
 
 def creation_line(node: Behaviour) -> tuple[str, int]:
-    """Return file and line of the call that creates a node, outside of its own ``__init__`` and of py_trees' idioms."""
+    """Return file and line of the call that creates a node, outside its own ``__init__`` and of py_trees' idioms."""
     frame = sys._getframe(1)
     while frame.f_back is not None and (_makes(frame, node) or frame.f_globals.get("__package__") == "py_trees"):
         frame = frame.f_back
@@ -289,7 +289,7 @@ class Node(PyTreesAdapter):
         return self._place.tree.clock
 
     def wake_up(self) -> None:
-        """End the tick loop's sleep: the tree is ticked again at once. Thread-safe."""
+        """End the tick loop's sleep: the tree is ticked again immediately. Thread-safe."""
         self.owner.wake_up()
 
     def get_input(self, port: str) -> Any:

@@ -16,8 +16,8 @@ from bestman_bt.engine.status import IDLE, RUNNING, TO_PY_TREES, from_py_trees
 
 
 class Lazy:
-    """A non-data descriptor that makes the attribute on first access; ``__getattr__`` would disable CPython's attribute
-    caches.
+    """A non-data descriptor that creates the attribute on first access; ``__getattr__`` would disable CPython's
+    attribute caches.
     """
 
     def __init__(self, make: Callable[[Any], Any]) -> None:
@@ -45,7 +45,7 @@ else:
 
 
 class PyTreesAdapter(_Base):
-    """Base of ``Node`` alone. ``_s``: the engine's status; ``status`` is py_trees' view of it.
+    """Base class of only ``Node``. ``_s``: the engine's status; ``status`` is py_trees' view of it.
 
     Attributes that cost time or memory are created on first access.
     """

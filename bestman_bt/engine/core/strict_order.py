@@ -53,7 +53,9 @@ class Order:
 
 
 class Stopping:
-    """The halted actions of a tree that are still stopping; ``until``: when the waiting for each one ends."""
+    """The halted actions of a tree that are still stopping; ``until``: the end of the wait for each one, seconds of the
+    clock.
+    """
 
     def __init__(self) -> None:
         self.until: dict[Node, float] = {}

@@ -278,7 +278,7 @@ class Tree:
             self.sleep(period)
 
     def refuse_ticks(self) -> None:
-        """Prevent every further tick of a node; a tick under way ends with EngineError.
+        """Prevent every further tick of a node; the current tick ends with EngineError.
 
         Safe to call from any thread and from signal handlers. It adds no cost to ticks.
         """
@@ -314,7 +314,7 @@ class Tree:
             self._wake.set()
 
     def wake_with(self, outer: Tree) -> None:
-        """Wake up the loop of a tree that ticks this one in place of an own loop."""
+        """Wake up the loop of the tree that ticks this one, instead of this tree's own loop."""
         self._wake = outer._wake
 
     def _woken(self) -> bool:

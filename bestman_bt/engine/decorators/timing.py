@@ -67,7 +67,7 @@ class Timeout(Timed):
     msec = In[int](Annotated[int, Ge(0)], "After a certain amount of time, halt() the child if it is still running.")
 
     def on_tick(self) -> int:
-        """Fail if the time is up, else tick the child."""
+        """Fail if the time limit has passed, else tick the child."""
         duration = self.msec * 1e-3
         if self.started is None:
             self.started = self.clock.now()
@@ -87,7 +87,7 @@ class Delay(Timed):
     delay_msec = In[int](Annotated[int, Ge(0)], "Tick the child after a few milliseconds")
 
     def on_tick(self) -> int:
-        """Tick the child once the delay is over."""
+        """Tick the child once the delay has passed."""
         duration = self.delay_msec * 1e-3
         if self.started is None:
             self.started = self.clock.now()

@@ -88,7 +88,7 @@ class Sleep(StatefulAction):
         return SUCCESS if self.clock.now() >= self.end else RUNNING
 
     def on_halted(self) -> None:
-        """Do nothing, because no motion can be under way."""
+        """Do nothing, because the node causes no motion."""
 
 
 class AlwaysSuccess(SyncAction):

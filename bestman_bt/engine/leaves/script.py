@@ -1,4 +1,4 @@
-"""Leaves that run the script language: Script, ScriptCondition, and TestNode in the place of a real leaf."""
+"""Leaves that run the script language: Script, ScriptCondition, and TestNode, which replaces a real leaf."""
 
 from __future__ import annotations
 

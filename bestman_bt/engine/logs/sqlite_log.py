@@ -17,14 +17,12 @@ from bestman_bt.engine.status import SKIPPED
 MAGIC = b"SQLite format 3\x00"
 MOST_CHANGES = 15_000_000
 MOST_TIME = 120.0
-"""Time limit for reading, seconds: the tables of a damaged or hostile file may be endless views."""
+"""Time limit for reading, seconds: the tables of a damaged or hostile file may be infinite views."""
 _COUNTS_FROM_START = 60 * 10**6
-"""Microseconds: if the first change is earlier, the times of the run count from its start."""
+"""Largest time of a first change, microseconds, with which times count from the start of the run."""
 _LONGEST_XML = 64 << 20
 _EPOCH_FROM = 10**15
-"""Microseconds: from here on (September 2001), times count from the epoch, earlier ones from the boot of the
-machine.
-"""
+"""Microseconds (September 2001): later times count from the epoch, earlier ones from the boot of the machine."""
 
 
 def is_sqlite(path: Path) -> bool:

@@ -55,7 +55,7 @@ class _Tag:
 def convert(data: bytes, file: str) -> Converted:
     """Return a file converted to version 4; a file of version 4 that is XML is returned unchanged.
 
-    What BehaviorTree.CPP's parser alone accepts as XML is written as XML, with a note for each place.
+    Constructs that only BehaviorTree.CPP's parser accepts are written as valid XML, with a note for each place.
 
     Raises:
         TreeLoadError: it is not well-formed XML, or its encoding is not a superset of ASCII.

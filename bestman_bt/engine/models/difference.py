@@ -17,7 +17,7 @@ from bestman_bt.engine.xml.documents import Documents
 from bestman_bt.engine.xml.elements import Element
 
 MAX_PAIRS: Final = 250_000
-"""Largest number of pairs of children of one node to compare; beyond it, only children at the same place."""
+"""Largest number of pairs of children of one node to compare; beyond it, only children at the same index."""
 _COLOURS: Final = {
     "added": ("#dafbe1", "#1a7f37"),
     "removed": ("#ffebe9", "#cf222e"),

@@ -133,7 +133,7 @@ class StrictPlaceholders(Placeholders):
         self._own: set[str] = set()
 
     def fill(self, checker: Checker) -> None:
-        """Leave out the misfits that are errors."""
+        """Exclude the misfits that are errors."""
         of_file = {info.name: info for one in checker.documents.node_models if (info := model_info(*one))}
         declared = {**self._models, **of_file}
         self._own = {

@@ -114,7 +114,7 @@ class Package:
         """Add the trees of the package that a file's trees use.
 
         A SubTree is searched in its user's file first, then in ``documents``, then in the other files. If an ID is
-        defined twice outside of its user's file, that is an error and the first definition counts.
+        defined twice outside its user's file, this is an error and the first definition is used.
         """
         pending = list(documents.trees.values())
         while pending:

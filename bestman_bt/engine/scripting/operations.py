@@ -1,6 +1,6 @@
 """Semantics of the script operators: the arithmetic and conversions of BehaviorTree.CPP 4.10.
 
-All numbers are treated as doubles; unlike there, division by zero is an error.
+All numbers are treated as doubles; unlike in BehaviorTree.CPP, division by zero is an error.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def number_of_text(text: str, enums: Mapping[str, int]) -> float:
 
 
 def ternary_truth(value: Any) -> bool:
-    """Return whether the condition of ``?:`` is true; a string counts by the number that it begins with."""
+    """Return whether the condition of ``?:`` is true; a string is evaluated as the number at its start."""
     if isinstance(value, str):
         return number_of_text(value, {}) != 0
     if isinstance(value, (int, float)):

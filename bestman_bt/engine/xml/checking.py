@@ -41,7 +41,7 @@ class Checker:
     """Checks all trees of one set of documents, and appends the problems to ``documents.problems``.
 
     ``wrong``: faulty elements, each with the faulty attribute (empty: the element itself). ``misfits``: those that may
-    be valid in another BehaviorTree.CPP process. ``suggests``: whether unknown nodes are reported with what may help.
+    be valid in another BehaviorTree.CPP process. ``suggests``: whether unknown nodes are reported with suggestions.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """The files of one tree: a main document, its includes, trees and subtree models.
 
 Files of py_trees (``py_trees.parsers.behaviour_tree_xml``, since 2.5) are read as the equivalent nodes of this engine:
-they look like files of BehaviorTree.CPP, with other names of control nodes and decorators, in any case of letters.
+they look like files of BehaviorTree.CPP, with other names for control nodes and decorators, which are case-insensitive.
 """
 
 from __future__ import annotations
@@ -349,7 +349,7 @@ def old_version(root: Element, file: str) -> TreeProblem | None:
 
 
 Change = Callable[[Element], tuple[str, dict[str, str]] | None]
-"""Returns the tag and the ports here; None if a node means nothing here."""
+"""Returns the equivalent tag and ports; None if there is no equivalent node."""
 
 
 def _with_memory(remembers: str, reactive: str) -> Change:
@@ -393,7 +393,7 @@ _CHANGES: Final[dict[str, tuple[tuple[str, ...], Change]]] = {
     "repeat": (("num_success",), _counted("Repeat", "num_cycles", "num_success")),
     "timeout": (("duration",), _timeout),
 }
-"""Lower-case tag → the ports that py_trees knows, and what the node is here."""
+"""Lower-case tag → the ports in py_trees, and the equivalent node here."""
 _SIGNS: Final = frozenset((
     "selector", "failureissuccess", "successisfailure", "successisrunning", "failureisrunning", "runningisfailure",
     "runningissuccess", "retry", "oneshot", "statustoblackboard", "passthrough",

@@ -1,7 +1,8 @@
 """Secure XML parser (expat): elements with line numbers; dangerous constructs are refused.
 
 Entities, external references and oversized input are refused early: a file has at most ``MAX_BYTES``, and elements nest
-at most ``MAX_DEPTH`` deep, as in BehaviorTree.CPP. What TinyXML-2 accepts although it is not XML is accepted, too.
+at most ``MAX_DEPTH`` deep, as in BehaviorTree.CPP. Constructs that TinyXML-2 accepts although they are not XML are also
+accepted.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ class Element:
 
 
 class Refused(Error):
-    """The XML contains a construct that is refused on purpose."""
+    """Raised if the XML contains a construct that is refused on purpose."""
 
     def __init__(self, line: int, message: str) -> None:
         self.line = line
@@ -58,7 +59,7 @@ class Refused(Error):
 
 
 def parse_xml(text: str | bytes, file: str, report: Callable[[TreeProblem], None] | None = None) -> Element:
-    """Return the root element of ``text``. ``report``: called with a warning for each place that is not XML.
+    """Return the root element of ``text``. ``report``: called with a warning for each place that is not valid XML.
 
     Raises:
         TreeLoadError: it is not well-formed XML, or contains a refused construct.
@@ -101,10 +102,10 @@ def parse_xml(text: str | bytes, file: str, report: Callable[[TreeProblem], None
 def safe_parser(
     text: str | bytes, file: str
 ) -> tuple[xml.parsers.expat.XMLParserType, bytes, Sequence[tuple[int, str]]]:
-    """Return an expat parser that refuses entities and external references, and the bytes to feed it.
+    """Return an expat parser that refuses entities and external references, the bytes to feed it, and warnings.
 
-    The bytes are those of ``text``, or, where TinyXML-2 alone accepts it, as XML; then the last value has the line of
-    each such place, and what is wrong there.
+    The bytes are those of ``text``; constructs that only TinyXML-2 accepts are converted to XML, and each gives a
+    warning (line, fault).
 
     Raises:
         TreeLoadError: the text is too long or contains NUL bytes.

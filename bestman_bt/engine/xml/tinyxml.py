@@ -1,4 +1,6 @@
-"""What BehaviorTree.CPP's parser (TinyXML-2) accepts although it is not XML, such as ``code="a < b && c"``, as XML."""
+"""Converts constructs that BehaviorTree.CPP's parser (TinyXML-2) accepts although they are not XML, such as ``code="a <
+b && c"``, to XML.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +22,9 @@ _SPECIAL: Final = re.compile(b"<|" + _BARE_AMPERSAND)
 
 
 class AsXml:
-    """A file as XML, where a value has a bare ``&`` or ``<``, a comment ``--``, or an attribute no space before it.
-
-    ``data``: the bytes, as given if there are more than ``MOST_PLACES``; each line stays where it was.
+    """A file converted to XML: bare ``&`` and ``<`` in values, ``--`` in comments, and missing spaces before attributes
+    are corrected. ``data``: the bytes, unchanged if there are more than ``MOST_PLACES`` such places; line numbers are
+    preserved.
     """
 
     def __init__(self, given: bytes) -> None:
