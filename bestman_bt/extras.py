@@ -23,7 +23,7 @@ PACKAGE_OF_EXTRA = {
     "slurm": "submitit",
     "video": "av",
 }
-"""Extra → the import name of the package that it cannot work without."""
+"""Extra → the import name of its essential package."""
 EXTRA_OF_SIMULATOR = {"mujoco": "mujoco", "pybullet": "sim"}
 """Simulation driver → the extra that it needs."""
 PYBULLET_HAS_WHEELS = sys.version_info < (3, 12)
@@ -36,7 +36,7 @@ def is_installed(extra: str) -> bool:
 
 _PYBULLET = is_installed("sim") or (PYBULLET_HAS_WHEELS and not is_installed("mujoco"))
 DEFAULT_SIMULATOR = "pybullet" if _PYBULLET else "mujoco"
-"""The driver where none is named: PyBullet where it is installed, or could be and MuJoCo is not; else MuJoCo."""
+"""The default driver: PyBullet if it is installed, or if it is available and MuJoCo is not installed; else MuJoCo."""
 
 
 def install_command(extra: str) -> str:
@@ -79,7 +79,7 @@ def require_extra(what: str, extra: str) -> None:
 def open3d() -> Any:
     """Import and return open3d, which takes seconds.
 
-    Its wheels expect the system's libusb; that of the extra is loaded first, under the file name that they look for.
+    Its wheels expect the system's libusb; that of the extra is loaded first, under the file name that they expect.
     Raises MissingExtraError if open3d or one of its system libraries is missing.
     """
     require_extra("this", "open3d")

@@ -29,8 +29,8 @@ class PostLimits:
     """Limits of a request and of its retries.
 
     ``connect_timeout``, ``timeout``: seconds for the connection and for each whole attempt. ``retries``: further
-    attempts after a temporary failure, the first ``backoff`` seconds later, then doubling each time, or as long as the
-    server asks for, at most ``longest_wait`` seconds. ``max_reply``: bytes.
+    attempts after a temporary failure, the first ``backoff`` seconds later, then doubling each time, or after the delay
+    requested by the server, at most ``longest_wait`` seconds. ``max_reply``: largest answer, bytes.
     """
 
     connect_timeout: float
@@ -50,7 +50,7 @@ class Answer:
 
 
 class RetryableError(Error):
-    """A temporary failure; ``wait``: seconds until the next attempt, if the server asks for a delay."""
+    """A temporary failure; ``wait``: seconds until the next attempt, if the server requests a delay."""
 
     def __init__(self, reason: str, wait: float = 0.0) -> None:
         super().__init__(reason)
@@ -98,7 +98,7 @@ def post_json(
     """Send one POST request. ``through_proxy``: use the proxy of the environment, if any.
 
     Raises:
-        RetryableError: the server is unreachable, late, busy (408, 409, 425, 429), fails (5xx) or breaks off.
+        RetryableError: the server is unreachable, late, busy (408, 409, 425, 429), fails (5xx) or disconnects.
         AnswerRefusedError: the answer is too long or has an unexpected encoding.
         httpx.InvalidURL, httpx.UnsupportedProtocol: ``url`` is not a valid address.
     """

@@ -101,7 +101,7 @@ def _texts(values: Any) -> Iterator[str]:
 _PACKAGES = ("bestman_bt", "behaviours", "hal")
 _DATA = ("assets", "configs", "trees")
 _NO_MATTER = ("bestman_bt/cli/", "bestman_bt/_data/", "configs/evaluations/", "configs/tasks/")
-"""What decides no episode; a task is part of the run's own configuration."""
+"""Files that do not affect an episode; a task is part of the run's own configuration."""
 
 
 def code_fingerprint() -> str:

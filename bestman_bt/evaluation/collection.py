@@ -1,4 +1,6 @@
-"""Datasets of judged successes of a task, failures apart, in the order of their seeds, whatever runs the episodes."""
+"""Datasets of judged successes of a task, and separate ones of failures, in the order of their seeds, independent of
+the launcher.
+"""
 
 from __future__ import annotations
 
@@ -39,17 +41,16 @@ from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model.sensor_parts import CameraPart
 
 ATTEMPTS = "attempts.jsonl"
-"""The file of a dataset with a line for each seed that was tried, failures too."""
+"""The file of a dataset with a line for each tried seed, including failures."""
 STAGED = "staged"
-"""The folder of a dataset with the episodes that are not in it yet."""
+"""The folder of a dataset with episodes that are not yet part of it."""
 
 
 class Collection:
-    """A dataset in ``folder`` that grows by judged successes of a simulated task; what it holds already counts.
-
-    ``words``: the language instruction of its episodes. ``cameras``: names of the robot's cameras. ``subtasks``: also
-    keep descriptions of what the running leaves do. ``failures``: keep failed episodes, too, as a dataset in
-    ``folder/failures``. Raises ConfigurationError, DatasetError, MissingExtraError.
+    """A dataset in ``folder`` that grows by judged successes of a simulated task; existing episodes count. ``words``:
+    the language instruction of its episodes. ``cameras``: names of the robot's cameras. ``subtasks``: also store
+    descriptions of the running leaves. ``failures``: also store failed episodes, as a dataset in ``folder/failures``.
+    Raises ConfigurationError, DatasetError, MissingExtraError.
     """
 
     def __init__(
@@ -113,9 +114,9 @@ class Collection:
     ) -> list[str]:
         """Run seeds from the first one until the dataset has ``episodes`` of this task, at most ``most`` seeds.
 
-        Seeds that were tried in an earlier call are passed over, unless they have ended by an error. As many seeds are
-        run as successes are missing, then as many as are still missing, so that the same seeds are tried whatever runs
-        them. ``show``: receives each result, in the order of the seeds. ``launcher``: None: this process.
+        Seeds that were tried in an earlier call are skipped, unless they ended in an error. Each round runs as many
+        seeds as successes are missing, so that the same seeds are tried with any launcher. ``show``: receives each
+        result, in the order of the seeds. ``launcher``: None: this process.
 
         An episode whose workers are lost is listed as an error. Returns a sentence on the seeds of each cause.
 

@@ -29,7 +29,7 @@ from bestman_bt.evaluation.paired_comparison import (
 
 COLUMNS = 4
 UP, DOWN, SAME = "#d95f02", "#1b7f8c", "#9a9a9a"
-"""Lines of pairs of which the second value is larger, smaller, or equal."""
+"""Styles of the lines of pairs whose second value is larger, smaller, or equal."""
 MAX_NAME = 22
 
 
@@ -180,7 +180,7 @@ def _told_apart(first: str, second: str, given: tuple[str, str]) -> tuple[str, s
 
 
 def differences_table(compared: Sequence[ComparedEntries]) -> Iterator[str]:
-    """Yield a table of Markdown: of each comparison a line with the paired differences, second minus first, and their
+    """Yield a table of Markdown: for each comparison a line with the paired differences, second minus first, and their
     95 % intervals; significant ones are bold.
     """
     names = list(dict.fromkeys(metric.name for one in compared for metric in one.comparison.metrics))
@@ -205,7 +205,7 @@ def _bold(text: str, p_value: float) -> str:
 
 
 MOST_PAIRS = 1000
-"""Larger numbers of pairs are not reported: no one runs so many."""
+"""Larger numbers of pairs are not reported, because they are impractical."""
 
 
 def sentences(comparison: PairedComparison, first: str, second: str) -> list[str]:

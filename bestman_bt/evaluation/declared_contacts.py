@@ -1,8 +1,8 @@
 """Decides which contacts of a run are allowed: declared by skills, and checked against monitor and scene.
 
-A skill declares each intended contact (``behaviours.contacts``). The evaluation records when, and decides itself what a
-declaration can cover: finger links on one object or on one door or drawer, and an object in the hand on furniture or
-floor. Other links, other bodies and harder contacts are always collisions.
+A skill declares each intended contact (``behaviours.contacts``). The evaluation records the times, and determines
+itself what a declaration can cover: finger links on one object or on one door or drawer, and an object in the hand on
+furniture or floor. Other links, other bodies and stronger contacts are always collisions.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from hal.simulation.audit_record import ContactIncident
 
 BEFORE = 0.1
-"""Seconds before the tick after which a declaration is seen at which it may have been made: two ticks at 20 Hz."""
+"""Seconds by which a declaration may be older than the tick after which it is seen: two ticks at 20 Hz."""
 AFTER = 0.25
 """Seconds by which a contact may be interrupted and still count as the same, as the monitor counts."""
 
@@ -105,8 +105,8 @@ class _Use:
 class DeclaredContacts:
     """Judges contacts by declarations.
 
-    ``models``: object of the scene → model, because the robot knows objects by their looks. ``allowed``: whether the
-    task allows a declared contact.
+    ``models``: object of the scene → model, because the robot recognises objects by their appearance. ``allowed``:
+    whether the task allows a declared contact.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class DeclaredContacts:
         self._models, self._allowed = models, allowed
 
     def objection(self, incident: ContactIncident) -> str:
-        """Return why a contact is a collision, or an empty text. Call it in the order of the contacts' starts."""
+        """Return why a contact is a collision, or an empty text. Call it in the order in which the contacts start."""
         use = next((use for use in self._uses if use.covers(incident, self._models)), None)
         if use is None:
             return "no skill declared it"

@@ -1,4 +1,4 @@
-"""The scripted disturbances of a task, each triggered once a belief of the robot and the ground truth agree."""
+"""The scripted disturbances of a task, each triggered when a belief of the robot agrees with the ground truth."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from hal.simulation.disturbance_injector import DisturbanceInjector
 from hal.simulation.ground_truth import GroundTruth
 
 EDGE = 0.04
-"""Metres between an object and the edge of what it is put on: the map may have that 3 cm elsewhere."""
+"""Distance between an object and the edge of its surface, metres: the map may be off by 3 cm."""
 REACH = 0.35
-"""Metres from the front of a surface beyond which nothing is put."""
+"""Largest distance of an object from the front of a surface, metres."""
 CLEARANCE = 0.08
-"""Metres between an object and what else stands there, and to where the scene wants something to stand."""
+"""Distance of an object from other objects, and from the goals of the scene, metres."""
 HEIGHTS = (0.3, 1.1)
-"""Metres above the floor of surfaces that something is carried to."""
+"""Heights above the floor of surfaces to which an object may be moved, metres."""
 TRIES = 200
 
 
@@ -42,7 +42,7 @@ class Relocation:
 
 
 class RelocationSampler:
-    """Draws places in a world as it is now, open drawers included."""
+    """Draws places in the current state of a world, including open drawers."""
 
     def __init__(self, session: RobotSession, truth: GroundTruth) -> None:
         self._evidence = Evidence(session.setup, truth, {})
@@ -116,20 +116,24 @@ class RelocationSampler:
 
 
 HAND_AWAY = 0.6
-"""Metres between the robot's hand and an object that a scripted person takes."""
+"""Smallest distance between the robot's hand and an object that a scripted person takes, metres."""
 HAND_OUT = 0.35
-"""Metres between the robot's hand and the handle of a door or drawer that a scripted person pushes."""
+"""Smallest distance between the robot's hand and the handle of a door or drawer that a scripted person pushes,
+metres.
+"""
 LIFTED = 0.03
-"""Metres above where it stood from which on an object counts as lifted."""
+"""Height above its initial place from which an object counts as lifted, metres."""
 ABOVE = 0.10
-"""Metres beside where it stood within which a lifted object falls back there when it slips, and not on the floor."""
+"""Horizontal distance from its initial place within which a slipping object falls back there and not onto the floor,
+metres.
+"""
 STILL = (0.01, 0.1)
-"""Metres and radians per second below which an object rests."""
+"""Speeds below which an object is at rest, m/s and rad/s."""
 UPRIGHT = math.radians(10.0)
 PUSH_SPEED: dict[JointKind, float] = {"prismatic": 0.25, "revolute": 0.8}
-"""Metres and radians per second at which a scripted person shuts a drawer or door."""
+"""Speeds at which a scripted person shuts a drawer or door, m/s and rad/s."""
 TRIES_AGAIN = 1.0
-"""Seconds until an intervention that was in the robot's way, or had no room, is retried."""
+"""Seconds until an intervention that was blocked by the robot, or had no free space, is retried."""
 
 
 _Event = DisturbanceEvent | None
@@ -153,7 +157,7 @@ class _Script:
 class Disturbances:
     """Executes each of a task's disturbances once; call ``after_tick`` after each tick of the tree.
 
-    The trigger must still hold at the execution; until then the disturbance waits. The run's record lists the executed
+    The disturbance waits until its trigger also holds at the time of execution. The run's record lists the executed
     ones; a disturbance without an opportunity is not executed.
     """
 

@@ -49,14 +49,14 @@ from hal.simulation.scene_recorder import SceneRecorder
 from hal.twins.remote_truth import RemoteTruth
 
 Watcher = Callable[[RobotSession, Tree], Callable[[], None]]
-"""Told of the session and its tree before the first tick; gives back what to call after each tick."""
+"""Called with the session and its tree before the first tick; returns a function to call after each tick."""
 
 
 RECORDING_OVER = "recording_over"
 """Failure code of a replay that continues after the end of its recording."""
 
 AFTER_RECORDING = 1.0
-"""Seconds after the end of a recording in which what replays it may end by itself."""
+"""Seconds after the end of a recording within which a replay may still end normally."""
 
 
 class _Observers:
@@ -179,8 +179,8 @@ def _last_tick_replayed(config: RunConfig) -> float | None:
 def prepare_episode(config: RunConfig, known_faults: Iterable[Problem] = ()) -> ResolvedConfig:
     """Check everything that a judged run needs, without starting anything.
 
-    ``known_faults``: as for ``prepare``. Raises as ``prepare`` does, and TreeLoadError if the tree reads entries that
-    neither it nor the task fills.
+    ``known_faults``: as for ``prepare``. Raises the errors of ``prepare``, and TreeLoadError if the tree reads entries
+    that neither it nor the task fills.
     """
     known = [*known_faults, *_missing_extras(config)]
     return prepare(config, all_entries=True, known_faults=known, check=partial(find_judge, known=known))
@@ -213,7 +213,7 @@ class JudgedSession:
         """Load a tree, by default that of the task, tick it to its end and judge the outcome.
 
         ``folder``, ``watch``, ``recording``: as for ``run_episode``; ``result.json`` is not written yet.
-        ``to_the_end``: protects the following steps from Ctrl-C. Raises as ``Session.load`` does, before anything
+        ``to_the_end``: protects the following steps from Ctrl-C. Raises the errors of ``Session.load``, before anything
         moves.
         """
         observers, wall_start, keeping = self._observers, time.perf_counter(), keeping or RecordingErrors()
@@ -363,8 +363,8 @@ def run_episode(
     ``recording.rrd`` (of a simulated run) and the readings for the driver ``replay``; ``pictures``: also ``start.png``,
     ``grasp.png`` and ``end.png``. ``twin_judge``: the socket of the twins' judge; without it, a robot that is not
     simulated here is not judged. ``prepare_robot``: called right after connecting, the last moment to create a view of
-    the ground truth whose reads do not count. ``recording``: file to record a simulated run to. Raises as
-    ``prepare_episode`` does, before anything starts.
+    the ground truth whose reads do not count. ``recording``: file to record a simulated run to. Raises the errors of
+    ``prepare_episode``, before anything starts.
     """
     wall_start, keeping = time.perf_counter(), RecordingErrors()
     with ExitStack() as to_the_end:

@@ -32,7 +32,9 @@ class DrivenPath:
 
 
 class MotionLog:
-    """Adds a moment to ``motion.jsonl`` in ``folder`` at every ``every``-th tick, as long as that can be written."""
+    """Adds a moment to ``motion.jsonl`` in ``folder`` at every ``every``-th tick, as long as the file can be
+    written.
+    """
 
     def __init__(
         self, folder: Path, scene: SceneRecorder, every: int = 4, keeping: RecordingErrors | None = None
@@ -87,7 +89,7 @@ FAMILIES = {
     ),
     "planning_s": ("manipulation.base_placement", "furniture.base_placement", "perception.tidying"),
 }
-"""Duration → modules and folders of ``behaviours`` whose leaves it adds up."""
+"""Duration → modules and folders of ``behaviours`` whose leaves it sums."""
 _OTHER_FAMILY = {
     "PlanGrasp": "planning_s",
     "FindPlacePose": "planning_s",
@@ -98,7 +100,7 @@ _OTHER_FAMILY = {
     **dict.fromkeys(("FindRoomIn", "BelieveBlocked", "ForgetBlocked", "BelievedSurface", "ObjectVisible", "ObjectAt")),
     "Wait": None,
 }
-"""Leaves that are of another family than their module."""
+"""Leaves of a different family than their module."""
 
 
 def duration_of(leaf: type[Node]) -> str | None:

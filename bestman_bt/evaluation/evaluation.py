@@ -118,7 +118,7 @@ class Evaluation:
 
     @property
     def asked(self) -> Counter[str]:
-        """Entry → how many episodes are planned."""
+        """Entry → number of planned episodes."""
         return Counter({name: len(seeds) for name, seeds in self._planned.items()})
 
     def _round(self) -> dict[str, Sequence[int]]:
@@ -233,8 +233,8 @@ class Evaluation:
         return [kept[EpisodeKey(config, seed, self._codes[code])] for seed, code in self._finished[entry.name].items()]
 
     def entry_document(self, entry: SuiteEntry) -> dict[str, Any]:
-        """Return the summary of one entry; ``met``: all its episodes are done, and its targets met or else all
-        successful.
+        """Return the summary of one entry; ``met``: all its episodes have ended, and its targets are met or, without
+        targets, all succeeded.
         """
         summary = self.summaries[entry.name].document(entry.config.name, entry.config.seed)
         targets = check_targets(entry.asked, summary) if entry.asked is not None else []

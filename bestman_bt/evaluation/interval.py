@@ -1,4 +1,4 @@
-"""Confidence intervals of success rates and medians: the digits that they allow, the episodes that they need."""
+"""Confidence intervals of success rates and medians: the significant digits, the required number of episodes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
 
 
 def median_interval(values: ArrayLike) -> list[float] | None:
-    """Return the 95 % interval of the median by order statistics; None of fewer than six ``values``, (N,)."""
+    """Return the 95 % interval of the median of ``values`` (N,) by order statistics; None with fewer than six."""
     ordered = np.sort(values)
     count = len(ordered)
     rank = 0
@@ -56,7 +56,7 @@ def decimals_of(value: float, width: float | None) -> int:
 _TEXT = re.compile(r"95\s*%?\s*(?:±|\+-|\+/-)\s*(\d+(?:\.\d+)?)\s*%?")
 _Z = 1.959964
 _GROWTH = 50
-"""A larger number is looked for in steps of this fraction of it."""
+"""Larger numbers are searched in steps of this fraction."""
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,11 @@ from bestman_bt.evaluation.seed_map import SeedMap
 from bestman_bt.evaluation.writer_lock import lock_for_writing
 
 SYNC_EVERY = 0.5
-"""Seconds: what was written in the last ones may be lost by a power cut, nothing by a killed process."""
+"""Seconds of data that a power cut may lose; a killed process loses nothing."""
 
 
 class JournalError(Error):
-    """Raised if a journal cannot be written any more, as on a full disk; what is in it is kept."""
+    """Raised if a journal cannot be written any more, as on a full disk; its content is kept."""
 
     code = "journal_not_written"
 
@@ -41,8 +41,7 @@ class EpisodeKey:
 class StoredEpisodes(Mapping[EpisodeKey, RunResult]):
     """The episodes of a journal, sorted by configuration, code and seed.
 
-    ``places``: configuration and code → seed → where its line begins; nothing else is in memory, so that millions have
-    room.
+    ``places``: configuration and code → seed → offset of its line; nothing else is in memory, so that millions fit.
     """
 
     def __init__(self, path: Path, places: Mapping[tuple[str, str], SeedMap]) -> None:

@@ -16,7 +16,9 @@ from bestman_bt.runtime.robot_session import RobotSession
 from hal.api import Clock
 
 Judge = Callable[[RobotSession, Truth, Clock | None, float], Verdict]
-"""Arguments: session, what is true, the clock by which the world rests first (None: judged as it is), metres driven."""
+"""Arguments: session, ground truth, the clock to wait for the world to rest (None: judge immediately), metres
+driven.
+"""
 
 
 def find_judge(config: RunConfig, known: Collection[Problem] = ()) -> Judge | None:

@@ -64,7 +64,7 @@ def _asked(document: dict[str, Any]) -> int:
 
 
 def own_targets(entry: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the targets that were written for an entry, without those that every entry has."""
+    """Return the explicit targets of an entry, without those that every entry has."""
     return [target for target in entry["targets"] if target["what"] not in ALWAYS_ASKED]
 
 

@@ -22,7 +22,7 @@ from hal.api import Gripper, JointGroup, MobileBase, Part
 
 @dataclass(frozen=True)
 class OpenLoopReplay:
-    """A replay without feedback: its judged result, and how far its last state is from the recorded one.
+    """A replay without feedback: its judged result, and the difference of its last state from the recorded one.
 
     ``difference``: unit → name of the entry that differs most and its difference, rad, m, m/s or rad/s.
     """

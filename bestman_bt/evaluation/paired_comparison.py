@@ -14,21 +14,21 @@ from scipy.stats import binomtest, norm, wilcoxon
 from bestman_bt.evaluation.result import Outcome, RunResult
 
 SIGNIFICANCE = 0.05
-"""The p value below which a difference counts as shown; intervals are of 95 %."""
+"""The p value below which a difference counts as significant; intervals are 95 %."""
 POWER = 0.8
-"""The probability with which the number of pairs that is proposed shows a difference of the size that was seen."""
+"""The probability with which the proposed number of pairs shows a difference of the observed size."""
 FEWEST_PAIRS = 6
-"""With fewer, neither test can come below 5 %."""
+"""Smallest number of pairs with which a test can reach p < 5 %."""
 
 _Z = float(norm.ppf(1 - SIGNIFICANCE / 2))
 _Z_POWER = float(norm.ppf(POWER))
 _EXACT_UP_TO = 100
-"""Differences up to which the null distribution of the signed ranks is computed and not approximated."""
+"""Differences up to which the null distribution of the signed ranks is computed exactly instead of approximated."""
 
 
 @dataclass(frozen=True)
 class SuccessComparison:
-    """Paired comparison of success: how often both, one or neither succeeded.
+    """Paired comparison of success: numbers of pairs with both, one or no success.
 
     ``difference``: success rate of the second minus that of the first, with its ``interval`` (95 %, Tango's score
     interval). ``p_value``: McNemar's exact test. ``pairs_needed``: number of pairs that shows a difference of this size
@@ -71,13 +71,13 @@ class MetricComparison:
 
     @property
     def pairs(self) -> int:
-        """Number of seeds for which both runs succeeded and measured it."""
+        """Number of seeds for which both runs succeeded and measured the metric."""
         return len(self.seeds)
 
 
 @dataclass(frozen=True)
 class PairedComparison:
-    """Comparison of two sets of runs; ``unpaired``: seeds of one side only, which are left out."""
+    """Comparison of two sets of runs; ``unpaired``: seeds of only one side, which are excluded."""
 
     success: SuccessComparison
     metrics: tuple[MetricComparison, ...]

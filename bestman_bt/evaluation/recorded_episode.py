@@ -1,4 +1,4 @@
-"""Episodes that are recorded frame by frame while they run: what the robot measured, was commanded and saw."""
+"""Episodes recorded frame by frame while they run: measurements, commands and images."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from hal.parts.channels import ControlledPart
 
 STATE, ACTION, NODE = "observation.state", "action", "node"
 RUN, AUDIT = "run", "audit"
-"""The columns of an episode's row with its configuration, YAML, and what the audit has counted, JSON."""
+"""The columns of an episode's row with its configuration, YAML, and the counters of the audit, JSON."""
 LABELS = ("outcome", "error_code", "failed_node", "why")
 """The columns of a failed episode's row, and entries of each attempt: see ``labels``."""
 
@@ -49,8 +49,8 @@ class RecordedPart:
 
     @classmethod
     def of(cls, part: Part, sliding: Collection[str]) -> RecordedPart | None:
-        """Return what is recorded of a part, None if it is not actuated or keeps no trace; ``sliding``: joints that
-        slide.
+        """Return the recorded quantities of a part, or None if it is not actuated or has no trace; ``sliding``:
+        prismatic joints.
         """
         if isinstance(part, JointGroup):
             quantities = {joint: f"set position {joint}" for joint in part.joint_names}
@@ -85,7 +85,7 @@ def measured(part: Part) -> Iterable[float]:
 
 
 def leaf_words(leaf: Node) -> str:
-    """Return what a running leaf does, as its kind and the things that it names, such as ``grasp (object cup)``."""
+    """Return a running leaf as text: its type and object ports, such as ``grasp (object cup)``."""
     kind = re.sub(r"(?<!^)(?=[A-Z][a-z])", " ", leaf.type_id).lower()
     ports = [name for name, port in leaf.INPUT_PORTS.items() if any(map(_is_name, getattr(port, "bounds", ())))]
     named = ", ".join(f"{port} {value}" for port in ports if (value := leaf.get_input(port)))
@@ -97,19 +97,21 @@ def _is_name(bound: object) -> bool:
 
 
 def labels(result: RunResult) -> dict[str, str]:
-    """Return the outcome, and of a failure its code, the leaf's path (or ``judge``, ``audit``) and the reason."""
+    """Return the outcome and, for a failure, its code, the leaf's path (or ``judge``, ``audit``) and the reason."""
     failure = result.failure or NodeFailure("", "", result.unearned)
     values = str(result.outcome), failure.error_code, failure.node, failure.why
     return dict(zip(LABELS, values, strict=True))
 
 
 def is_kept(result: RunResult, failures: bool) -> bool:
-    """Return whether the frames of an episode are kept: of a judged success, and with ``failures`` of a failure."""
+    """Return whether to keep the frames of an episode: those of a judged success and, with ``failures``, of a
+    failure.
+    """
     return not result.unearned if result.success else failures and result.outcome is Outcome.FAILURE
 
 
 class FrameRecorder:
-    """Takes a frame after each tick: what was measured, seen and running then, and the set-points one tick later."""
+    """Records a frame after each tick: measurements, images and running leaves, and the set-points one tick later."""
 
     def __init__(self, writer: DatasetWriter, parts: Sequence[RecordedPart]) -> None:
         self._writer, self._parts = writer, parts
@@ -138,7 +140,7 @@ class FrameRecorder:
         return after_tick
 
     def end(self, commanded: Sequence[float] | None = None) -> None:
-        """Write the frame that waits for its action; the last one of an episode holds what was measured."""
+        """Write the frame that waits for its action; the action of an episode's last frame is the measured state."""
         if self._pending is not None:
             values, pictures = self._pending
             self._writer.add_frame({**values, ACTION: commanded or values[STATE]}, pictures)
@@ -158,8 +160,8 @@ def _pictures(parts: Mapping[str, Part], cameras: Mapping[str, Any]) -> dict[str
 class RecordedEpisode(EpisodeRequest):
     """An episode that writes a dataset with this one episode, if it is a judged success or, with ``failures``, failed.
 
-    ``staged``: folder that gets the dataset, named by the seed; every machine sees it under this path. ``frames``,
-    ``parts``: the content of each frame. ``words``: the language instruction.
+    ``staged``: folder for the dataset, named by the seed; every machine sees it at this path. ``frames``, ``parts``:
+    the content of each frame. ``words``: the language instruction.
     """
 
     staged: Path = field(kw_only=True)
@@ -174,7 +176,7 @@ class RecordedEpisode(EpisodeRequest):
         return self.staged
 
     def run_prepared(self, setup: ResolvedConfig, run_folder: Path | None) -> RunResult:
-        """Run the episode; its dataset is in place once it is complete, also where two workers run the same episode."""
+        """Run the episode; its dataset appears only when complete, even if two workers run the same episode."""
         folder = Path(tempfile.mkdtemp(prefix="recording-", dir=self.staged))
         try:
             writer = DatasetWriter(folder / "dataset", self.frames)

@@ -240,13 +240,13 @@ def _door(furniture: PlacedFurniture, articulation: Articulation) -> RecordedBod
 
 
 CLOSE = 1.5
-"""Metres between robot and object up to which a picture closes in on both."""
+"""Distance between robot and object up to which a picture shows both in close-up, metres."""
 ENOUGH = 0.003
-"""Share of the picture at which the object is seen well enough."""
+"""Fraction of the picture from which the object is sufficiently visible."""
 
 
 class Pictures:
-    """Takes pictures into a run folder; construct it right after connecting, before time runs."""
+    """Takes pictures into a run folder; construct it right after connecting, before the first step."""
 
     def __init__(self, robot: SimulatedRobot, truth: GroundTruth, folder: Path, keeping: RecordingErrors) -> None:
         self._photographer = ScenePhotographer(robot)

@@ -34,12 +34,13 @@ class RunResult:
     """One judged run.
 
     ``success``: the tree succeeded, the audit is clean and, if judged, the predicate holds. ``predicate``: None if not
-    judged; ``not_judged``: why not. ``held_at_start``: whether it held before the first tick, None if not judged.
-    ``moved_by_others``: objects, doors and drawers of the goal that a disturbance moved and the robot never touched.
-    ``interventions``: manual changes during the run: entries set, results forced. ``pretended``: types of leaves that
-    were simulated because they have no code, each with the source of its description. ``not_kept``: incomplete
-    recordings, such as ``motion.jsonl`` → why. ``audit``: see ``evaluation.audit``. ``metrics``: name → value, for
-    example ``place_error_mm``. ``durations``: simulated seconds by kind of work; overlapping kinds count in both.
+    judged; ``not_judged``: why not. ``held_at_start``: whether the predicate held before the first tick, None if not
+    judged. ``moved_by_others``: objects, doors and drawers of the goal that a disturbance moved and the robot never
+    touched. ``interventions``: manual changes during the run: entries set, results forced. ``pretended``: types of
+    leaves that were simulated because they have no code, each with the source of its description. ``not_kept``:
+    incomplete recordings, such as ``motion.jsonl`` → why. ``audit``: see ``evaluation.audit``. ``metrics``: name →
+    value, for example ``place_error_mm``. ``durations``: simulated seconds by kind of work; overlapping kinds count in
+    both.
     """
 
     task: str

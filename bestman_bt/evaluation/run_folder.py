@@ -1,4 +1,4 @@
-"""Run folders: ``runs/<time>-<task>-<seed>/``, and those that a program names."""
+"""Run folders: ``runs/<time>-<task>-<seed>/``, and folders named by a program."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def make_run_folder(config: RunConfig, parent: Path = Path("runs")) -> Path:
 
 
 def claim_run_folder(folder: Path) -> None:
-    """Make the folder that a program names for one run. Raises ConfigurationError if it holds a run already."""
+    """Create the folder that a program names for one run. Raises ConfigurationError if it holds a run already."""
     there = [name for name in (RESULT_FILE, STATES_FILE, EVENTS_FILE, LOG_FILE) if (folder / name).exists()]
     message = f"holds a run already ({', '.join(there)}); name another folder, one for each run"
     if not there:

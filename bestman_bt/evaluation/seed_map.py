@@ -1,4 +1,4 @@
-"""A map from seeds to numbers that has room for millions of episodes."""
+"""A compact map from seeds to numbers, for millions of episodes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 
 class SeedMap(Mapping[int, int]):
-    """Takes 16 bytes for each seed. Ascending when iterated; seeds that are set in about that order are set quickly.
+    """Takes 16 bytes for each seed. Iteration is in ascending order; setting seeds in about this order is fast.
 
     Seeds and numbers are below 2⁶³; others raise OverflowError.
     """

@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 SLURM = "slurm"
 TIMES = ("wall_time_s", "real_time_factor")
-"""What differs between two runs of one episode."""
+"""Fields that may differ between two runs of one episode."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Shard:
     def part(self, episodes: Sequence[T], seconds: Sequence[float] | None = None) -> list[T]:
         """Return the episodes of this shard, in the order of ``episodes``: every ``of``-th one.
 
-        With the ``seconds`` of each, the longest first, each goes to the shard with the least load.
+        With the ``seconds`` of each, episodes are assigned longest first, each to the shard with the lowest load.
         """
         if seconds is None:
             return list(episodes[self.number - 1 :: self.of])
@@ -83,7 +83,7 @@ class KnownDurations:
         self._all = fmean(self._episodes.values()) if self._episodes else 1.0
 
     def seconds(self, config: str, seed: int) -> float:
-        """Return the wall time of this episode, else the mean of its configuration, else of all."""
+        """Return the wall time of this episode, seconds, else the mean of its configuration, else of all."""
         return self._episodes.get((config, seed), self._configs.get(config, self._all))
 
 
@@ -114,7 +114,8 @@ def find_journals(folders: Iterable[Path]) -> list[Path]:
 
 
 def merge_journals(journal: Journal, others: Mapping[Path, StoredEpisodes]) -> list[ConflictingResults]:
-    """Add the episodes of other journals to ``journal``, of each the first result; return the conflicting results.
+    """Add the episodes of other journals to ``journal``, keeping the first result of each; return the conflicting
+    results.
 
     Raises JournalError if they cannot be written.
     """

@@ -40,7 +40,9 @@ Count = Annotated[int, Field(strict=True, ge=1)]
 
 @dataclass(frozen=True)
 class Successes:
-    """At least, or at most, this many ``of`` that many; scaled to the number of episodes."""
+    """A target of at least, or at most, this number of successes ``of`` a number of episodes; scaled to the actual
+    number.
+    """
 
     of: Count
     at_least: WholeNumber | None = None
@@ -49,7 +51,7 @@ class Successes:
 
 @dataclass(frozen=True)
 class Spread:
-    """The largest median and 95th percentile of a metric that are accepted, in the metric's unit."""
+    """The largest accepted median and 95th percentile of a metric, in the metric's unit."""
 
     median: Factor | None = None
     p95: Factor | None = None
@@ -62,8 +64,8 @@ class EntryConfig:
     ``successes``: optional for tasks, required for controls. ``task``: its name or file; by default the entry's name.
     ``tree``: replaces the task's tree. ``settings``: ``key=value``, as for ``--set``. Paths are relative to the suite's
     file. ``causes``: for a control, the error codes that its failures must have; empty: any. ``episodes``: None: the
-    suite's. ``accuracy``: metric → limits, over the runs whose tree succeeded. ``real_time_factor``: least, per
-    process.
+    suite's. ``accuracy``: metric → limits, over the runs whose tree succeeded. ``real_time_factor``: smallest accepted
+    value, per process.
     """
 
     successes: Successes | None = None
@@ -126,7 +128,7 @@ class Suite:
     entries: tuple[SuiteEntry, ...]
     description: str = ""
     file: str = ""
-    """The user's file that it was read from; empty for shipped suites and for suites made of tasks."""
+    """The user's file of the suite; empty for shipped suites and for suites of single tasks."""
     precision: Precision | None = None
     """Required precision of each success rate; ``episodes`` is then the maximum. None: all episodes run."""
 
@@ -186,10 +188,10 @@ def load_suite(
     settings: Iterable[str] = (),
     driver: str = DEFAULT_SIMULATOR,
 ) -> Suite:
-    """Read a suite and everything that its entries name. Raises ConfigurationError listing every fault.
+    """Read a suite and all files named by its entries. Raises ConfigurationError listing every fault.
 
-    ``episodes``, ``first_seed``: override those of the suite; entries with their own number keep it. ``driver``: of the
-    simulation.
+    ``episodes``, ``first_seed``: override those of the suite; entries with their own number keep it. ``driver``: the
+    simulation driver.
     """
     path = find_data("evaluation", name)
     document = read_document(path)

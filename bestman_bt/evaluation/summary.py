@@ -61,10 +61,11 @@ class Summary:
 
         ``errors``: runs that raised an error. ``false_successes``: runs whose tree succeeded although the predicate
         does not hold. ``unearned``: successes not due to the robot, with the reason; they count in ``succeeded``.
-        ``audit_clean``: no cheat in any run; a run without an audit is not clean. ``interval``: Wilson, 95 %.
-        ``metrics``: median, its 95 % interval and 95th percentile over the runs that have the metric; ``accuracy`` and
-        ``durations``: over those whose tree succeeded. ``causes``: error code → number of failures, the most frequent
-        first. ``slowest``: in simulated time. ``wall_time_s``: by default that of all runs together.
+        ``audit_clean``: no violation of honest simulation in any run; a run without an audit is not clean.
+        ``interval``: Wilson, 95 %. ``metrics``: median, its 95 % interval and 95th percentile over the runs that have
+        the metric; ``accuracy`` and ``durations``: over those whose tree succeeded. ``causes``: error code → number of
+        failures, the most frequent first. ``slowest``: in simulated time. ``wall_time_s``: by default the sum over all
+        runs.
         """
         count, failures = self.episodes, sorted(self._failures, key=_seed)
         succeeded = count - len(failures)

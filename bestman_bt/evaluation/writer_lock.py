@@ -12,13 +12,12 @@ from typing import IO
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 
 WITHOUT_FLOCK = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)
-"""What a file system answers that has no locks; a lock file takes their place there."""
+"""Errors of a file system without locks, on which a lock file is used instead."""
 
 
 def lock_for_writing(file: IO[bytes], path: Path, writer: str) -> Path | None:
-    """Take an open file until it is closed; return the lock file to delete then, if the file system needs one.
-
-    ``writer``: what else may hold it, for the message. Raises ConfigurationError if it is held, OSError.
+    """Lock an open file until it is closed; return the lock file to delete then, if the file system needs one.
+    ``writer``: the other possible holder, for the message. Raises ConfigurationError if it is locked, OSError.
     """
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -48,8 +48,8 @@ class Truth(Protocol):
 class DrawnTask:
     """A task in a generated world. ``world_model``: the robot's initial knowledge.
 
-    ``absent``: objects that the scene leaves out. ``registry``: of the nodes, or None if they could not be loaded or
-    are not needed.
+    ``absent``: objects that the scene does not contain. ``registry``: of the nodes, or None if they could not be loaded
+    or are not needed.
     """
 
     config: RunConfig

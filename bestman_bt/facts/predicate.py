@@ -1,6 +1,6 @@
 """Predicates of goals and declarations: their evaluation by belief, and by ground truth.
 
-Execution uses only the belief: nothing but ``unseen`` is true of an unseen object.
+Execution uses only the belief: for an unseen object only ``unseen`` is true.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ class Predicate:
     ``holds``: evaluates the belief, arguments in the order of the parameters; None: true once an ability has achieved
     it. ``means``: the condition that it abbreviates, if any. ``excludes``: facts that exclude it; ``_`` is a wildcard:
     ``on({object}, _)``. ``known_if``: the fact without which its negation is merely unknown: an unseen object is not
-    known to be off the table. ``negatable``: whether its negation can be a goal.
-    ``why_not``, ``why_still``: from ``Evidence``, why it, or its negation, is not true, or empty; the negation has its
-    own criterion: ``not on`` requires that the object is off the surface, not just misplaced. None: it is only about
-    beliefs, which then count.
+    known to be off the table. ``negatable``: whether its negation can be a goal. ``why_not``, ``why_still``: from
+    ``Evidence``, why it, or its negation, is not true, or empty; the negation has its own criterion: ``not on``
+    requires that the object is off the surface, not just misplaced. None: the predicate is only about beliefs, which
+    are then used.
     """
 
     name: str

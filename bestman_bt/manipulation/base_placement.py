@@ -1,9 +1,9 @@
 """Base placement: base poses from which the arm reaches its targets or follows a whole tool path, best first.
 
 A reachability map (if given) or the distance to the target orders the candidates for inverse kinematics (Zacharias,
-Borst and Hirzinger, "Capturing robot workspace structure", IROS 2007; Vahrenkamp, Asfour and Dillmann, "Robot
-placement based on reachability inversion", ICRA 2013). Opening a door fails if the arm leaves its branch half-way, so
-for a path a placement counts only with joint positions on one branch along all of it.
+Borst and Hirzinger, "Capturing robot workspace structure", IROS 2007; Vahrenkamp, Asfour and Dillmann, "Robot placement
+based on reachability inversion", ICRA 2013). Opening a door fails if the arm leaves its branch half-way, so a placement
+for a path must have joint positions on one branch along the whole path.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ _AT_ONCE = 32  # placements whose promise is computed in one array, which is to 
 class ReachingArm:
     """The arm of a base placement search.
 
-    ``reference``: (n,) radians, start of inverse kinematics. ``reachability``: its map; without it candidates are
-    ordered by distance.
+    ``reference``: (n,) radians, start of inverse kinematics. ``reachability``: its reachability map; without it,
+    candidates are ordered by distance.
     """
 
     kinematics: InverseKinematics
@@ -232,7 +232,7 @@ class PathPlacementPlanner(ABC):
         empty.
 
         ``is_free_at``: for a placement, whether the arm is free at a station. ``current``: current base pose. Raises
-        ManipulationError as ``ArcSearch.path`` does.
+        the errors of ``ArcSearch.path``.
         """
 
     @abstractmethod
@@ -259,7 +259,7 @@ class PathPlacements(PathPlacementPlanner):
     ``enough``: placements with a complete path that end the search. ``most``: largest number of candidates. ``starts``:
     inverse kinematics solutions per placement to search from; ``options``: rotations of the hand at the middle station,
     with ``ik_attempts`` start positions each. ``good_margin``: a path with this joint margin (fraction of half the
-    range) is accepted immediately. ``min_fraction``: least reached fraction of the path. ``travel_cost``: score lost
+    range) is accepted immediately. ``min_fraction``: smallest reached fraction of the path. ``travel_cost``: score lost
     per metre of driving.
     """
 

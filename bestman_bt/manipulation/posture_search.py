@@ -37,14 +37,15 @@ class PostureSearch:
 
     Metres and radians.
 
-    ``samples``: tool poses tried per posture, ``branches``: arm configurations asked for at each. ``clearance``: kept
-    between the links. ``home_reach``, ``home_height``: of the tool from the shoulder, in shares of the arm's reach.
-    ``carry_box``, ``beside_box``: (x, y, z) half extents around their middle, in shares of the reach, where the tool
-    may be; ``hidden_weight``: metres of radius that a table hidden in full counts for; ``table``: its corners in the
-    base frame; ``held``: radius and length of the upright thing that the hand holds by its upper third in postures for
-    carrying; ``tries``: of the best of them, to which a motion from home is sought, and ``motion_weight``: metres of
-    radius per radian of its length; ``overhang_weight``: metres of radius per metre beyond the base's outline;
-    ``travel_weight``: metres of radius per radian that the farthest joint is away from home.
+    ``samples``: tool poses tried per posture, ``branches``: arm configurations requested at each. ``clearance``:
+    distance kept between the links. ``home_reach``, ``home_height``: position of the tool relative to the shoulder, as
+    fractions of the arm's reach. ``carry_box``, ``beside_box``: (x, y, z) half extents around their middle, as
+    fractions of the reach, of the boxes for the tool; ``hidden_weight``: metres of radius that a completely hidden
+    table counts for; ``table``: its corners in the base frame; ``held``: radius and length of the upright object that
+    the hand holds by its upper third in carrying postures; ``tries``: number of the best postures for which a motion
+    from home is planned, and ``motion_weight``: metres of radius per radian of its length; ``overhang_weight``: metres
+    of radius per metre beyond the base's outline; ``travel_weight``: metres of radius per radian that the farthest
+    joint is away from home.
     """
 
     robot: RobotModel
@@ -89,7 +90,9 @@ class PostureSearch:
         self._shoulder, self._reach = self._kinematics.reach
 
     def home(self, rng: np.random.Generator) -> Array:
-        """Return the hand in front, looking down, far from singularities and limits: (n,) joint positions."""
+        """Return a posture with the hand in front, pointing down, far from singularities and limits: (n,) joint
+        positions.
+        """
         x, y, z = self._shoulder
         tool = _looking_down(np.array([x + self.home_reach * self._reach, y, z + self.home_height * self._reach]), 0.0)
 
@@ -102,15 +105,15 @@ class PostureSearch:
         return self._best(iter([tool] * 8), cost, rng, "home", self._empty)
 
     def carry(self, rng: np.random.Generator, home: Array, head: dict[str, float]) -> Array:
-        """Return the hand above the base, looking down, something in it, within the smallest radius and out of the
-        first camera's view.
+        """Return a posture (n,) with the hand above the base, pointing down with an object, within the smallest radius
+        and outside the first camera's view.
         """
         middle = np.array([0.0, 0.0, self._shoulder[2] + 0.35 * self._reach])
         tools = self._around(middle, self.carry_box, rng)
         return self._best(tools, lambda q: self._cost(q, home, head), rng, "carry", self._holding, home)
 
     def carry_beside(self, rng: np.random.Generator, home: Array, head: dict[str, float]) -> Array:
-        """Return a posture with the hand beside the base, looking down, for large objects."""
+        """Return a posture (n,) with the hand beside the base, pointing down, for large objects."""
         middle = self._shoulder + np.array([0.0, -0.38, 0.05]) * self._reach
         tools = self._around(middle, self.beside_box, rng)
         return self._best(tools, lambda q: self._cost(q, home, head), rng, "carry_beside", self._holding, home)
@@ -120,7 +123,9 @@ class PostureSearch:
         return max(float(np.hypot(points[:, 0], points[:, 1]).max()) for points in self._points(positions, {}))
 
     def stands_out(self, positions: Array) -> float:
-        """Return how far arm and hand extend beyond the outline of the robot's first base, metres; 0 without a base."""
+        """Return the distance by which arm and hand extend beyond the outline of the robot's first base, metres; 0
+        without a base.
+        """
         base = next(iter(self.robot.of(BaseModel).values()), None)
         if base is None:
             return 0.0
@@ -132,8 +137,8 @@ class PostureSearch:
         return max(0.0, *beyond)
 
     def hidden(self, positions: Array, head: dict[str, float]) -> float:
-        """Return the share of the table that arm and hand hide from the first camera; ``head``: joints that carry
-        it.
+        """Return the fraction of the table that arm and hand hide from the first camera; ``head``: positions of the
+        joints that carry it.
         """
         camera = next(iter(self.robot.of(CameraPart).values()), None)
         if camera is None or set(self._arm.joint_names) & joints_above(self.robot, camera.optical_frame):

@@ -18,7 +18,7 @@ class VoxelGrid:
     """A voxel grid. ``states``: (X, Y, Z) uint8 of VOXEL_UNKNOWN, VOXEL_FREE, VOXEL_OCCUPIED; ``resolution``: edge of a
     voxel, metres.
 
-    ``frame_from_grid``: the outer corner of voxel (0, 0, 0); the axes run along the grid. ``stamp``: of the latest
+    ``frame_from_grid``: the outer corner of voxel (0, 0, 0); the axes run along the grid. ``stamp``: time of the latest
     view, seconds.
     """
 

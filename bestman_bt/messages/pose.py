@@ -193,7 +193,9 @@ class Pose2D:
 
     @classmethod
     def from_string(cls, text: str) -> Pose2D:
-        """Parse ``x;y;theta`` (metres, radians), the form of a port literal. Raises ValueError, also without theta."""
+        """Parse ``x;y;theta`` (metres, radians), the form of a port literal. Raises ValueError, also if theta is
+        missing.
+        """
         pose = cls(*_parse_numbers(text, (3,), "a planar pose 'x;y;theta' (metres, radians)"))
         if pose.fault:
             raise ValueError(pose.fault)

@@ -31,8 +31,8 @@ class Wrench:
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """A point cloud: ``points`` (N, 3) float64, metres; ``colors`` (N, 3) uint8, or None. The name of the variable
-    gives the frame.
+    """A point cloud: ``points`` (N, 3) float64, metres; ``colors`` (N, 3) uint8, or None. The frame is given by the
+    variable's name.
     """
 
     points: NDArray[np.float64]

@@ -16,7 +16,7 @@ from bestman_bt.runtime_folder import runtime_folder
 SERVICE = "bestman-bt monitor"
 """The answer of ``/health``, without a token."""
 TOKEN_VARIABLE = "BESTMAN_BT_MONITOR_TOKEN"
-"""Of the environment: a token on the command line is seen by all users of the machine."""
+"""Environment variable of the token: a token on the command line would be visible to all users of the machine."""
 
 
 def page_address(host: str, port: int, token: str | None) -> str:
@@ -60,7 +60,7 @@ def remove_socket(path: Path) -> None:
 
 
 def running_executors() -> list[Path]:
-    """Return the sockets of the running executors; sockets without a server are removed, and the links to them."""
+    """Return the sockets of the running executors; sockets without a server, and links to them, are removed."""
     alive = []
     for path in sorted(socket_folder().glob("*.sock")):
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
@@ -93,7 +93,7 @@ def request(path: Path, message: dict[str, Any], timeout: float = 5.0) -> dict[s
 
 
 def ask_events(path: Path, topics: Iterable[str]) -> Iterator[bytes]:
-    """Subscribe to an executor and yield each event as its line, until it ends. Raises OSError."""
+    """Subscribe to an executor and yield each event as a line, until the executor ends. Raises OSError."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
         connection.connect(str(path))
         connection.sendall(json.dumps({"do": "subscribe", "topics": list(topics)}).encode() + b"\n")

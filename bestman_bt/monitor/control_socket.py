@@ -25,14 +25,14 @@ Request = dict[str, Any]
 
 
 class RequestRefusedError(Error):
-    """A request cannot be carried out."""
+    """A request cannot be executed."""
 
 
 class Channel(Protocol):
     """Answers requests; called from threads of the socket."""
 
     def answer(self, message: Any) -> dict[str, Any]:
-        """Carry out one request."""
+        """Execute one request."""
 
     def subscribe(self, message: Request, outbox: SubscriberQueue) -> None:
         """Start sending the events of a subscription that ``answer`` has accepted."""

@@ -106,7 +106,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "clear_breakpoint": ("node", "when"),
     "force": ("node", "result"),
 }
-"""What each control takes; those that are missing here take nothing."""
+"""Fields of each control; controls that are not listed have none."""
 
 
 def _node(asked: Request, nodes: NodeList) -> Request:

@@ -70,7 +70,7 @@ class StateSnapshot:
 
     @property
     def breakpoints(self) -> list[dict[str, Any]]:
-        """The breakpoints that are set."""
+        """The current breakpoints."""
         points = self._latest.get("breakpoints")
         return points.breakpoints if isinstance(points, BreakpointsEvent) else []
 
@@ -124,19 +124,19 @@ class StateSnapshot:
 
 
 MAX_WAITING = 20_000
-"""Ticks and the like that wait to become events; what comes beyond them, on a disk that hangs, is dropped."""
+"""Largest number of queued items, such as ticks; further ones, for example on a hanging disk, are dropped."""
 FLUSH_EVERY = 0.25
-"""Seconds after which at the latest the files are handed what was written."""
+"""Largest time until written data are flushed to the files, seconds."""
 REST = 0.005
-"""Seconds between looks at what waits, so that ticks in quick succession do not wake the thread one by one."""
+"""Seconds between checks of the queue, so that ticks in quick succession do not each wake the thread."""
 LOGS = "the run's logs"
 LAST_EVENTS = 10.0
-"""Seconds that the thread gets at the end to write what still waits."""
+"""Seconds for the thread to write the remaining items at the end."""
 
 Making = Callable[[], Iterable[Event]]
-"""Makes events, in the thread of the stream."""
+"""Creates events, in the thread of the stream."""
 Publish = Callable[[Making], bool]
-"""Has events made and handed on; False where they are lost."""
+"""Queues events for creation and publication; returns False if they are lost."""
 
 
 @dataclass(eq=False)

@@ -37,7 +37,7 @@ from bestman_bt.records.shown_value import REMOVED, show_value
 MOST_NODES = 2**16 - 1
 """A ``.btlog`` numbers nodes by 16 bits."""
 BLACKBOARD_PERIOD = 0.5
-"""Seconds between two looks at the blackboard, at the end of a tick."""
+"""Seconds between two reads of the blackboard, at the end of a tick."""
 LONGEST_MESSAGE = 2000
 _STATES = {Status.INVALID: IDLE, Status.RUNNING: RUNNING, Status.SUCCESS: SUCCESS, Status.FAILURE: FAILURE}
 

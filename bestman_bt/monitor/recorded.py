@@ -1,4 +1,4 @@
-"""A run that a folder holds: finished, or cut off at any moment."""
+"""A run in a folder: finished, or interrupted at any moment."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class RecordedRun(MonitoredRun):
                 self.history, self.is_loaded = history, True
 
     async def request(self, message: dict[str, Any]) -> dict[str, Any]:
-        """Refuse every request: the run is over."""
+        """Refuse every request: the run has ended."""
         raise RunError("the run is over; only the page's own time can be moved")
 
     async def picture(self, number: int) -> bytes:

@@ -14,11 +14,11 @@ TOLD = ("task", "tree", "scene", "robot", "seed", "pid", "folder", "started", "t
 
 
 class RunError(Error):
-    """A run cannot be read or does not obey; the words are for the person at the page."""
+    """A run cannot be read, or refuses a request; the message is for the user of the page."""
 
 
 class MonitoredRun(ABC):
-    """A run that the monitor shows; ``watchers`` are woken by news. Everything runs in the server's event loop."""
+    """A run that the monitor shows; ``watchers`` are woken by changes. Everything runs in the server's event loop."""
 
     kind: str
 
@@ -52,7 +52,7 @@ class MonitoredRun(ABC):
         }
 
     def wake_watchers(self) -> None:
-        """Notify all viewers of news."""
+        """Notify all viewers of changes."""
         for watcher in self.watchers:
             watcher.set()
 

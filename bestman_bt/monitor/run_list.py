@@ -21,10 +21,10 @@ FOLLOWED: tuple[Topic, ...] = ("states", "blackboard", "robot", "scan", "log")
 RETRY = 0.5
 """Seconds between attempts to reach an executor whose connection broke."""
 REFUSALS = 2
-"""Number of consecutive refused connections: a new executor makes its socket a moment before it listens."""
+"""Number of consecutive refused connections: a new executor creates its socket a moment before it listens."""
 ANSWER_WAIT = 5.0
 LOOK_AGAIN = 1.0
-"""Seconds without an event after which the connection checks that its viewers are still there."""
+"""Seconds without an event after which the connection checks that its viewers are still connected."""
 FROZEN = 3.0
 """Seconds to wait for an executor that accepts a connection."""
 Take = Callable[[Event], None]
@@ -57,7 +57,7 @@ class AttachedRun(MonitoredRun):
         self._tasks.append(asyncio.create_task(self._follow(), name=f"follow {self.id}"))
 
     async def stop(self) -> None:
-        """Follow no more."""
+        """Stop following the run."""
         tasks = [*self._tasks, *([self._pictures] if self._pictures is not None else [])]
         for task in tasks:
             task.cancel()
@@ -190,13 +190,13 @@ class AttachedRun(MonitoredRun):
 
 
 LOOK_PERIOD = 0.5
-"""Seconds between two looks for executors."""
+"""Seconds between two searches for executors."""
 FOLDER_PERIOD = 5.0
-"""Seconds between two looks for new run folders."""
+"""Seconds between two searches for new run folders."""
 MAX_ENDED = 10
-"""Live runs that are kept after their end without viewers."""
+"""Number of live runs kept after their end without viewers."""
 MAX_LOADED = 6
-"""Recorded runs whose history is held without viewers."""
+"""Number of recorded runs whose history is kept without viewers."""
 
 
 class RunList:
@@ -219,7 +219,7 @@ class RunList:
         self._tasks = [asyncio.create_task(self._look()), asyncio.create_task(self._look_at_folders())]
 
     async def stop(self) -> None:
-        """Follow nothing any more."""
+        """Stop following all runs."""
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)

@@ -66,7 +66,9 @@ class AccessRules:
 
     @property
     def cookie(self) -> str:
-        """Named after the port, because browsers share cookies between the ports of a host."""
+        """Return the name of the cookie, which includes the port, because browsers share cookies between the ports of a
+        host.
+        """
         return f"bestman_bt_monitor_{self.port}"
 
 

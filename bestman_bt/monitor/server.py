@@ -36,18 +36,18 @@ LARGEST_REQUEST = 64 << 10
 """Bytes of one message from a page."""
 MOST_VIEWERS = 32
 PING_PERIOD = 20.0
-"""Seconds; a page that does not answer for as long again is taken for gone."""
+"""Ping period, seconds; a page that does not answer for another period counts as gone."""
 IDLE_PERIOD = 5.0
 BODY_TIME = 5.0
-"""Seconds in which a request's body has to have come."""
+"""Time limit for the body of a request, seconds."""
 BACKLOG = 128
-"""Connections that the operating system accepts before we do."""
+"""Number of connections queued by the operating system."""
 _LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class ServerConfig:
-    """``host`` other than loopback demands a ``token``. ``end_when_idle``: seconds without executor and page."""
+    """A ``host`` other than loopback requires a ``token``. ``end_when_idle``: seconds without executor and page."""
 
     host: str = "127.0.0.1"
     port: int = 8750
@@ -259,10 +259,10 @@ def bind(host: str, port: int) -> socket.socket:
 
 
 HEADER_TIME = 5.0
-"""Seconds from the connection on in which a request has to have come."""
+"""Time limit from the connection to the first request, seconds."""
 MOST_CONNECTIONS = 256
 RESERVED = 96
-"""File descriptors that connections leave for files and for the sockets of executors."""
+"""File descriptors reserved for files and for the sockets of executors."""
 
 
 def most_connections() -> int:

@@ -8,7 +8,7 @@ import threading
 from collections import deque
 
 MAX_BACKLOG = 4 << 20
-"""Bytes that wait for a reader; what comes beyond them is dropped."""
+"""Largest number of bytes queued for a reader; further lines are dropped."""
 LAST_WORDS = 0.2
 """Seconds that a closing connection gets to receive the remaining events."""
 
@@ -47,7 +47,7 @@ class SubscriberQueue:
         return True
 
     def close(self) -> None:
-        """Give the reader a moment to take the rest, then end the connection; idempotent."""
+        """Give the reader a moment to receive the rest, then end the connection; idempotent."""
         with self._changed:
             self._closing = True
             self._changed.notify()

@@ -35,7 +35,7 @@ MAX_OUTCOMES = 100_000
 def compare(a: RunHistory, b: RunHistory) -> dict[str, Any]:
     """Compare two runs; returns ``parted`` (None if they never differ) and ``words``.
 
-    The outcomes of the leaves are compared in order, not their times: two runs that differ only in speed do not part.
+    The outcomes of the leaves are compared in order, not their times: runs that differ only in speed count as equal.
     Leaves are identified by path.
     """
     common = 0
@@ -92,11 +92,11 @@ IDLE_PERIOD = 1.0
 """Seconds until the next check, even without a notification."""
 MOST_OPEN = 8
 MOST_WAITING = 64
-"""Requests that wait to be carried out, and answers to be sent; beyond them no request is read."""
+"""Largest number of pending requests and answers; beyond it no request is read."""
 MOST_CONTROLS = 16
-"""Controls that an executor has not answered yet; a stop is always passed on."""
+"""Largest number of unanswered controls of an executor; a stop is always forwarded."""
 REQUESTS_A_SECOND = 200
-"""Of one page on average; beyond it requests are read later."""
+"""Average rate of requests per page; beyond it requests are delayed."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -339,12 +339,12 @@ EXTENT_PERIOD = 1.0
 """Seconds between two messages with the counts, and with the progress of a run while its past is shown."""
 FIRST_LINES = 500
 MOST_LINES = 2_000
-"""Most log lines in one message: the newest of those that come at once."""
+"""Largest number of log lines in one message: the newest ones."""
 Message = dict[str, Any]
 
 
 class Updates:
-    """One run for one viewer. ``messages`` returns what is due; nothing accumulates without calls."""
+    """One run for one viewer. ``messages`` returns the due messages; nothing accumulates without calls."""
 
     def __init__(self, run: MonitoredRun) -> None:
         self.run = run

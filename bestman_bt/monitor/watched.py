@@ -88,13 +88,13 @@ class WatchedExecution:
         self.publish(LogEvent(self.standing.time, level, message, logger=__name__))
 
     def end(self, why: str) -> None:
-        """End the execution: succeeded or failed like its root's last result, else cancelled."""
+        """End the execution with the root's last result, succeeded or failed, or else as cancelled."""
         outcome = OUTCOMES.get(self._result, "cancelled")
         self.log("info" if outcome == "success" else "warning", f"{self.run.task} ends: {outcome}: {why}")
         self.publish(EndEvent(self.standing.time, outcome, STATUS_NAMES[self._result], why))
 
     def answer(self, message: Any) -> dict[str, Any]:
-        """Carry out one request of the control channel."""
+        """Execute one request of the control channel."""
         what = message.get("do") if isinstance(message, dict) else None
         try:
             if what == "subscribe":

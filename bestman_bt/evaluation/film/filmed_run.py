@@ -46,7 +46,7 @@ class FilmedRun:
 
 
 def read_filmed_run(folder: Path) -> FilmedRun:
-    """Read the folder of a simulated run; the scene is drawn again from its seed.
+    """Read the folder of a simulated run; the scene is regenerated from its seed.
 
     Raises FilmError, ConfigurationError or SceneError.
     """

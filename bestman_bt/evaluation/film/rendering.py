@@ -1,6 +1,6 @@
 """Renders a finished run: stills and a film, by the simulator's fast renderer or by Blender.
 
-The world that is rendered is a copy and not a simulation: poses are set and no time passes.
+The rendered world is a copy without simulation: poses are set and no time passes.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from hal.simulation.guards import ReadPurpose
 from hal.simulation.robot import SimulatedRobot
 
 BEHIND = 0.35
-"""Metres behind what is looked at in which a wall still hides it."""
+"""Metres behind the target within which a wall still hides it."""
 
 
 def blender_job(
@@ -50,7 +50,7 @@ def blender_job(
     size: tuple[int, int],
     samples: int,
 ) -> BlenderJob:
-    """Return the job that paints ``frames`` into ``files``; ``size``: width and height in pixels."""
+    """Return the job that renders ``frames`` into ``files``; ``size``: width and height in pixels."""
     views = [view for _, view in frames]
     hidden = {name for name, wall in _walls(run.world) if any(_hides(wall, view) for view in views)}
     return BlenderJob(
@@ -260,7 +260,7 @@ ELEVATIONS = (math.radians(25.0), math.radians(40.0))
 DISTANCE = 2.3
 FIELD_OF_VIEW = 42.0
 ENOUGH = (0.004, 0.01)
-"""Shares of the picture at which the hand and what it handles are seen well enough."""
+"""Fractions of the picture from which the hand and the handled object are sufficiently visible."""
 KEY_MOMENTS = 10
 
 

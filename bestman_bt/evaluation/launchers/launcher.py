@@ -33,7 +33,7 @@ from bestman_bt.records.writer import RESULT_FILE
 from bestman_bt.runtime.resolved_config import ResolvedConfig
 
 WALL_LIMIT = 3600.0
-"""Seconds of wall time after which an episode is taken to hang."""
+"""Seconds of wall time after which an episode counts as hanging."""
 MOST_LOSSES = 3
 """How often an episode may lose its worker before it is given up, without a result; and how many episodes may be given
 up before one has ended.
@@ -41,9 +41,9 @@ up before one has ended.
 MOST_MACHINE_LOSSES = 9
 """How many episodes in a row may be lost by causes of the machine."""
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-"""What a full disk answers, which says nothing of the episode that it meets."""
+"""Errors of a full disk, which are not caused by the episode."""
 LITTLE_ROOM = 16 << 20
-"""Free bytes below which the disk of a run folder is taken to be full."""
+"""Free bytes below which the disk of a run folder counts as full."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class EpisodeRequest:
     ``folder``: parent of its run folder; None saves nothing. ``code``: the fingerprint of the code that must run it,
     empty: any. ``files``: the fingerprint of its configuration with the files that it names, checked along with the
     code. ``wall_limit``: seconds of wall time after which the episode counts as hanging. ``events``: the driver that
-    wants to see it live, if any.
+    receives its live events, if any.
     """
 
     config: RunConfig
@@ -125,11 +125,11 @@ class EpisodeRequest:
         return self.folder
 
     def run_prepared(self, setup: ResolvedConfig, run_folder: Path | None) -> RunResult:
-        """Run the episode; raises what it raises."""
+        """Run the episode. Raises its errors."""
         return run_episode(setup, run_folder)
 
     def failed_result(self, why: str, seconds: float = 0.0) -> RunResult:
-        """Return the result of an episode that could not be run to its end, after ``seconds`` of wall time."""
+        """Return the result of an episode that could not be completed, after ``seconds`` of wall time."""
         return RunResult(
             task=self.config.name,
             seed=self.config.seed,
@@ -151,8 +151,8 @@ class LaunchOptions:
     """User options of a launcher.
 
     ``jobs``: number of parallel episodes; None: one on this machine, the capacity of a cluster. ``address``: of the
-    cluster; empty: the default one. ``folder``: of the evaluation, for the launcher's own files; None: a temporary one.
-    ``monitor``: show the episodes in the monitors of this machine, wherever they run.
+    cluster; empty: the default one. ``folder``: folder of the evaluation, for the launcher's own files; None: a
+    temporary one. ``monitor``: show the episodes in the monitors of this machine, wherever they run.
     """
 
     jobs: int | None = None
@@ -261,7 +261,7 @@ def _is_disk_full(error: Exception, folder: Path) -> bool:
 
 
 _sound: set[str] = set()
-"""Fingerprints of code and of configurations that are those of this process."""
+"""Fingerprints of code and configurations known to match this process."""
 
 
 def _has_files(fingerprint: str, config: RunConfig) -> bool:

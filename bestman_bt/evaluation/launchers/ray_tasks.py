@@ -34,10 +34,10 @@ from bestman_bt.evaluation.result import RunResult
 from bestman_bt.extras import require_extra
 
 HEAD_PATIENCE = 10.0
-"""Seconds without an answer after which the head of the cluster is taken to be lost."""
+"""Seconds without an answer after which the head of the cluster counts as lost."""
 _ADDRESS = re.compile(r"auto|(ray://)?[^\s:/]+:\d{1,5}|(ray://)?\[[0-9a-fA-F:]+\]:\d{1,5}")
 SHUTDOWN_PATIENCE = 10.0
-"""Seconds that a cluster has to close the connection."""
+"""Time limit for a cluster to close the connection, seconds."""
 
 
 class RayTasks(Launcher):
@@ -45,7 +45,7 @@ class RayTasks(Launcher):
     not mistaken for the loss of a worker or node; only after such a loss is it run again.
 
     Without an address, Ray is started on this machine, on loopback. On a cluster, the code of a checkout is uploaded;
-    an installed package must be installed there, too. Every node must have the code of the evaluation.
+    an installed package must also be installed there. Every node must have the code of the evaluation.
     """
 
     def __init__(self, options: LaunchOptions | None = None) -> None:
@@ -67,7 +67,7 @@ class RayTasks(Launcher):
         self._waiting += self.record(requests)
 
     def results(self) -> Iterator[tuple[int, RunResult]]:
-        """Yield each place with its result. Raises LauncherLostError if the head does not answer any more."""
+        """Yield each place with its result. Raises LauncherLostError if the head no longer responds."""
         heard = time.monotonic()
         while self._waiting or self._pending:
             if _reachable(self._head):  # whatever is asked of a head that is lost never returns
@@ -95,7 +95,7 @@ class RayTasks(Launcher):
         return super().notes + self._unseen
 
     def cancel(self) -> None:
-        """Disconnect, which ends the tasks that still run."""
+        """Disconnect, which ends the running tasks."""
         self._waiting.clear()
         self._pending.clear()
         if self._events is not None:

@@ -19,18 +19,20 @@ from bestman_bt.monitor.watched import WatchedExecution, refuse
 from bestman_bt.records.events import Event, EventError, RunEvent, TreeEvent, from_line
 
 LOOK = 0.05
-"""Seconds between two looks for the executor of an episode."""
+"""Seconds between two searches for the executor of an episode."""
 HANDSHAKE = 10
-"""Seconds that a client has for each message of the handshake."""
+"""Time limit for each message of a client's handshake, seconds."""
 MOST_CONNECTIONS = 100
 """Largest number of connections, each of one episode; further episodes are not shown."""
 RETRY = 0.2
-"""Seconds between two attempts to accept a connection where that failed, as without a free file descriptor."""
+"""Seconds until a failed attempt to accept a connection is repeated, for example without a free file descriptor."""
 
 
 @dataclass(frozen=True)
 class EventAddress:
-    """Where a driver receives events. ``key``: secret of both sides. ``place``: host and sockets of the driver."""
+    """The address at which a driver receives events. ``key``: secret of both sides. ``place``: host and sockets of the
+    driver.
+    """
 
     host: str
     port: int
@@ -50,7 +52,7 @@ class EventReceiver:
         threading.Thread(target=self._accept, name="remote-events", daemon=True).start()
 
     def close(self) -> None:
-        """Take no further episodes."""
+        """Accept no further episodes."""
         self._closed = True
         self._server.shutdown(socket.SHUT_RDWR)  # ends ``accept``
         self._server.close()

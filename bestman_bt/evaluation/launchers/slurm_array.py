@@ -23,18 +23,18 @@ from bestman_bt.evaluation.result import RunResult
 from bestman_bt.extras import require_extra
 
 TASKS = 16
-"""Tasks of the array job where the user does not say how many."""
+"""Default number of tasks of the array job."""
 TIME_LIMIT = 24 * 60
-"""Minutes that a task may take; what it has not run then is run by another one."""
+"""Time limit of a task, minutes; another task runs its remaining episodes."""
 POLL = 2.0
-"""Seconds between two looks at what has finished."""
+"""Seconds between two checks for finished episodes."""
 MOST_FRUITLESS = 3
-"""Tasks that end in a row without one finished episode, after which no further one is submitted."""
+"""Number of successive tasks without a finished episode after which no further task is submitted."""
 
 
 class SlurmArray(Launcher):
     """Runs the episodes as a Slurm job array: each task runs its share in sequence and appends the results to its file.
-    Episodes that a finished task has left out are submitted again.
+    Episodes missed by a finished task are submitted again.
 
     All machines must have the folder, the code and the user's files under the same paths. ``cluster``: submitit's
     executor; ``local`` runs the tasks as processes of this machine.

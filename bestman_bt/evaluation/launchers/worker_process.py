@@ -42,8 +42,8 @@ _ENDED = {
 
 
 UNPACKING = 10.0
-"""Seconds that the code may be missing or incomplete: a raylet that joins unpacks it again, in the folder of those that
-run on its machine already.
+"""Seconds for which the code may be missing or incomplete: a raylet that joins unpacks it again into the folder of
+those already running on its machine.
 """
 
 
@@ -123,7 +123,7 @@ class WorkerProcess:
         return time.perf_counter() - self._began
 
     def kill(self) -> None:
-        """End it, and the episode that it runs; its temporary files are removed."""
+        """Kill the worker and its episode; its temporary files are removed."""
         self.alive = False
         self._process.kill()  # SIGTERM would only cancel the episode that it runs
         self._process.wait()
@@ -136,7 +136,7 @@ _own: list[WorkerProcess] = []
 
 
 def run_in_own_process(request: bytes, wall_limit: float, folder: str) -> EpisodeAnswer:
-    """Run a pickled ``EpisodeRequest`` in a worker of this process, in ``folder`` if that exists; wait for it.
+    """Run a pickled ``EpisodeRequest`` in a worker of this process, in ``folder`` if it exists, and wait for it.
 
     A worker that cannot start, as on a full disk, counts as lost.
     """

@@ -166,12 +166,12 @@ WIDTH = 1000.0
 """Units of the picture for the whole run; the rows are 22 high."""
 LEAST_WIDTH = 2.0
 MARK_WIDTH = 14.0
-"""From this width on, a bar also carries its mark."""
+"""Smallest width of a bar that includes its mark."""
 MAX_ROWS = 150
 MAX_BARS = 6000
 _TICKS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0)
 _BY_WEIGHT = np.array([SKIPPED, SUCCESS, NO, IDLE, RUNNING, FAILURE])
-"""A bar of several activities shows the last of their results here."""
+"""Results in ascending priority: a merged bar shows the last of its results in this order."""
 _WEIGHT = np.argsort(_BY_WEIGHT)
 
 
@@ -257,10 +257,10 @@ def _ticks(duration: float) -> Iterator[tuple[float, str]]:
 
 TEMPLATES = Path(__file__).parent / "templates"
 MAX_DETAILED = 25
-"""Most runs that a report describes one by one."""
+"""Largest number of runs described individually."""
 MAX_NODES = 400
 FAULTS = (*CHEATS, "collisions", "joint_limit_violations", "velocity_limit_violations")
-"""Counters of the audit that are shown as faults where they are not 0."""
+"""Counters of the audit that are shown as faults if they are not 0."""
 
 
 @dataclass(frozen=True)

@@ -26,11 +26,11 @@ from bestman_bt.records.timeline import Activities, activities
 from bestman_bt.records.writer import CONFIG_FILE, EVENTS_FILE, LOG_FILE, RESULT_FILE, STATES_FILE
 
 DEPTH = 4
-"""Folders below the given one in which runs are looked for."""
+"""Depth of folders searched for runs below the given one."""
 PARTS = (RESULT_FILE, CONFIG_FILE, STATES_FILE, EVENTS_FILE, LOG_FILE)
 MAX_BYTES = {RESULT_FILE: LARGEST_RESULT, CONFIG_FILE: 256_000}
 LEFT_OUT = ("blackboard", "map", "path", "robot", "scan")
-"""Events that a report leaves out."""
+"""Events that a report omits."""
 LONGEST_TEXT = 200
 MAX_FAILURES = 200
 MAX_PICTURES = 50
@@ -40,7 +40,7 @@ MAX_FILE, MAX_PIXELS = 16_000_000, 30_000_000
 """Of a picture."""
 WIDTH, QUALITY = 640, 78
 SAME_MOMENT = 0.5
-"""Seconds between a failure and the picture that is of it."""
+"""Largest time between a failure and its picture, seconds."""
 
 
 class ReportError(InputError):
@@ -58,7 +58,7 @@ def folders_to_report(given: Path) -> list[Path]:
 
 
 def read_run_report(folder: Path) -> RunReport:
-    """Return the report data of the files in ``folder``; damaged parts are left out and noted.
+    """Return the report data of the files in ``folder``; damaged parts are omitted and noted.
 
     Raises ReportError if nothing can be read.
     """

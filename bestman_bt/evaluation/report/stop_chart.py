@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from bestman_bt.messages.black_box import BlackBox, PartTrace
 
 BEFORE = 5.0
-"""Seconds before the stop that are drawn."""
+"""Seconds drawn before the stop."""
 WIDTH, HEIGHT = 360, 90
 MOST_POINTS = 400
 MOST_CURVES = 24
 STILL = 0.003
-"""rad or m within which a curve counts as standing still."""
+"""Range within which a curve counts as constant, rad or m."""
 SLOW = 0.02
-"""m/s and rad/s, the same for speeds."""
+"""The same for speeds, m/s and rad/s."""
 PAIRS = (
     ("set position ", "measured position ", "rad"),
     ("set vx", "measured vx", "m/s"),
@@ -26,7 +26,7 @@ PAIRS = (
     ("set wz", "measured wz", "rad/s"),
     ("set width", "measured width", "m"),
 )
-"""Beginnings of the columns of what is set and of what is measured, and the unit of both."""
+"""Prefixes of the columns of set-points and of measurements, and their unit."""
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 class StopCurve:
     """SVG paths of WIDTH × HEIGHT, ``set`` and ``measured``; ``held``: spans (x, width) limited by the gate.
 
-    ``low``, ``high``: of the axis. ``off``: the largest difference.
+    ``low``, ``high``: ends of the axis. ``off``: the largest difference.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""``at_goal``: the base is at its goal and took no long detour.
+"""``at_goal``: the base is at its goal, without a long detour.
 
 The seed chooses the goal: somewhere on the free floor, or close to a piece of furniture.
 """
@@ -32,13 +32,13 @@ from bestman_bt.world_model.world_model import Obstacle
 
 _TRIES = 1000
 _ROOM = 0.05
-"""Metres around the base on open floor."""
+"""Free space around the base on open floor, metres."""
 _BEFORE_FURNITURE = 0.06
-"""Metres before the front of a piece, where the map has it: as a robot stands that is to reach over it."""
+"""Distance to the mapped front of a piece of furniture, metres: that of a robot that reaches over it."""
 _TRUE_CLEARANCE = 0.02
-"""Metres that are really free around the base: a grid of 5 cm is blind to less beside thin handles."""
+"""Actual free space around the base, metres: a grid of 5 cm does not resolve less beside thin handles."""
 _STRAIGHT = 0.6
-"""Metres within which there is room to turn, straight behind a goal before furniture."""
+"""Distance straight behind a goal in front of furniture within which there is room to turn, metres."""
 _EXACT = Rasterization(clearance=0.0, furniture_position_error=0.0, furniture_heading_error=0.0)
 
 

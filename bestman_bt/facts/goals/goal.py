@@ -158,9 +158,8 @@ def read_goals(config: RunConfig, faults: list[Problem]) -> Iterator[tuple[type[
 
 
 def goals_of(task: DrawnTask, faults: list[Problem] | None = None) -> tuple[Goal[Any], ...]:
-    """Return a task's goals in a generated world; impossible ones are left out and added to ``faults``.
-
-    Without a registry of nodes, kinds that need one are left out.
+    """Return a task's goals in a generated world; impossible ones are omitted and added to ``faults``. Without a
+    registry of nodes, kinds that need one are omitted.
     """
     found: list[Goal[Any]] = []
     filled: dict[str, Goal[Any]] = {}
@@ -220,7 +219,7 @@ def judged(goals: Iterable[Goal[Any]], predicate: str, evidence: Evidence) -> Ve
 
 
 def metric_names(goals: Sequence[Goal[Any]], predicates: Iterable[str]) -> list[str]:
-    """Return the names of the metrics of a task's judge; for several goals also one by one, with suffixes."""
+    """Return the names of the metrics of a task's judge; for several goals also individually, with suffixes."""
     names = []
     for predicate in predicates:
         each = judging(goals, predicate)

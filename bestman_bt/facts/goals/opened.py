@@ -15,9 +15,8 @@ from bestman_bt.facts.goals.goal import Goal, unknown
 
 @dataclass(frozen=True)
 class OpenedFields:
-    """A door or drawer, ``furniture/name``, should be open by ``at_least`` and ``at_most`` these values.
-
-    Radians for a door, metres for a drawer.
+    """A door or drawer, ``furniture/name``, should be open by between ``at_least`` and ``at_most``, radians for a door,
+    metres for a drawer.
     """
 
     articulation: str

@@ -163,7 +163,7 @@ class Placed(Goal[PlacedFields]):
 
     @staticmethod
     def errors(pose: Pose, asked: Pose, symmetry_order: int) -> dict[str, float]:
-        """Return by measure how far a pose is from the one asked for; a symmetric object may be turned."""
+        """Return metric → error of a pose relative to the requested one; a symmetric object may be rotated."""
         metrics = {
             "place_error_mm": 1e3 * float(np.linalg.norm(pose.position[:2] - asked.position[:2])),
             "tilt_deg": math.degrees(pose.tilt),

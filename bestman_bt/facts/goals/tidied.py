@@ -23,7 +23,7 @@ Range = Annotated[tuple[Length, Length], SmallerFirst]
 class TidiedFields:
     """All present ``objects`` should be within a rectangle of ``surface``: ``x``, ``y`` in its frame.
 
-    ``source``: where to search for them.
+    ``source``: the surface on which to search for them.
     """
 
     objects: tuple[str, ...]

@@ -69,7 +69,7 @@ class CollisionWorld(ABC):
 
 
 class CollisionModel(ABC):
-    """The geometry of a robot, prepared once, from which collision worlds are made cheaply."""
+    """The geometry of a robot, prepared once, from which collision worlds are created cheaply."""
 
     @abstractmethod
     def world(self, scene: PlanningScene, arm: str = "arm") -> CollisionWorld:

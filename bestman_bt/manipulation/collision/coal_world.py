@@ -101,7 +101,7 @@ _FEW_BODIES = 150
 
 
 class CoalCollisionModel(CollisionModel):
-    """The robot's geometry with convex meshes, loaded at the first world; a world costs about 2 ms then."""
+    """The robot's geometry with convex meshes, loaded with the first world; afterwards a world takes about 2 ms."""
 
     def __init__(self, robot: RobotModel) -> None:
         self.robot = robot
@@ -162,7 +162,7 @@ class CoalCollisionModel(CollisionModel):
 
 
 class CoalCollisionWorld(CollisionWorld):
-    """One arm among the obstacles of a scene; made by ``CoalCollisionModel.world``."""
+    """One arm among the obstacles of a scene; created by ``CoalCollisionModel.world``."""
 
     def __init__(
         self,

@@ -53,10 +53,10 @@ class PlanningScene:
     ``attached``: the object held by the moving arm; ``carried``: objects held by other arms, fixed. ``positions``:
     joint name → radians or metres; missing joints are at zero; those of the moving arm are ignored. ``allowed_pairs``:
     names of links, obstacles or the attached object that may touch. ``padding``: metres between the arm (or its object)
-    and obstacles; ``self_padding``: between links. ``other_arm_padding``: metres between an arm, with what it holds,
+    and obstacles; ``self_padding``: between links. ``other_arm_padding``: metres between an arm, with its held object,
     and other arms: both differ from their set-points, and an object from its pose in the hand. With several arms a held
-    object keeps it from all links that its arm does not move, such as torso, mast and base. ``voxels``: seen space that
-    no known body explains; the current volume of the robot and its object is excluded.
+    object keeps this distance from all links that its arm does not move, such as torso, mast and base. ``voxels``: seen
+    space that no known body explains; the current volume of the robot and its object is excluded.
     """
 
     positions: Mapping[str, float]

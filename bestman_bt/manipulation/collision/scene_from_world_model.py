@@ -17,7 +17,7 @@ from bestman_bt.world_model.semantic_map import WALL_HEIGHT, MapFurniture
 from bestman_bt.world_model.world_model import WorldModel
 
 SAME_HEIGHT = 0.006
-"""Metres between a surface and the upper side of the board that it belongs to, at most."""
+"""Largest distance between a surface and the upper side of its board, metres."""
 
 _SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])  # of a box's corners
 
@@ -35,7 +35,7 @@ def hollow_furniture(
 
     ``offset``, ``turn``: largest error of mapped furniture, metres and radians; boards are thickened sideways by it, or
     by the smaller errors of a measured piece; heights are exact. ``reach``: metres from the base beyond which furniture
-    is left out. A board whose surface was measured is left out, because the measurement is a separate obstacle.
+    is omitted. A board whose surface was measured is omitted, because the measurement is a separate obstacle.
     """
     obstacles = []
     for name in names:
@@ -111,7 +111,7 @@ def voxel_obstacles(
     """Return the obstacles ``occupied`` and, if ``unknown``, ``unknown``, of the voxels within ``reach`` metres of the
     base.
 
-    ``explained``: shapes in the base frame; voxels within ``slack`` metres of one are left out.
+    ``explained``: shapes in the base frame; voxels within ``slack`` metres of one are omitted.
     """
     base_from_grid = base_from_map @ grid.frame_from_grid
     shapes = tuple(explained)
@@ -138,7 +138,7 @@ FLOOR = "floor"
 class SceneMargins:
     """Margins of the scene, and what counts as an obstacle.
 
-    ``padding``: metres from all bodies. ``reach``: metres from the base beyond which bodies are left out.
+    ``padding``: metres from all bodies. ``reach``: metres from the base beyond which bodies are omitted.
     ``furniture_offset``, ``furniture_turn``: largest error of mapped furniture, metres and radians; a measured piece
     has its own (``MapFurniture.position_error``). ``wall_height``, ``wall_thickness``: metres. ``object_deviations``:
     standard deviations of an object's position to add as padding, at most ``max_object_padding`` metres.
@@ -174,7 +174,7 @@ def planning_scene_from_world_model(
     poses, measured bodies (``world_model.obstacles``), objects by name. An obstacle with the name of a piece of
     furniture, or ``furniture/…``, is a measurement and replaces its box. The object held by ``arm`` is attached,
     objects of other arms are carried; the holding hand may touch it. ``positions``: of all joints, by name. ``ignore``:
-    names to leave out.
+    names to omit.
 
     ``hollow``: furniture that the arm works in: if the map has its boards, these are the obstacle ``furniture``, and
     each door and drawer at its believed opening is ``furniture/name``, thickened by the map's error; measurements are

@@ -12,7 +12,7 @@ from bestman_bt.manipulation.kinematics.link_hulls import ArmBodies
 from bestman_bt.world_model.world_model import HeldObject
 
 _STEP = 0.02
-"""Radians or metres of the joint that moves most between two samples."""
+"""Largest motion of a joint between two samples, radians or metres."""
 _PER_PIECE = 5
 """Steps in each piece."""
 
@@ -41,15 +41,15 @@ class SweptVolume:
         self._hulls: dict[tuple[int, int], coal.CollisionObject] = {}
 
     def reached(self, positions: NDArray[np.float64], since: int = 0) -> int:
-        """Return the sample of the path that the arm has reached at ``positions`` (n,), not before ``since``."""
+        """Return the index of the path sample that the arm has reached at ``positions`` (n,), at least ``since``."""
         away = np.abs(self.positions - positions).max(axis=1)
         while since + 1 < len(away) and away[since + 1] <= away[since]:
             since += 1
         return since
 
     def is_near(self, other: SweptVolume, margin: float, since: int = 0) -> bool:
-        """Return whether the rest of the path, from sample ``since`` on, comes within ``margin`` metres of another
-        arm's path.
+        """Return whether the rest of the path, from sample ``since``, comes within ``margin`` metres of another arm's
+        path.
         """
         first = min(since // _PER_PIECE, len(self._low) - 1)
         low, high = self._low[first:, :, None, None] - margin, self._high[first:, :, None, None] + margin

@@ -21,10 +21,10 @@ from bestman_bt.messages import Pose
 from bestman_bt.messages.shapes import NonNegativeInt, Positive
 
 Stations = Sequence[Sequence[Pose]]
-"""For each station the tool poses that are allowed there; neighbours in the list are neighbours in the hand's turn."""
+"""For each station its allowed tool poses, ordered by the hand's rotation."""
 
 IsFreeAt = Callable[[NDArray[np.float64], int], bool]
-"""Whether joint positions (n,) are free at the station of that number (a door stands elsewhere at each)."""
+"""Whether joint positions (n,) are free at the station with that number (a door has a different position at each)."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class ArcSearch:
         """Return the path through all stations that passes ``positions`` (n,), a solution of one pose of station
         ``middle``.
 
-        If it is incomplete, ``path`` holds the stations from station 0 on, or is empty.
+        If it is incomplete, ``path`` starts at station 0, or is empty.
         """
         root = _Node(positions, option, 0.0)
         last = len(stations) - 1
@@ -180,7 +180,7 @@ class ArcPath:
 
     @property
     def fraction(self) -> float:
-        """Share of the stations that are reached."""
+        """Fraction of the stations that are reached."""
         return len(self.path) / self.stations
 
 

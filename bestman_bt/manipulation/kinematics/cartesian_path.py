@@ -42,8 +42,7 @@ def cartesian_path(
     """Move the tool straight from its pose at ``start`` (n,) to ``base_from_goal``, with uniform rotation.
 
     ``is_valid``: called at every waypoint but the first, for example ``CollisionWorld.is_free``. ``max_translation``,
-    ``max_rotation``: metres and radians between waypoints. Raises ManipulationError as ``InverseKinematics.track``
-    does.
+    ``max_rotation``: metres and radians between waypoints. Raises the errors of ``InverseKinematics.track``.
     """
     q = joint_vector(start, len(kinematics.joint_names), "start of a Cartesian path")
     base_from_start = kinematics.tool_pose(q)

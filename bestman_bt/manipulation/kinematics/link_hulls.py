@@ -1,4 +1,4 @@
-"""Convex hulls of a robot's links, as points: for looking at the robot rather than for collision checks."""
+"""Convex hulls of a robot's links, as points: for views of the robot rather than for collision checks."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def _corners(shape: coal.CollisionGeometry) -> NDArray[np.float64]:
 
 
 class LinkBodies:
-    """All links of a robot; its geometry is loaded at the first question."""
+    """All links of a robot; its geometry is loaded on first use."""
 
     def __init__(self, robot: RobotModel) -> None:
         self._robot = robot

@@ -1,4 +1,4 @@
-"""The capability map of an arm: which tool positions it reaches from which directions, and how nimbly.
+"""The capability map of an arm: the reachable tool positions and directions, with manipulability.
 
 Zacharias, Borst and Hirzinger, "Capturing robot workspace structure: representing robot capabilities", IROS 2007,
 filled from sampled joint positions instead of inverse kinematics.

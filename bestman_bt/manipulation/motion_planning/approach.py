@@ -18,7 +18,7 @@ from bestman_bt.messages import Pose
 class Approach:
     """``pre``: (n,) radians, end of the free motion. ``into`` and ``out``: (N, n), straight tool motions.
 
-    ``into`` goes from ``pre`` to the contact pose, ``out`` from there on. ``cost``: radians, distance of ``pre`` from
+    ``into`` goes from ``pre`` to the contact pose, ``out`` starts there. ``cost``: radians, distance of ``pre`` from
     the reference.
     """
 

@@ -77,7 +77,7 @@ class MotionPlan:
 
 
 class MotionPlanner(ABC):
-    """Plans motions of one arm; the result depends on the arguments alone, never on time or on earlier plans."""
+    """Plans motions of one arm; the result depends only on the arguments, never on time or on earlier plans."""
 
     @abstractmethod
     def plan(

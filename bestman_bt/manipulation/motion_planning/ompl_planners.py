@@ -113,7 +113,7 @@ KINDS: dict[str, Callable[[base.SpaceInformation], Any]] = {
 class OmplPlanner(SamplingPlanner):
     """A planner of OMPL, with one search of at most ``max_checks`` per attempt.
 
-    All but KPIECE use all of these checks; the more, the shorter the path. ``planner``: which of OMPL's. ``aorrtc``:
+    All but KPIECE use all of these checks; more checks give shorter paths. ``planner``: OMPL's planner. ``aorrtc``:
     repeated RRT-Connect, each time for a cost below the best path so far. ``bit_star``: batches of samples, searched in
     the order of the solution that they could give. ``kpiece``: two trees over a coarse grid of projections, grown where
     it is least explored; edges are checked at the end. ``rrt_star``: one tree, rewired as it grows, so that paths get

@@ -1,4 +1,4 @@
-"""Several planners behind one: the first that finds a path, or the best of all."""
+"""Several planners as one: the first path found, or the best of all."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Member = Literal["aorrtc", "bit_star", "kpiece", "rrt_connect", "rrt_star"]
 
 @dataclass(frozen=True)
 class Portfolio(MotionPlanner):
-    """Runs its planners in turn, each with its own generator: RRT-Connect is quick, KPIECE searches differently.
+    """Runs its planners in turn, each with its own generator: RRT-Connect is fast, KPIECE explores differently.
 
     They run in sequence, because OMPL seeds all generators of a process from one, and a collision world serves one
     thread at a time, so that parallel planners would be non-deterministic. Evaluations use a single planner, to

@@ -1,4 +1,4 @@
-"""The question to a motion planner, checked before any search: refusals name the joint or the bodies."""
+"""The query to a motion planner, checked before any search: errors name the joint or the bodies."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def check_query(
     constraint: PathConstraint | None,
     limit_tolerance: float,
 ) -> PlanningQuery:
-    """Check start and goals; the start may be ``limit_tolerance`` rad outside of its limits.
+    """Check start and goals; the start may be ``limit_tolerance`` rad outside its limits.
 
     Raises MotionPlanningError if the start, or every goal, violates limits, collision or constraint; ManipulationError
     for NaN, wrong shapes, no goals, or different joints of world and limits.

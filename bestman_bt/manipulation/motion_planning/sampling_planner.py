@@ -31,7 +31,7 @@ from bestman_bt.messages.shapes import Count, NonNegative, NonNegativeInt, Posit
 
 
 _LEAST_GAIN = 0.01
-"""Radians; less is not worth the checks."""
+"""Smallest shortening, radians, that justifies further checks."""
 _SWEEPS = 5
 _PULLS = (0.7, 0.35, 0.15)
 
@@ -149,20 +149,20 @@ def _without_repeats(path: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 WAY_SAMPLES = 50
-"""Configurations that are looked at to say what stands in the way where no path was found."""
+"""Number of configurations checked to name the obstacle if no path was found."""
 
 
 @dataclass(frozen=True)
 class SamplingPlanner(MotionPlanner):
     """A planner that searches by random samples; subclasses implement ``search``.
 
-    The result depends on the arguments alone: every search is seeded from ``rng`` and limited by counts, not by time.
+    The result depends only on the arguments: every search is seeded from ``rng`` and limited by counts, not by time.
 
     ``check_step``, ``final_check_step``: rad between checked points during planning, and of the final path; if the
     final check fails, the next attempt plans with half the step. ``max_checks``: collision checks of an attempt;
     ``max_iterations``: of the search. ``attempts``: searches from new seeds. ``shortcut_attempts``,
-    ``shortcut_patience``: see ``shortcut``. ``limit_tolerance``: rad by which the start may be outside of its limits
-    (an arm that sags or overshoots). ``wall_limit``: seconds after which planning aborts with an error; results never
+    ``shortcut_patience``: see ``shortcut``. ``limit_tolerance``: rad by which the start may be outside its limits (an
+    arm that sags or overshoots). ``wall_limit``: seconds after which planning aborts with an error; results never
     depend on it.
     """
 

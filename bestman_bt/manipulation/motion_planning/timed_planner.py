@@ -35,10 +35,10 @@ _HALVINGS = 4
 class CollisionRecovery:
     """Moves an arm out of a start in collision.
 
-    ``step``: radians of the joint that moves most in one step; ``largest_motion``: of any joint, all in all.
+    ``step``: largest joint motion per step, radians; ``largest_motion``: largest total motion of a joint, radians.
 
     ``deepest``: metres of overlap, padding included, beyond which the belief is assumed wrong and the arm does not
-    move. ``spare``: metres of clearance at which the motion ends. ``directions``: random ones that are tried.
+    move. ``spare``: metres of clearance at which the motion ends. ``directions``: number of random directions to try.
     """
 
     step: float = 0.01
@@ -128,7 +128,7 @@ def _refusal(origin: NDArray[np.float64], world: CollisionWorld, why: str) -> Mo
 
 @dataclass(frozen=True, eq=False)
 class TimedPlan:
-    """``trajectory``: checked, ready to follow. ``plan``: the path behind it. ``attempts``: plans it took."""
+    """``trajectory``: checked, ready to follow. ``plan``: the path behind it. ``attempts``: number of plans needed."""
 
     trajectory: JointTrajectory
     plan: MotionPlan

@@ -21,7 +21,7 @@ from bestman_bt.messages import Pose
 class Observation:
     """The input of a policy at one moment.
 
-    ``joint_positions``: (n,) radians. ``base_from_tool``: by encoders. ``gripper_width``: metres, or None. ``goal``:
+    ``joint_positions``: (n,) radians. ``base_from_tool``: from encoders. ``gripper_width``: metres, or None. ``goal``:
     (g,), as specified; for reaching x, y, z and the quaternion xyzw of the tool in the base frame, for picking the
     perceived pose of the object. ``images``: camera role → (H, W, 3) uint8 RGB. ``joint_velocities``: (n,) rad/s,
     currently commanded, or None. Raises PolicyObservationError.

@@ -63,20 +63,20 @@ def _along_twists(chunk: ActionChunk, start: NDArray[np.float64], kinematics: In
 
 Array = NDArray[np.float64]
 MAX_SLOWDOWN = 20.0
-"""A chunk that would have to be slower than this has no sense as a motion: a jump, not a step."""
+"""Largest slowdown of a chunk; beyond it, the chunk is a jump and not a motion."""
 _INSIDE = 1.0 - 1e-6
 _JERK_SHARE = 0.95
-"""Fraction of the jerk limits used in planning, because samples of a motion give its jerk to a few percent only."""
+"""Fraction of the jerk limits used in planning, because samples of a motion give its jerk only to a few percent."""
 _TARGET_SHARE = 0.9
-"""Share of the limits that a waypoint may ask for: ruckig needs some room to arrive in time."""
+"""Fraction of the limits that a waypoint may require: ruckig needs a margin to arrive in time."""
 _MARGIN = 0.03
-"""rad that waypoints keep from the joint limits: between them the motion may swing out a little."""
+"""Distance of waypoints from the joint limits, rad: the motion may overshoot slightly between them."""
 _SWING = 0.01
-"""rad by which a joint may pass the end of the chunk and come back."""
+"""Largest overshoot of a joint beyond the end of the chunk, rad."""
 _CREEP = 0.02
-"""rad/s at which a joint may always move."""
+"""Speed at which a joint may always move, rad/s."""
 _IN_TIME = 1e-3
-"""Seconds that the motion may be late at a waypoint."""
+"""Largest delay of the motion at a waypoint, seconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class StreamState:
 class StreamedMotion:
     """A motion from the clock's ``start`` to rest; ``accelerations``: (N, n) at its samples.
 
-    ``intended``: the motion of the chunks, from the clock's ``said`` on, without the final braking.
+    ``intended``: the motion of the chunks, from the clock's ``said``, without the final braking.
     """
 
     start: float
@@ -116,13 +116,13 @@ class StreamedMotion:
 
 @dataclass(eq=False)
 class ChunkStream:
-    """The motion under way, and its continuation by the next chunk.
+    """The current motion, and its continuation by the next chunk.
 
     ``splice`` proposes a motion; nothing changes until ``accept``, so that the proposal can be checked first. Every
     accepted motion ends at rest: an arm whose policy stops answering comes to rest.
 
     ``speed``: fraction of the arm's limits. ``jerk_time``: seconds from rest to full acceleration. ``blend``: seconds
-    in which the weight of the current chunk falls to 0. ``period``: between samples, seconds.
+    in which the weight of the current chunk falls to 0. ``period``: time between samples, seconds.
     """
 
     limits: JointLimits
@@ -141,11 +141,12 @@ class ChunkStream:
         self._ruckig = ruckig.Ruckig(len(self.limits.joint_names))
 
     def moving(self, time: float) -> bool:
-        """Return whether a motion is under way at ``time``."""
+        """Return whether a motion is executing at ``time``."""
         return self.motion is not None and time < self.motion.end - 1e-9
 
     def splice(self, path: Array, dt: float, seen: float, at: float) -> StreamedMotion:
-        """Return the motion from the clock's ``at`` on: first as the one under way, then along ``path``, then to rest.
+        """Return the motion that starts at the clock's ``at``: first like the current one, then along ``path``, then to
+        rest.
 
         ``path``: (H + 1, n) radians, ``dt`` seconds apart, from ``seen``, the time of the observation. It is stretched
         if it exceeds the limits. Raises PolicyActionError if it would take 20 times as long or leave the joints' range,
@@ -175,7 +176,7 @@ class ChunkStream:
         return self._timed((passing - at) * slowdown, waypoints, state, at)
 
     def accept(self, spliced: StreamedMotion, now: float) -> JointTrajectory:
-        """Accept the proposal; returns the trajectory from ``now`` on: the motion under way, then the proposal.
+        """Accept the proposal; returns the trajectory that starts at ``now``: the current motion, then the proposal.
 
         Raises StaleChunkError if it is too late.
         """

@@ -6,7 +6,7 @@ from bestman_bt.manipulation.errors import ManipulationError
 
 
 class PolicyError(ManipulationError):
-    """A policy that cannot be used, or an answer of it that cannot be carried out."""
+    """A policy cannot be used, or its answer cannot be executed."""
 
     code = "policy_failed"
 
@@ -30,7 +30,7 @@ class PolicyActionError(PolicyError):
 
 
 class StaleChunkError(PolicyError):
-    """A chunk came too late to continue the motion; query again."""
+    """A chunk arrived too late to continue the motion; query again."""
 
     code = "stale_chunk"
 
@@ -42,6 +42,6 @@ class PolicyUnreachableError(PolicyError):
 
 
 class PolicyServerError(PolicyError):
-    """A policy server answered with an error, or with something that breaks the protocol."""
+    """A policy server answered with an error, or violated the protocol."""
 
     code = "policy_server"

@@ -65,8 +65,9 @@ FEATURES: Mapping[str, Feature] = {
     "tool_axes": lambda observation: observation.base_from_tool.rotation[:, [0, 2]].T.ravel(),
 }
 """``goal_error``: (6,), see ``pose_error``. ``goal_offset``: (3,) metres from the tool to the goal in the base frame;
-``goal_offset_near``: the same where it is small, squashed beyond. ``tool_axes``: (6,) the tool's x and z axis in the
-base frame. The others are the observation's own."""
+``goal_offset_near``: the same if small, saturated beyond. ``tool_axes``: (6,) the tool's x and z axis in the base
+frame. The others are the observation's own.
+"""
 
 
 def feature_vector(observation: Observation, names: Sequence[str]) -> NDArray[np.float64]:

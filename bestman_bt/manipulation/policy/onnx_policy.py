@@ -96,7 +96,7 @@ class OnnxPolicy(Policy):
 
     The specification is read on first use, the network at the first ``act``. Raises MissingExtraError without
     onnxruntime, PolicyModelError for inconsistent files, PolicyActionError for NaN. ``model``: the .onnx file; its
-    specification is the .json beside it. ``threads``: of onnxruntime.
+    specification is the .json beside it. ``threads``: number of threads of onnxruntime.
     """
 
     model: str = ""
@@ -150,7 +150,7 @@ class OnnxPolicy(Policy):
         return ActionChunk(chunk[:, :joints], spec.dt, space, widths)
 
     def run(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Return the network's outputs for normalized ``features`` (1, n); raises as ``act`` does."""
+        """Return the network's outputs for normalized ``features`` (1, n); raises the errors of ``act``."""
         session = self._session
         try:
             outputs = session.run(None, {session.get_inputs()[0].name: features})

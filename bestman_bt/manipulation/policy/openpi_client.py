@@ -35,7 +35,7 @@ from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpec
 
 
 _BROKEN = (ValueError, TypeError, KeyError, OverflowError, SyntaxError)
-"""What wrong bytes end in, beside msgpack's own errors; numpy parses the names of types as Python."""
+"""Errors caused by invalid bytes, besides msgpack's own; numpy parses type names as Python."""
 
 
 def pack(value: Any) -> bytes:
@@ -100,12 +100,12 @@ class OpenpiPolicy(Policy):
     Raises PolicyUnreachableError without an answer, PolicyServerError if the server reports an error or violates the
     protocol, PolicyActionError for actions of another shape or NaN, MissingExtraError without the extra.
 
-    ``url``: as ``ws://host:8000``. ``api_key``: as in openpi. ``connect_timeout``, ``timeout``: seconds for the
+    ``url``: such as ``ws://host:8000``. ``api_key``: as in openpi. ``connect_timeout``, ``timeout``: seconds for the
     connection with its metadata, and for an answer. ``retries``: new connections after a loss or timeout. ``prompt``:
     the instruction. ``joint_key``, ``gripper_key``, ``goal_key``: empty: not sent; ``image_keys``: camera → key of the
-    server; ``image_size``: (H, W) pixels, padded with black. ``space``, ``dt``: of the actions. ``gripper_column``:
-    from 0, negative from the end; None: none; its value 0 is open by ``gripper_open`` metres, 1 closed, also in
-    observations.
+    server; ``image_size``: (H, W) pixels, padded with black. ``space``, ``dt``: action space, and seconds per action.
+    ``gripper_column``: from 0, negative from the end; None: none; its value 0 is open by ``gripper_open`` metres, 1
+    closed, also in observations.
     """
 
     url: str = ""
@@ -157,7 +157,7 @@ class OpenpiPolicy(Policy):
         """Do nothing: servers of this protocol have no episode state."""
 
     def act(self, observation: Observation) -> ActionChunk:
-        """Query the server for a chunk; raises as the class does."""
+        """Query the server for a chunk; raises the errors listed in the class."""
         question = pack(self.question(observation))
         reason = ""
         for _ in range(self.retries + 1):
@@ -195,7 +195,7 @@ class OpenpiPolicy(Policy):
         return question
 
     def ask(self, question: bytes) -> dict[str, Any]:
-        """Return the server's answer to a packed question; raises as the class does."""
+        """Return the server's answer to a packed question; raises the errors listed in the class."""
         connection = self._connected(time.monotonic() + self.connect_timeout)
         deadline = time.monotonic() + self.timeout
         try:

@@ -62,7 +62,7 @@ def dense_samples(
 
 
 class TrajectoryError(ManipulationError):
-    """A path that cannot be timed, or whose timing breaks a limit."""
+    """A path that cannot be timed, or whose timing violates a limit."""
 
 
 @dataclass(frozen=True)

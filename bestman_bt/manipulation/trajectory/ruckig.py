@@ -1,4 +1,4 @@
-"""Jerk-limited motion from one state of motion to another by ruckig, on this machine only.
+"""Jerk-limited motion from one state of motion to another by ruckig, computed locally.
 
 Berscheid and Kröger, "Jerk-limited real-time trajectory generation with arbitrary target states", RSS 2021.
 """

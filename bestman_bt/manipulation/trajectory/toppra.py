@@ -28,7 +28,7 @@ class Toppra(TimeParametrization):
     ``waypoint_spacing``: rad between points of the spline (a sparse spline deviates from the path by up to 0.45 rad).
     ``grid_per_waypoint``, ``min_grid``: points at which toppra enforces the limits; accelerations exceed them by a few
     percent in between, which is measured at ``check_rate`` Hz and removed by slowing down the whole motion. ``rate``:
-    Hz of the result. ``position_slack``: rad by which the first sample may be outside of its limits.
+    Hz of the result. ``position_slack``: rad by which the first sample may be outside its limits.
     """
 
     waypoint_spacing: Annotated[Positive, "rad"] = 0.05
@@ -42,7 +42,7 @@ class Toppra(TimeParametrization):
         import toppra  # noqa: F401 - now, for it takes half a second, which the first motion does not have
 
     def parametrize(self, path: ArrayLike, limits: JointLimits, scale: SpeedScale | None = None) -> JointTrajectory:
-        """Time ``path`` (N, n) within ``scale`` of ``limits``; raises as the base class does."""
+        """Time ``path`` (N, n) within ``scale`` of ``limits``; raises the errors of the base class."""
         count = len(limits.joint_names)
         waypoints = _densified(joint_path(path, count, "path"), self.waypoint_spacing)
         if len(waypoints) < 2:

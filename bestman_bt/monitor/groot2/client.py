@@ -18,7 +18,7 @@ from bestman_bt.monitor.groot2.protocol import PROTOCOL, Groot2Error, Request, R
 from bestman_bt.monitor.groot2.zmtp import ZmtpConnection
 
 TIMEOUT = 3.0
-"""Seconds in which an answer has to have come whole."""
+"""Time limit for a complete answer, seconds."""
 IDLE_AFTER = 10
 _HEADER, _REPLY_HEADER = 6, 22
 _TRANSITION = np.dtype([("time", "<u4"), ("time_high", "<u2"), ("uid", "<u2"), ("status", "u1")])
@@ -27,7 +27,7 @@ LONGEST_ERROR = 300
 
 
 class TreeChangedError(Groot2Error):
-    """The process has another tree than before."""
+    """The tree of the process has changed."""
 
 
 class Groot2Client:
@@ -103,14 +103,13 @@ class Groot2Client:
             ) from error
 
     def stop_recording(self) -> None:
-        """Record no longer."""
+        """Stop recording."""
         self.ask(RequestKind.TOGGLE_RECORDING, b"stop")
 
     def transitions(self) -> tuple[Transitions, int]:
-        """Return the transitions since the last call, of which the process keeps 1,000, and how many it lost besides.
-
-        BehaviorTree.CPP up to 4.9 measures its answer before it locks the record: of what is recorded in between,
-        zeros are sent. No node has the uid 0.
+        """Return the transitions since the last call, of which the process keeps 1,000, and the number of lost ones.
+        BehaviorTree.CPP up to 4.9 computes the size of its answer before it locks the record: transitions recorded in
+        between are sent as zeros. No node has the uid 0.
         """
         read = self._records(self.ask(RequestKind.TRANSITIONS), _TRANSITION)
         self._check(read["status"])
@@ -119,7 +118,7 @@ class Groot2Client:
         return Transitions(times, kept["uid"].copy(), kept["status"].copy()), len(read) - len(kept)
 
     def blackboards(self, names: list[str]) -> dict[str, dict[str, Any]]:
-        """Name → key → value, of those that are there."""
+        """Return blackboard name → key → value, for the existing blackboards."""
         import msgpack
 
         content = self.ask(RequestKind.BLACKBOARD, ";".join(names).encode())
@@ -176,7 +175,7 @@ class Groot2Client:
 
 
 def parse_address(given: str) -> tuple[str, int]:
-    """Host and port of ``groot2://HOST:PORT``. Raises Groot2Error for anything else."""
+    """Return host and port of ``groot2://HOST:PORT``. Raises Groot2Error for anything else."""
     scheme, mark, place = given.partition("://")
     host, _, port = place.rpartition(":")
     if not mark or scheme != "groot2" or not host or not port.isdigit() or not 0 < int(port) < 65535:

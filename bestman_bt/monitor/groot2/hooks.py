@@ -19,10 +19,10 @@ from bestman_bt.engine import FAILURE, SUCCESS, Node, Tree
 from bestman_bt.monitor.groot2.protocol import Request, RequestError, RequestKind
 
 POLL = 0.05
-"""Seconds after which a tick that is held up looks whether the execution was cancelled."""
+"""Seconds between checks of a held tick whether the execution was cancelled."""
 NOT_FOUND = "Node ID not found"
 _REPLACING = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}
-"""The results that replace a node's own; all others leave it."""
+"""The results that replace a node's own; all others have no effect."""
 
 
 class Position(IntEnum):
@@ -88,7 +88,7 @@ class _Hook:
 
 class Groot2Hooks:
     """The hooks on the nodes of ``tree``. ``reached``: called, in the ticking thread, with each node whose hook is
-    reached. ``replaced``: called there with each result that a hook gave in a node's place, in words.
+    reached. ``replaced``: called there with each result that a hook gave instead of a node, as text.
     """
 
     def __init__(
@@ -144,14 +144,14 @@ class Groot2Hooks:
                 self._take(hook)
 
     def enable_all(self, enabled: bool) -> None:
-        """Switch all hooks on, or off: then they hold up nothing."""
+        """Enable all hooks, or disable them so that they have no effect."""
         with self._changed:
             for hook in self._hooks.values():
                 hook.enabled = enabled
             self._changed.notify_all()
 
     def unlock(self, content: bytes) -> None:
-        """Release the tick that a breakpoint holds, with the given result for the node if there is one."""
+        """Release the tick that a breakpoint holds, with the given result for the node, if any."""
         asked = _read(_Unlock, content)
         with self._changed:
             hook = self._standing(asked)

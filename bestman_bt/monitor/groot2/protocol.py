@@ -1,7 +1,7 @@
 """Groot2's wire protocol, version 2, as in BehaviorTree.CPP 4.10 (``loggers/groot2_protocol.h``).
 
-A request: 6 bytes ``<BBI`` (protocol, letter of the kind, id that the client chose), then at most one part. A reply:
-the same 6 bytes and the 16 bytes of the tree's UUID, then at most one part. A failure is answered by ``error`` and a
+A request: 6 bytes ``<BBI`` (protocol, letter of the kind, id chosen by the client), then at most one part. A reply: the
+same 6 bytes and the 16 bytes of the tree's UUID, then at most one part. For a failure, the reply is ``error`` and a
 text.
 """
 
@@ -44,14 +44,14 @@ def import_zmq() -> Any:
 
 
 ROOT = "ROOT"
-"""The name by which the topmost blackboard comes with that of any SubTree."""
+"""The name of the topmost blackboard in an answer with other blackboards."""
 _INTEGERS = range(-(2**63), 2**64)
 
 
 def dump_blackboards(tree: Tree, names: str) -> bytes:
     """Return the entries of the blackboards ``names``, separated by ``;``: paths of SubTrees, or the tree's name.
 
-    Unknown names are left out; nil if none is left. Raises RequestError if a SubTree is itself named ROOT.
+    Unknown names are omitted; nil if none remains. Raises RequestError if a SubTree is itself named ROOT.
     """
     boards = {path or tree.tree_id: board for path, board in tree.blackboards.items()}
     document: dict[str, Any] = {}

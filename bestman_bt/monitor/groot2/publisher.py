@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 
 IDLE_AFTER = 10
-"""Added to the state that a node had before it became idle: Groot2 draws it faintly."""
+"""Offset of the state that a node had before it became idle, which Groot2 draws faintly."""
 MOST_TRANSITIONS = 1000
-"""Transitions kept of a recording that is not fetched; older ones are dropped."""
+"""Largest number of transitions kept until they are fetched; older ones are dropped."""
 _STATE = struct.Struct("<HB")
 _MOST_MICROSECONDS = 2**48 - 1
 
@@ -58,7 +58,7 @@ class ObservedStates:
         self._kept.append(changes)
 
     def read_changes(self) -> None:
-        """Process the stored changes; call it regularly, or they accumulate."""
+        """Process the stored changes; call it regularly, because they accumulate."""
         while self._kept:
             changes = self._kept.popleft()
             stamp = b""
@@ -109,7 +109,7 @@ class Groot2Publisher:
     A separate thread answers requests: a tick only stores its state changes, and waits only at breakpoints.
 
     ``host``, ``port``: the address for requests; breakpoints are published on the next port. ``intervened``: called, in
-    the ticking thread, with each result that a hook gave in a node's place. ``heartbeat``: seconds without a request
+    the ticking thread, with each result that a hook gave instead of a node. ``heartbeat``: seconds without a request
     after which the client counts as gone and hooks are disabled. ``poll``: seconds between checks. ``most_bytes``: the
     maximum size of a message.
 

@@ -35,20 +35,20 @@ from bestman_bt.records.nodes import NodeList
 from bestman_bt.records.shown_value import REMOVED, show_value
 
 POLL = 0.02
-"""Seconds between two looks at the transitions: 1,000 are kept, so that 50,000 a second could come."""
+"""Seconds between two requests for transitions: the process keeps 1,000, so up to 50,000 per second are possible."""
 LOOK = 0.05
-"""Seconds between two looks at the states of a process that does not record its changes."""
+"""Seconds between two requests for the states of a process that does not record changes."""
 BLACKBOARD_PERIOD = 1.0
 BLACKBOARD_SHARE = 20
-"""The process answers nothing else while it writes its blackboards out: they are asked for so many times as rarely."""
+"""Factor by which blackboards are requested less often: the process answers nothing else while it writes them."""
 RETRY = 0.2
 """Seconds between two attempts to reach a process."""
 WAS_FINE = 5.0
-"""Seconds of watching after which what ends it is said, also where the same was said before."""
+"""Seconds of watching after which the reason for its end is reported, even if the same reason was reported before."""
 MOST_REACHED = 1000
-"""Breakpoints that are read at one look."""
+"""Largest number of breakpoints read at a time."""
 ONE_MOMENT = 1e-3
-"""Seconds: transitions that are closer together are reported with one time."""
+"""Largest time between transitions that are reported with the same time, seconds."""
 ROOT = 1
 _WHEN: dict[Position, Literal["before", "after"]] = {Position.BEFORE: "before", Position.AFTER: "after"}
 _POSITIONS = {when: position for position, when in _WHEN.items()}
@@ -63,7 +63,7 @@ class Groot2Watcher:
     """Watches the process at ``host``:``port`` between ``start`` and ``stop``, in a separate thread.
 
     ``runs``: the folder for run folders and for the breakpoints of each tree; None records nothing. ``log``: called
-    with each problem, once while it lasts. ``every_change``: let the process record its changes of state; else its
+    once for each problem while it persists. ``every_change``: let the process record its changes of state; else its
     states are read every ``LOOK`` seconds.
     """
 

@@ -12,7 +12,7 @@ import time
 from bestman_bt.monitor.groot2.protocol import Groot2Error
 
 MOST_BYTES = 64 << 20
-"""Of one message: a tree of 65,535 nodes has 15 million."""
+"""Largest size of one message, bytes: a tree of 65,535 nodes has 15 million."""
 MOST_PARTS = 8
 GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32)
 _MORE, _LONG, _COMMAND = 1, 2, 4

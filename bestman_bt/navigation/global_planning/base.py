@@ -54,7 +54,7 @@ class GlobalPlanner(ABC):
 def with_overhang_reason(
     plan: Callable[[Pose2D, Pose2D, Costmap], Path2D | PlanningFailure], start: Pose2D, goal: Pose2D, costmap: Costmap
 ) -> Path2D | PlanningFailure:
-    """Return the result of ``plan``; a failure that is only due to the overhang above the base says so."""
+    """Return the result of ``plan``; a failure that is caused only by the overhang above the base states this."""
     found = plan(start.checked("the start"), goal.checked("the goal"), costmap)
     overhang = costmap.footprint.overhang
     if isinstance(found, Path2D) or overhang is None:

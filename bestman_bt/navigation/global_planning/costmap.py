@@ -45,7 +45,7 @@ class Rasterization:
     ``resolution``: metres per cell. ``clearance``: metres from every outline. ``furniture_position_error`` (metres,
     each way) and ``furniture_heading_error`` (radians): largest error of mapped furniture; a measured piece has its own
     (``MapFurniture.position_error``). ``cost_weight``: extra cost of a metre driven at the lethal distance,
-    ``cost_decay``: metres beyond it at which that has fallen to 1/e, in place of an inflation radius. ``floor_height``:
+    ``cost_decay``: metres beyond it at which it has fallen to 1/e, instead of an inflation radius. ``floor_height``:
     metres; obstacles entirely below ``floor_height`` or above ``robot_height`` are ignored. ``static``: whether to
     include walls. ``furniture``: whether to include furniture. ``doors``: whether to include doors and their frames.
     """
@@ -161,8 +161,8 @@ class Costmap:
     ) -> Costmap:
         """Return a costmap of an occupancy grid, for example from SLAM or a file, with its resolution.
 
-        A cell is an obstacle from ``OCCUPIED`` / 2 on; unknown ones if ``unknown_is_obstacle``. An obstacle fills its
-        cell, so distances are from the cell's border.
+        A cell is an obstacle at values of at least ``OCCUPIED`` / 2; unknown ones if ``unknown_is_obstacle``. An
+        obstacle fills its cell, so distances are from the cell's border.
         """
         p = replace(rasterization, resolution=grid.resolution)
         layers = [CellLayer.occupied(grid)]
@@ -266,10 +266,11 @@ class Costmap:
         return limited
 
     def footprint_clearance(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the clearance (N,), metres, between the footprint and the next obstacle, for ``poses`` (N, 3) of x, y,
-        theta.
+        """Return the clearance (N,), metres, between the footprint and the nearest obstacle, for ``poses`` (N, 3) of x,
+        y, theta.
 
-        Zero or negative if it touches one or leaves the costmap. The overhang counts for obstacles of its height.
+        Zero or negative if it touches one or leaves the costmap. The overhang is checked against obstacles of its
+        height.
         """
         points = at_poses(self.footprint.outline(self.resolution / 2), poses)
         around = self.distance_at(points).min(axis=1)
@@ -312,7 +313,7 @@ class Costmap:
         return distance
 
     def clearance_at(self, pose: Pose2D) -> float:
-        """Return the clearance between the footprint at ``pose`` and the next obstacle, metres, as
+        """Return the clearance between the footprint at ``pose`` and the nearest obstacle, metres, as
         ``footprint_clearance``.
         """
         return float(self.footprint_clearance(np.array([[pose.x, pose.y, pose.theta]]))[0])

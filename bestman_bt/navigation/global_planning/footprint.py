@@ -15,9 +15,9 @@ from bestman_bt.messages.frozen_array import frozen_array
 from bestman_bt.robot_model.model import BaseModel
 
 _ROUNDED = 2e-3
-"""Metres by which corners of the outline above may be cut off; its margin is far more."""
+"""Largest simplification error of the outline above, metres; much less than its margin."""
 LOOKS_AROUND = 0.10
-"""Metres above its lidar up to which a body counts as part of the base that the lidar looks around for."""
+"""Height above the lidar up to which a body counts as part of the base, whose surroundings the lidar sees, metres."""
 DISCS = 0.0125
 """Spacing of the discs on the outline with the overhang, metres."""
 _AROUND = np.array([[math.cos(turn), math.sin(turn)] for turn in np.arange(8) * math.pi / 4]) / math.cos(math.pi / 8)
@@ -168,7 +168,7 @@ class Footprint:
 
     @property
     def turning_radius(self) -> float:
-        """Radius of the circle about the origin that is swept in a turn on the spot, metres."""
+        """Radius of the circle about the origin that is swept in a turn in place, metres."""
         return self.circumscribed_radius + self.turning_drift
 
     def outline(self, spacing: float) -> NDArray[np.float64]:

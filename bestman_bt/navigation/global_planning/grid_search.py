@@ -21,11 +21,11 @@ from scipy.sparse.csgraph import dijkstra
 from bestman_bt.navigation.global_planning.costmap import Costmap
 
 LARGE = 30_000
-"""Cells from which on a corridor is sought first."""
+"""Number of cells from which a corridor is searched first."""
 COARSE = 4
-"""Cells along each side of a coarse cell: walls with the room that a base keeps from them are wider than two."""
+"""Number of cells along each side of a coarse cell: walls with the clearance of a base are wider than two cells."""
 CORRIDOR = 1
-"""Coarse cells on each side of the coarse way that belong to the corridor."""
+"""Number of coarse cells on each side of the coarse path that belong to the corridor."""
 
 Cell = tuple[int, int]
 Search = Callable[[NDArray[np.float64], Cell, Cell], NDArray[np.intp] | None]

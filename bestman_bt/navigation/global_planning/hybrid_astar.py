@@ -2,8 +2,7 @@
 
 States are poses; the grid only decides which are equivalent. Branches are arcs of the turning radius and straight
 pieces, forwards and backwards, checked by footprint. Two heuristics guide the search: the cheapest path over the cells
-for any heading, and the Reeds-Shepp curve without obstacles, which is also tried as the rest of the path from time to
-time.
+for any heading, and the Reeds-Shepp curve without obstacles, which is periodically also tried as the rest of the path.
 """
 
 from __future__ import annotations

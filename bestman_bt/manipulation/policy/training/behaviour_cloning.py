@@ -31,8 +31,8 @@ Array = NDArray[np.float32]
 class BehaviourCloning:
     """Trains a network on demonstrations.
 
-    ``hidden``: widths. ``steps``: of Adam on batches of ``batch``, with ``rate`` decaying to 0 by a cosine.
-    ``precision``: a chunk that moves a fraction s of the usual distance has the weight 1 / (s + precision), to
+    ``hidden``: widths. ``steps``: number of Adam steps on batches of ``batch``, with ``rate`` decaying to 0 by a
+    cosine. ``precision``: a chunk that moves a fraction s of the usual distance has the weight 1 / (s + precision), to
     emphasise the last centimetre.
     """
 
@@ -101,7 +101,7 @@ class ClonedPolicy:
     loss: float
 
     def save(self, path: Path) -> None:
-        """Write ``path`` (.onnx) and its .json; MissingExtraError without the package onnx."""
+        """Write ``path`` (.onnx) and its .json. Raises MissingExtraError without the package onnx."""
         try:
             import onnx
             from onnx import TensorProto, helper, numpy_helper

@@ -1,7 +1,8 @@
-"""Folders in LeRobot's dataset layout, version 3.0: what is in them, and how episodes are added.
+"""Folders in LeRobot's dataset layout, version 3.0: their content, and the addition of episodes.
 
-Cadene et al., "LeRobot", 2024. An episode is there once its row in ``meta/episodes`` is; what else lies under ``meta``
-follows from the rows. Files are replaced as a whole, so a killed process leaves a dataset that can be read and grow.
+Cadene et al., "LeRobot", 2024. An episode exists once its row in ``meta/episodes`` does; all other files under ``meta``
+are derived from the rows. Files are replaced as a whole, so a killed process leaves a dataset that can be read and
+grow.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from bestman_bt.manipulation.policy.training.dataset_statistics import combined,
 
 FILES_PER_FOLDER = 1000
 ROWS_PER_FILE = 100
-"""Episodes whose rows share a file of ``meta/episodes``, which is written anew with each of them."""
+"""Number of episodes whose rows share a file of ``meta/episodes``, which is rewritten with each of them."""
 NUMBERED = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 DATA, VIDEOS = "data", "videos"
 FAILURES = "failures"
@@ -100,7 +101,7 @@ class DatasetFolder:
         return frames
 
     def video(self, episode: int, feature: str) -> tuple[Path, float, float]:
-        """Return the file of an episode's video and where it begins and ends there, seconds."""
+        """Return the file of an episode's video and its start and end in that file, seconds."""
         row, key = self.episodes[episode], f"{VIDEOS}/{feature}"
         place = {name: row[f"{key}/{name}"] for name in ("chunk_index", "file_index")}
         return self.file(key, place), row[f"{key}/from_timestamp"], row[f"{key}/to_timestamp"]
@@ -134,7 +135,7 @@ class DatasetFolder:
         return self.path / kind / (NUMBERED.format(**place) + (".parquet" if kind == DATA else ".mp4"))
 
     def add(self, rows: Iterable[dict[str, Any]], tasks: Iterable[str]) -> None:
-        """Add episodes, whose files are in place, by their rows; ``tasks``: those that they name by index.
+        """Add episodes, whose files are in place, by their rows; ``tasks``: the task texts, referenced by index.
 
         After an exception, this object and the dataset are as before, without the files of the rows added so far.
         """
@@ -186,10 +187,7 @@ class DatasetFolder:
             (staged / f"{name}.json").write_text(json.dumps(document, indent=4), encoding="utf-8")
 
     def append(self, other: DatasetFolder) -> None:
-        """Copy the episodes of another dataset, its videos as they are.
-
-        Raises DatasetError for one of another format.
-        """
+        """Copy the episodes of another dataset, with unchanged videos. Raises DatasetError if the formats differ."""
         if problems := self.differences(other):
             raise DatasetError(f"{other.path} does not match {self.path}: {'; '.join(problems)}")
         tasks = dict.fromkeys([*self.tasks, *other.tasks])

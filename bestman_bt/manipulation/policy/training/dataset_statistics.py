@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 THINNED = 4
-"""Every so many pixels of a picture count in its statistics."""
+"""Sampling step of the pixels of a picture in its statistics."""
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
-"""Those that LeRobot writes since 0.4; policies that normalise by quantiles need them."""
+"""Quantiles that LeRobot writes since 0.4; policies that normalise by quantiles need them."""
 
 
 def number_statistics(values: NDArray[Any]) -> dict[str, Any]:
@@ -56,8 +56,8 @@ class PictureStatistics:
 def combined(total: Mapping[str, Any] | None, episode: Mapping[str, Any]) -> dict[str, Any]:
     """Return the statistics of all frames, from those of the frames so far and of a further episode.
 
-    Quantiles do not follow from those of episodes: the median and lower ones become the least of all episodes, higher
-    ones the greatest. They are left out if an episode has none.
+    Quantiles do not follow from those of episodes: the median and lower ones become the minimum over all episodes,
+    higher ones the maximum. They are omitted if an episode has none.
     """
     if total is None:
         return {name: episode[name] for name in ("min", "max", "mean", "std", *QUANTILES, "count") if name in episode}

@@ -44,7 +44,7 @@ class VideoFile:
         self._container.mux(self._stream.encode(frame))
 
     def close(self) -> None:
-        """Write what the encoder still holds; idempotent."""
+        """Write the data buffered in the encoder; idempotent."""
         container, self._container = self._container, None
         if container is None:
             return

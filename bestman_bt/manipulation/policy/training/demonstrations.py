@@ -55,8 +55,8 @@ class DemonstrationFormat:
 
 
 class DemonstrationRecorder(DatasetWriter):
-    """A dataset whose frames are observations of a policy. Raises as DatasetWriter, PolicyObservationError for a frame
-    that does not fit.
+    """A dataset whose frames are observations of a policy. Raises the errors of DatasetWriter, and
+    PolicyObservationError for a frame that does not fit.
     """
 
     def __init__(self, folder: str | Path, frames: DemonstrationFormat) -> None:

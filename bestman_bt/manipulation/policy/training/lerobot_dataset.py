@@ -37,8 +37,8 @@ class DatasetFormat:
     """The content of each frame.
 
     ``fps``: frames per second. ``numbers``: feature → the names of its entries. ``texts``: features that are a text.
-    ``cameras``: name → (H, W) pixels, even. ``units``: feature → the units of its entries, where they are known.
-    ``subtasks``: whether each frame has a text ``subtask``, what the robot does; the texts of an episode are kept as
+    ``cameras``: name → (H, W) pixels, even. ``units``: feature → the units of its entries, if known. ``subtasks``:
+    whether each frame has a text ``subtask`` that describes the robot's activity; the texts of an episode are kept as
     LeRobot's ``language_persistent``. Raises DatasetError.
     """
 
@@ -144,7 +144,7 @@ class DatasetWriter:
         self._rows.append(row | {name: str(values[name]) for name in texts})
 
     def discard(self) -> None:
-        """Forget the frames of the episode that is being recorded."""
+        """Discard the frames of the episode being recorded."""
         for video in self._videos.values():
             video.close()
             video.path.unlink(missing_ok=True)

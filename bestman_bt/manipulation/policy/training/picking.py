@@ -1,6 +1,6 @@
 """Demonstrations of picking: planned grasps, inverse kinematics and jerk-limited motions, without a simulator.
 
-The expert decides at each step from the observation alone: move above the object, descend as the hand gets aligned (a
+The expert decides at each step only from the observation: move above the object, descend as the hand gets aligned (a
 funnel: Burridge, Rizzi and Koditschek, "Sequential composition of dynamically dexterous robot behaviors", IJRR 1999),
 close, lift. Its state is perturbed after some steps (DART, Laskey et al., CoRL 2017).
 """
@@ -35,9 +35,9 @@ PICKING_FEATURES = (
 )
 OPEN, CLOSED = 1.0, -1.0
 _STILL = 1e-7
-"""rad, rad/s and rad/s² below which there is no motion to plan: ruckig fails on numbers as small as rounding errors."""
+"""rad, rad/s and rad/s² below which no motion is planned: ruckig fails on values as small as rounding errors."""
 _LEVER = 0.05
-"""Metres at which a wrong turn of the hand counts as much as a wrong place."""
+"""Position error, metres, that is weighted like a rotation error of 1 rad."""
 
 
 @dataclass(frozen=True)
@@ -66,17 +66,17 @@ class PickState:
 
 @dataclass(eq=False)
 class PickingExpert:
-    """Starts, objects and demonstrations for one arm; every choice comes from the generator that is passed in.
+    """Starts, objects and demonstrations for one arm; all randomness comes from the given generator.
 
     Metres, radians and seconds in the base frame.
 
     ``lower``, ``upper``: corners of the box of the object's middle; ``tool_lower``, ``tool_upper``: of the tool's
     starts, turned by ``max_yaw`` and ``max_tilt`` at most. ``slow``: rad/s below which the arm may close the gripper.
-    ``hover``: above the grasp; ``lift``: by how much it lifts. ``aligned``: largest lateral offset at which the hand
-    descends fully; ``astray``: offset from which it stays above. ``at_grasp``: distance at which it closes. ``carrot``:
-    lookahead distance of the arm's target. ``horizon`` actions of ``dt`` per chunk, of which ``executed`` are executed;
-    ``chunks``: maximum per episode. ``drift``: maximum random deviation from the path after each chunk, rad.
-    ``margin``: of the workspace around both boxes.
+    ``hover``: height above the grasp; ``lift``: height of the lift. ``aligned``: largest lateral offset at which the
+    hand descends fully; ``astray``: offset from which it stays above. ``at_grasp``: distance at which it closes.
+    ``carrot``: lookahead distance of the arm's target. ``horizon`` actions of ``dt`` per chunk, of which ``executed``
+    are executed; ``chunks``: maximum per episode. ``drift``: maximum random deviation from the path after each chunk,
+    rad. ``margin``: margin of the workspace around both boxes.
     """
 
     kinematics: InverseKinematics

@@ -34,8 +34,8 @@ class ReachingExpert:
     """Starts, goals and demonstrations for one arm; all randomness comes from the given generator.
 
     ``lower``, ``upper``: corners of the tool's box in the base frame, metres. ``max_yaw``, ``max_tilt``: largest
-    rotation of the tool from that in ``posture``, radians. ``posture_noise``: rad, on the joints at the start of a
-    search. ``horizon``: actions of ``dt`` seconds per chunk, of which ``executed`` are executed. ``chunks``: per
+    rotation of the tool from that in ``posture``, radians. ``posture_noise``: noise of the joints at the start of a
+    search, rad. ``horizon``: actions of ``dt`` seconds per chunk, of which ``executed`` are executed. ``chunks``: per
     episode. ``drift``: largest perturbation after each, rad. ``near``: fraction of the episodes that begin next to
     their goal. ``margin``: metres of the workspace around the goals' box.
     """
