@@ -236,7 +236,7 @@ ALGORITHMS = Registry(
 
 
 def class_and_preset(algorithm: Any) -> tuple[type, dict[str, Any]]:
-    """Return the class of a registered algorithm and the fields that it sets: those of an instance, none of a class.
+    """Return the class of a registered algorithm and the fields that it sets: those of an instance; for a class, none.
 
     Raises InputError for an instance of a class that is not a dataclass, because its fields cannot be read.
     """
@@ -377,7 +377,7 @@ LAUNCHERS = Registry(
         "slurm": "bestman_bt.evaluation.launchers.slurm_array:SlurmArray",
     },
 )
-"""What runs the episodes of an evaluation: subclasses of ``Launcher``."""
+"""Launchers that run the episodes of an evaluation: subclasses of ``Launcher``."""
 
 
 def algorithm(name: str) -> Callable[[T], T]:

@@ -343,7 +343,7 @@ def _contradictions(document: Document, asked: SuiteConfig) -> Iterable[Problem]
                 message = f"no node fails with {code!r}; it is called {RENAMED_CODES[code]!r} now"
                 yield document.problem((kind, key, "causes"), message)
     for key in _read_entries(asked, "controls").keys() & _read_entries(asked, "tasks").keys():
-        yield document.problem(("controls", key), "is the name of a task of this suite, too")
+        yield document.problem(("controls", key), "is also the name of a task of this suite")
 
 
 @up_to_unread_field

@@ -33,7 +33,7 @@ Nav2's own 0.25 reads the grey that it writes for unknown cells, 205, as free.
 WHITE, GREY, BLACK = 254, 205, 0
 """Grey values that ROS writes for free, unknown and occupied cells."""
 MOST_CELLS = 64_000_000
-"""Cells of the largest map that is read: 400 m by 400 m at 5 cm."""
+"""Largest number of cells of a map: 400 m by 400 m at 5 cm."""
 _EIGHT_BITS = ("1", "L", "LA", "P", "RGB", "RGBA")
 """Pillow's modes of images whose shades are 0 to 255."""
 

@@ -103,10 +103,10 @@ def _heading_along(points: NDArray[np.float64], reverse: bool) -> Pose2D:
 class PathSmoother:
     """Rounds the corners of paths; deterministic.
 
-    ``spacing``: metres between points. ``data_weight``, ``smooth_weight``: of the two pulls.
+    ``spacing``: metres between points. ``data_weight``, ``smooth_weight``: weights of fidelity and smoothness.
 
-    ``tolerance``: metres that all points together move in the last step, ``max_iterations``: steps at most.
-    ``refinements``: how often the result is smoothed again.
+    ``tolerance``: metres, total motion of all points in the last step, ``max_iterations``: largest number of steps.
+    ``refinements``: number of times the result is smoothed again.
     """
 
     spacing: Positive = 0.05

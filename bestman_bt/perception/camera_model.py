@@ -48,9 +48,8 @@ class Rectification:
         )
 
     def apply(self, image: RGBDImage) -> RGBDImage:
-        """Return the ideal image: colour interpolated, depth of the nearest pixel, so that edges stay edges.
-
-        PerceptionError if the image is not of this camera.
+        """Return the ideal image: colour interpolated, depth of the nearest pixel, so that edges stay sharp. Raises
+        PerceptionError if the image is not from this camera.
         """
         if image.intrinsics != self._intrinsics:
             raise PerceptionError(f"an image with {image.intrinsics} cannot be rectified by {self._intrinsics}")

@@ -20,7 +20,9 @@ CLOUD_FILES = (".ply", ".pcd", ".xyz", ".pts")
 
 
 def read_cloud(path: Path) -> PointCloud:
-    """Return the cloud in a file, metres; with colours if the file has them. Raises PerceptionError."""
+    """Return the cloud in a file, metres, with colours if the file has them. Raises PerceptionError if it cannot be
+    read.
+    """
     _check_suffix(path)
     if not path.is_file():
         raise PerceptionError(f"{path}: no such file")
@@ -36,7 +38,9 @@ def read_cloud(path: Path) -> PointCloud:
 
 
 def write_cloud(path: Path, cloud: PointCloud, normals: NDArray[np.float64] | None = None) -> None:
-    """Write a cloud, binary, as its suffix says. ``normals``: (N, 3) unit vectors. Raises PerceptionError."""
+    """Write a cloud, binary, in the format of the file's suffix. ``normals``: (N, 3) unit vectors. Raises
+    PerceptionError.
+    """
     _check_suffix(path)
     library, written = open3d(), _theirs(cloud)
     if normals is not None:

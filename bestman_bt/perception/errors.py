@@ -10,7 +10,7 @@ class PerceptionError(AlgorithmError):
 
 
 class NoSurfaceError(PerceptionError):
-    """Raised if no support surface was seen where one was expected; the message says how much was seen instead."""
+    """Raised if no support surface was seen where one was expected; the message states how much was seen instead."""
 
     code = "surface_not_seen"
 

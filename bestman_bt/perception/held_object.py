@@ -11,7 +11,7 @@ from bestman_bt.perception.view import View
 from bestman_bt.robot_model.model import GripperModel
 
 ROWS = 4
-"""Samples along each side of the sampled sections of the gap."""
+"""Number of samples along each side of the sampled sections of the gap."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class GapObservation:
 
     @property
     def unseen(self) -> float:
-        """The share that was hidden or had no depth."""
+        """The fraction of samples that were hidden or had no depth."""
         return 1.0 - self.filled - self.empty
 
 

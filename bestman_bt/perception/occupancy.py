@@ -26,11 +26,11 @@ from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.view import View
 
 BELOW = 0.03
-"""Metres below a surface from where on a column counts as seen: the map is off by as much."""
+"""Depth below a surface down to which a column must be seen, metres: the error of the map."""
 ABOVE = 0.06
-"""Metres above a surface up to which a column counts as seen where something was measured or seen through there."""
+"""Height above a surface up to which measured or seen-through voxels make a column count as seen, metres."""
 HIDDEN = 0.5
-"""Share of an object's footprint that has to be seen for the object to be noticed."""
+"""Fraction of an object's footprint that has to be seen to detect the object."""
 
 
 def hidden_share(grid: VoxelGrid, frame_from_surface: Pose, size: tuple[float, float], width: float) -> float:

@@ -39,8 +39,8 @@ def presence(
 ) -> Presence:
     """Compare the expected depth of the object with the measured one.
 
-    ``margin``: tolerance of depths, metres. ``share``: minimum fraction of the surface towards the camera that must be
-    visible, and of that part that the camera must see through for the object to be gone.
+    ``margin``: tolerance of depths, metres. ``share``: minimum visible fraction of the surface towards the camera and,
+    for the object to be gone, minimum fraction of that part through which the camera sees.
     """
     points, normals = _surface(model, frame_from_object)
     facing = ((view.viewpoint - points) * normals).sum(axis=1) > 0.0
@@ -87,8 +87,8 @@ class Tracker(ABC):
     ) -> Tracked:
         """Assign the ``sightings`` of one view to ``beliefs``; both and ``view`` in the map frame.
 
-        A sighting has its model's name as name. ``drift``: standard deviation of the map's error between views, metres.
-        ``taken``: identities that cannot be assigned, for example that of the held object.
+        The name of a sighting is that of its model. ``drift``: standard deviation of the map's error between views,
+        metres. ``taken``: identities that cannot be assigned, for example that of the held object.
         """
 
 
@@ -221,10 +221,8 @@ def _seen_again(before: ObjectBelief, sighting: ObjectBelief, moved: bool) -> Ob
 
 
 def at_yaw(sighting: ObjectBelief, yaw: float) -> Pose:
-    """Return the pose of what was seen if its yaw is ``yaw``, radians.
-
-    Of models without symmetry, what looks alike at both yaws stays where it was seen: the body of a mug, not its
-    origin, which lies between body and handle.
+    """Return the pose of the observed object for the yaw ``yaw``, radians. For models without symmetry, the part that
+    looks the same at both yaws stays in place: the body of a mug, not its origin, which is between body and handle.
     """
     seen = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, sighting.pose.yaw))
     turn = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw - sighting.pose.yaw))

@@ -116,6 +116,6 @@ class View:
 
 
 def known_depth(depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the depths with 0 in place of NaN, infinite and negative values."""
+    """Return the depths with 0 instead of NaN, infinite and negative values."""
     known: NDArray[np.float32] = np.where(np.isfinite(depth) & np.greater(depth, 0.0), depth, np.float32(0.0))
     return known

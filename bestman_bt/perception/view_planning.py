@@ -19,7 +19,7 @@ from bestman_bt.perception.pose_estimation.point_to_plane import YawObservabilit
 from bestman_bt.perception.pose_estimation.yaw_profile import YawSearch
 
 FACING = 0.15
-"""Least cosine between normal and line of sight: surface seen flatter than that gives no depth."""
+"""Smallest cosine between normal and line of sight: at flatter angles there is no depth."""
 
 
 def unobstructed(

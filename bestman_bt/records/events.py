@@ -22,7 +22,7 @@ MAIN_TREE = 0
 
 Topic = Literal["states", "blackboard", "robot", "scan", "images", "log"]
 TOPICS: tuple[Topic, ...] = ("states", "blackboard", "robot", "scan", "images", "log")
-"""What one can subscribe to; events without a topic are sent to every subscriber."""
+"""The topics of subscriptions; events without a topic are sent to every subscriber."""
 Level = Literal["debug", "info", "warning", "error"]
 Category = Literal["action", "condition", "control", "decorator", "subtree"]
 
@@ -92,7 +92,9 @@ class DescribedNode:
 
 @dataclass(frozen=True)
 class TreeEvent:
-    """A tree that is ticked from now on, parents before children; ``under``: uid of the main tree's leaf that does."""
+    """A tree that is ticked from now on, parents before children; ``under``: uid of the leaf of the main tree that
+    ticks it.
+    """
 
     nodes: list[DescribedNode]
     xml: str
@@ -208,7 +210,7 @@ class PathEvent:
 class ImageEvent:
     """A picture that a skill took: ``jpeg`` in base64, or, in run folders, the ``file`` relative to the folder.
 
-    ``node``: the leaf that failed when it was the last picture; empty for others.
+    ``node``: the leaf whose failure the picture precedes; empty for others.
     """
 
     time: float
@@ -340,7 +342,9 @@ def from_line(line: bytes | str) -> Event:
 
 
 def from_log_line(line: bytes | str) -> LogEvent:
-    """Return the event of a line of ``log.jsonl``, where ``event`` is the message; raises as ``from_line``."""
+    """Return the event of a line of ``log.jsonl``, where ``event`` is the message; raises the errors of
+    ``from_line``.
+    """
 
     def read() -> Event:
         document = json.loads(line)

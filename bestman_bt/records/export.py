@@ -91,7 +91,7 @@ def export_chrome(history: RunHistory, path: Path) -> None:
 
 
 def export_jsonl(history: RunHistory, path: Path) -> None:
-    """Write ``{"time": 0.05, "uid": 3, "path": "arm/grasp", "from": "IDLE", "to": "RUNNING"}``, a line a change."""
+    """Write ``{"time": 0.05, "uid": 3, "path": "arm/grasp", "from": "IDLE", "to": "RUNNING"}``, one line per change."""
     with path.open("w", encoding="utf-8") as file:
         for time, uid, before, state in _changes(history):
             told = {"time": time, "uid": uid, "path": history.nodes.path_of(uid)}

@@ -48,12 +48,12 @@ MAX_VALUES_A_KEY = 1_000
 MAX_KEYS = 5_000
 MAX_PATHS = 500
 MAX_PICTURES = 300
-"""Pictures of each camera that are held; the oldest go first."""
+"""Largest number of stored pictures per camera; the oldest are dropped first."""
 MAX_TEXT = 4096
-"""Characters of a text that travels to the page."""
+"""Largest number of characters of a text sent to the page."""
 
 PIECE = 1 << 17
-"""Changes of state that are worked on at a time: of more, what is only needed meanwhile would fill the memory."""
+"""Number of state changes processed at a time, which bounds the memory for temporary data."""
 LONGEST_RUN = 1e9
 """Seconds."""
 
@@ -242,7 +242,7 @@ class RunHistory:
                 self.changed_messages.touch(offset + uid, self.version)
 
     def add_changes(self, changes: Transitions, ticks: NDArray[np.int64]) -> None:
-        """Add changes as they are shown, in the order of time, with the tick of each."""
+        """Add changes in their displayed form, in the order of time, with the tick of each."""
         for begin in range(0, len(changes), PIECE):
             fresh = self.states.extend(changes[begin : begin + PIECE], ticks[begin : begin + PIECE])
             self.timeline.change(fresh)
@@ -364,10 +364,10 @@ class Freshness(Generic[K]):
 
 
 MAX_SAMPLES = 36_000
-"""An hour at 10 a second; what is older gets coarser."""
+"""An hour at 10 per second; older samples are thinned out."""
 MAX_SCANS = 1_800
 MAX_POINTS = 2_000
-"""Points of one scan that are kept."""
+"""Largest number of stored points per scan."""
 SERIES_POINTS = 1_500
 """Points of one joint's curve."""
 PLAIN = ("base", "believed_std", "held", "diagnostics", "speed")

@@ -90,7 +90,7 @@ class NodeList(Sequence[DescribedNode]):
         """
         if event.tree in self._ranges:
             if self._ranges[event.tree][1] != len(event.nodes):
-                raise EventError(f"the tree {event.tree} has other nodes than before")
+                raise EventError(f"the tree {event.tree} has different nodes than before")
             return []
         if not event.nodes:
             raise EventError(f"the tree {event.tree} has no nodes")

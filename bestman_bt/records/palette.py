@@ -11,7 +11,7 @@ from bestman_bt.records.states import NO, NodeStates
 Color = tuple[int, int, int]
 """Red, green, blue, 0 to 255."""
 _GREY, _KEPT = 120, 0.6
-"""What was is shown as a mixture of its colour with grey; the share of the colour."""
+"""Fraction of the colour in the mixture with grey that shows an earlier state."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def _past(look: Look, word: str) -> Look:
 
 STATE_NAMES = {IDLE: "idle", RUNNING: "running", SUCCESS: "success", FAILURE: "failure", SKIPPED: "skipped", NO: "no"}
 LOOKS = {state: _look(name) for state, name in STATE_NAMES.items()}
-"""Of the engine's states, and of NO: a condition has answered, which is its work, and no fault."""
+"""Looks of the engine's states, and of NO, the result of a false condition, which is not a fault."""
 HALTED = _look("halted")
 WAS_HALTED = _past(HALTED, "halted")
 WAS = {

@@ -36,10 +36,10 @@ from bestman_bt.records.writer import EVENTS_FILE, LOG_FILE, RESULT_FILE, SEGMEN
 
 LONGEST_SEGMENT = 4 * SEGMENT
 MOST_READ = 512 << 20
-"""Bytes that are read of all segments together: more than ten hours; of these one is in memory at a time."""
+"""Largest number of bytes read from all segments together, more than ten hours; one segment is in memory at a time."""
 RECORDS = (STATES_FILE, EVENTS_FILE)
 LARGEST_FILE = 32 << 20
-"""Bytes of one log that are read; executors cut theirs long before."""
+"""Largest number of bytes read from one log; executors split theirs much earlier."""
 LOG_SUFFIXES = (".btlog", ".db3", ".btdb")
 LONGEST_FIRST_LINE = 64 << 10
 LARGEST_PICTURE, LARGEST_RESULT = 8 << 20, 4 << 20
@@ -47,7 +47,7 @@ PICTURES_FOLDER = "pictures"
 PICTURE_SUFFIXES = (".jpg", ".jpeg", ".png")
 MOST_FAULTS, LONGEST_FAULT = 20, 300
 OUTCOMES = {SUCCESS: "success", FAILURE: "failure"}
-"""Of a tree without a judge, after what its root returned last."""
+"""Outcome of a tree without a judge, by the last result of its root."""
 
 
 class RecordError(InputError):
@@ -70,7 +70,7 @@ def run_folders(
     """Return the run folders of a path: itself, those at most ``depth`` folders below it, or a log of BehaviorTree.CPP.
 
     A run folder has one of the files ``parts``. Links to run folders count; other links are not followed. Paths in
-    ``known`` are left out without a look at them.
+    ``known`` are skipped without reading them.
     """
     if str(given) in known:
         return []
@@ -254,8 +254,8 @@ def read_result(folder: Path) -> dict[str, Any]:
 
 
 def read_picture(folder: Path, name: str) -> bytes:
-    """Return a picture that an event of this folder names; raises RecordError for anything that is not one inside of
-    it.
+    """Return a picture that an event of this folder names; raises RecordError for any other file, or one outside the
+    folder.
     """
     try:
         inside = folder.resolve() / PICTURES_FOLDER  # not resolved itself: it may be a link that leads elsewhere

@@ -1,4 +1,4 @@
-"""Blackboard entries for people and for files: short, and whatever the value is."""
+"""Blackboard entries for people and for files: short, for any value."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from bestman_bt.records.events import ShownEntry
 LONGEST_TEXT = 2000
 """Characters of a value's text."""
 MOST_ITEMS = 64
-"""Items of a list or dictionary that is shown whole."""
+"""Largest number of items of a list or dictionary that is shown in full."""
 REMOVED = ShownEntry("", "")
-"""Of an entry that exists no more."""
+"""The representation of a removed entry."""
 
 _shortened = reprlib.Repr()
 _shortened.maxlevel = 4

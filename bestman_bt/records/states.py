@@ -14,10 +14,12 @@ from bestman_bt.engine.logs.btlog import Transitions
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SUCCESS
 
 NO = 5
-"""Beside the engine's states: FAILURE of a condition, which has answered no, unless its tree ended by it."""
+"""A state in addition to the engine's: FAILURE of a condition, that is, a negative result, unless its tree ended
+because of it.
+"""
 BYTES_A_NODE = 30
 STATES = 8
-"""A change that is held is one number: uid × STATES + state."""
+"""A stored change is one number: uid × STATES + state."""
 
 
 class NodeStates:
@@ -50,7 +52,7 @@ class NodeStates:
     def apply(self, changes: Transitions) -> NDArray[np.intp]:
         """Apply changes in the order of time; returns the indices of those that change a state.
 
-        A node that returns without having been RUNNING counts as started then.
+        A node that returns without having been RUNNING counts as started at that time.
         """
         order = np.argsort(changes.uids, kind="stable")
         uids, states = changes.uids[order], changes.statuses[order]

@@ -44,8 +44,8 @@ def activities(changes: Transitions, end: float) -> Activities:
     """Return the activities of state changes, in the order of time and without repetitions; ``end``: of the record,
     seconds.
 
-    A result that follows a result without IDLE or RUNNING in between is a new activity: a node that returns at once is
-    never seen running.
+    A result that follows a result without IDLE or RUNNING in between is a new activity: a node that returns immediately
+    is never seen running.
     """
     order = np.argsort(changes.uids, kind="stable")
     uids, times, states = changes.uids[order], changes.times[order], changes.statuses[order]
@@ -91,7 +91,7 @@ def work_of_nodes(done: Activities) -> dict[int, WorkOfNode]:
 def outcomes(changes: Transitions) -> Transitions:
     """Return the results in order: SUCCESS and FAILURE.
 
-    A repeated result without a run in between is left out: how often a condition is checked depends on the duration of
+    A repeated result without a run in between is omitted: how often a condition is checked depends on the duration of
     other actions.
     """
     states = np.where(changes.statuses == NO, FAILURE, changes.statuses).astype(np.uint8)
@@ -102,13 +102,13 @@ def outcomes(changes: Transitions) -> Transitions:
 
 
 MAX_SPANS = 20_000
-"""Beyond it the timeline gets coarser: spans that are nearer than the resolution become one."""
+"""Largest number of spans; beyond it the timeline gets coarser: spans closer than the resolution are merged."""
 MAX_MARKS = 2_000
 FINEST = 0.02
 LONGEST = 1e9
 """Seconds."""
 _BY_WEIGHT = np.array([IDLE, SKIPPED, RUNNING, SUCCESS, NO, FAILURE], np.uint8)
-"""A merged span shows the last of its states here: what it came to, and a failure before all."""
+"""States in ascending priority: a merged span shows the last of its states in this order, first of all a failure."""
 _WEIGHT = np.argsort(_BY_WEIGHT)
 _SPAN = np.dtype([("uid", "u4"), ("state", "u1"), ("is_merged", "?"), ("begin", "f8"), ("end", "f8")])
 

@@ -33,9 +33,9 @@ RESULT_FILE, CONFIG_FILE = "result.json", "config.yaml"
 SEGMENT = 4 << 20
 """Bytes of events, or of log lines, after which a new segment begins."""
 KEEP_EVENTS, KEEP_LOG = 64 << 20, 16 << 20
-"""Compressed bytes of full segments that are kept."""
+"""Compressed bytes of full segments to keep."""
 KEPT_EVERY = {"robot": 0.19, "scan": 1.9}
-"""Seconds between those that are kept: of robot states that come each 0.1 s every other."""
+"""Seconds between stored robot states: every second one of those that arrive every 0.1 s."""
 
 
 def make_folder(parent: Path, stem: str) -> Path:

@@ -22,7 +22,7 @@ from bestman_bt.robot_model.model import ArmModel, RobotModel
 
 SUFFIX, TWIN_SUFFIX = ".bringup", ".twin-bringup"
 _ADDRESSED = ("address", "port", "token", "driver")
-"""What of a connection says where its controller is, and nothing of the robot."""
+"""Fields of a connection that give the location of its controller and are not properties of the robot."""
 
 
 @dataclass(frozen=True)

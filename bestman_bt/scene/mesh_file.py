@@ -184,7 +184,7 @@ def _geometries_by_open3d(path: Path) -> list[Any]:
     with library.utility.VerbosityContextManager(library.utility.VerbosityLevel.Error):
         meshes = [part.mesh for part in library.io.read_triangle_model(str(path)).meshes]
     if not any(len(mesh.triangles) for mesh in meshes):
-        raise MeshError(f"open3d reads no triangles of {path.name}")
+        raise MeshError(f"open3d read no triangles from {path.name}")
     if not all(np.isfinite(np.asarray(mesh.vertices)).all() for mesh in meshes):
         raise MeshError(f"the mesh {path.name} has corners that are not finite")
     return [trimesh.Trimesh(np.asarray(m.vertices), np.asarray(m.triangles), process=False) for m in meshes]

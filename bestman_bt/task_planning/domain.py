@@ -222,7 +222,7 @@ def full_name(problem: PlanningProblem, name: str, kind: str) -> str:
         if own is None:
             raise GoalError(f"unknown {kind} {name!r}; {suggestion(name, known)}")
         raise GoalError(
-            f"{name} is {with_article(problem.objects[own])}, and {with_article(kind)} is asked for; "
+            f"{name} is {with_article(problem.objects[own])}, and {with_article(kind)} is expected; "
             f"{suggestion(name, known)}"
         )
     others = [one for one in known if one != found and (one in of_furniture or name in _words(one))]

@@ -140,7 +140,7 @@ class HardwareRobot(Robot):
 
     @property
     def connected(self) -> bool:
-        """Return whether the robot is connected: until ``disconnect``, or while a controller could not be disconnected."""
+        """Return whether the robot is connected; also true while a controller could not be disconnected."""
         return self._watchdog is not None or any(one.connected for one in self.connections.values())
 
     @property

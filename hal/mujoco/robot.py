@@ -243,7 +243,7 @@ class MujocoEngine(Engine):
     def contacts(
         self, body: int | None = None, link: int | None = None, other: int | None = None
     ) -> Sequence[ContactPoint]:
-        """Return the contacts of the latest step, with its forces."""
+        """Return the contact points of the latest step with their forces; arguments as in ``Engine.contacts``."""
         if self._contacts is None:
             self._contacts = self._all_contacts()
         if body is None:

@@ -117,7 +117,7 @@ class URCapWire(RobotiqWire):
         line = self._line()
         key, _, value = line.partition(" ")
         if key != name or not value.strip().isdigit():
-            raise OSError(f"asked for {name}, the gripper answered {line!r}")
+            raise OSError(f"the gripper answered the request for {name} with {line!r}")
         return int(value)
 
     def _send(self, text: str) -> None:

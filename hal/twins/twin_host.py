@@ -149,7 +149,7 @@ class TwinHost:
         engine: str = DEFAULT_SIMULATOR,
     ) -> None:
         if not model.connections:
-            raise TwinError(f"robot {model.name!r} has no connections in its YAML, so there is nothing to stand in for")
+            raise TwinError(f"robot {model.name!r} has no connections in its YAML, so it has no device to simulate")
         self._model, self._judge = model, judge
         spoken_for = {part for connection in model.connections.values() for part in connection.parts}
         cameras = bool(spoken_for & set(model.of(CameraPart)))

@@ -135,7 +135,7 @@ def test_all_faults_of_a_suite_are_reported_at_once(tmp_path: Path) -> None:
     assert "unknown task 'fetch_cop'; did you mean 'fetch_cup'?" in told
     assert "bad.yaml:3: tasks.fetch_cup.successes: exceeds the number of episodes, 2" in told
     assert "bad.yaml:4: tasks.other.successes: one of 'at_least' and 'at_most' should be given" in told
-    assert "bad.yaml:6: controls.other: is the name of a task of this suite, too" in told
+    assert "bad.yaml:6: controls.other: is also the name of a task of this suite" in told
     assert "finger_fraction" in told
     assert "bad.yaml:7: controls.mine.settings[0]: unknown algorithm 'theta_sta'; did you mean 'theta_star'?" in told
     assert "bad.yaml:7: controls.mine.settings[1]: unknown key 'tick_rat'; did you mean 'tick_rate'?" in told

@@ -106,7 +106,7 @@ def test_all_groups_of_a_mesh_are_read_and_a_broken_one_is_reported(tmp_path: Pa
     assert theirs.volume == pytest.approx(ours.volume, rel=1e-6)
     assert len(theirs.faces) == len(ours.faces)
     (tmp_path / "bad.stl").write_text("x")
-    with pytest.raises(MeshError, match="open3d reads no triangles of bad.stl"):
+    with pytest.raises(MeshError, match="open3d read no triangles from bad.stl"):
         read_triangles(tmp_path / "bad.stl", "open3d")
 
 

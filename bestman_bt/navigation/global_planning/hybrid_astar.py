@@ -69,7 +69,7 @@ def _set(state: base.State, pose: NDArray[np.float64]) -> None:
 
 _SPACING = 0.025  # metres between poses that are checked and told
 CURVE_EVERY = 4
-"""Expansions between two tries of a curve to the goal, which is the only test of having arrived."""
+"""Expansions between two attempts of a curve to the goal, the only test of arrival."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class HybridAStar(StraightPieces, GlobalPlanner):
     ``turning_radius``: minimum radius of curves, metres. ``branch``: length of a curve segment, metres. ``headings``:
     number of discrete headings of states. ``reverse_cost``: factor on metres driven backwards; ``switch_cost``: metres
     of detour worth one change of direction. ``clearance``: metres around the footprint between the ends.
-    ``max_expansions``: states after which the search gives up.
+    ``max_expansions``: number of expanded states after which the search fails.
     """
 
     turning_radius: Annotated[Positive, "m"] = 0.4

@@ -38,7 +38,7 @@ class CostmapLayer(ABC):
 
     @abstractmethod
     def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the distance (N,), metres, from ``points`` (2, N) in the map frame to the next obstacle, negative
+        """Return the distance (N,), metres, from ``points`` (2, N) in the map frame to the nearest obstacle, negative
         inside.
 
         Infinite without obstacles. The layer's own margins are already subtracted.
@@ -53,7 +53,7 @@ class CostmapLayer(ABC):
 class ShapeLayer(CostmapLayer):
     """The outlines of ``shapes`` in the map frame, seen from above.
 
-    Those that end below ``floor_height`` or begin above ``robot_height``, metres, are left out.
+    Those that end below ``floor_height`` or begin above ``robot_height``, metres, are omitted.
     """
 
     shapes: Sequence[PlacedShape]
@@ -218,7 +218,7 @@ class CellLayer(CostmapLayer):
         return cls(grid, grid.data == UNKNOWN)
 
     def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the distance of the cells of the points; infinite beyond the grid."""
+        """Return the distance of ``points`` (2, N) to the blocked cells, (N,) metres; infinite beyond the grid."""
         blocked = self.blocked
         cells = np.where(blocked, -_to_squares(~blocked), _to_squares(blocked)) * self.grid.resolution
         column, row = np.floor((points - self.grid.origin[:, None]) / self.grid.resolution).astype(np.intp)

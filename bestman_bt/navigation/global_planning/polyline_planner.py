@@ -32,8 +32,9 @@ from bestman_bt.navigation.global_planning.hybrid_astar import HybridAStar
 from bestman_bt.navigation.global_planning.straight_ends import StraightEnds, StraightPieces
 
 _ASIDE = (0.0, 1.0, 0.5, 1.5)
-"""How far beside a way the base is driven through narrow places, the first that passes: as shares of how far the middle
-of what stands out above it is beside its own. Ways over cells are rarely in the middle of a gap themselves."""
+"""Lateral offsets at which the base tries to pass narrow places, in this order, as fractions of the lateral offset of
+the overhang's centre. Paths over cells are rarely in the middle of a gap themselves.
+"""
 NO_ROOM_TO_TURN = frozenset((PlanningFailureReason.START_BLOCKED, PlanningFailureReason.GOAL_BLOCKED))
 """Message for an end without room to turn, or where the base collides."""
 ARRIVED = 0.02
@@ -42,7 +43,7 @@ ALMOST_ALONG, SMALL_TURN = 0.1, 0.3
 full turn.
 """
 _AHEAD = 4
-"""Points of a way over which its direction is measured."""
+"""Number of path points over which its direction is measured."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
     vertex_limit: Several = 40
 
     TURNS_EVERYWHERE: ClassVar[tuple[bool, ...]] = (True, False)
-    """The kinds of free space that are searched, in this order."""
+    """The kinds of free space to search, in this order."""
 
     @abstractmethod
     def search_path(
@@ -241,7 +242,7 @@ class FreeSpace:
 
     @property
     def lethal_distance(self) -> float:
-        """Least distance of the base's middle from obstacles, metres."""
+        """Smallest distance of the base's centre from obstacles, metres."""
         return self.turning_distance if self.turns_everywhere else self.costmap.footprint.inscribed_radius
 
     @property

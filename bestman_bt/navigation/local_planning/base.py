@@ -1,4 +1,4 @@
-"""Path followers: from the present pose and velocity to the next velocity command."""
+"""Path followers: from the current pose and velocity to the next velocity command."""
 
 from __future__ import annotations
 

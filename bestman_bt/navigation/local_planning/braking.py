@@ -21,8 +21,8 @@ class GiveWay:
     """Predicts walking people at constant velocity.
 
     ``margin``: metres between the outline and people. ``horizon``: seconds to predict. ``step``: seconds between two
-    checks. ``shares``: of the velocity, largest first; the last resort is rest. ``nearer``: metres that count as an
-    approach.
+    checks. ``shares``: fractions of the velocity to try, largest first; if none is safe, the base stops. ``nearer``:
+    metres that count as an approach.
     """
 
     footprint: Footprint

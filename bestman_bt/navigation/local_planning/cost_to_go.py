@@ -47,8 +47,9 @@ COARSE = 4
 """Number of cells of the distance grid along one coarse cell."""
 _ALWAYS = 0.6
 _DETOUR = 1.15
-"""Metres of the path ahead that are always looked at; farther on, how many times longer the path may be than the
-straight line: driving straight to a place beyond would leave out a part of the path."""
+"""Length of the path ahead that is always considered, metres; beyond it, the largest ratio of path length to
+straight-line distance: driving straight to a point beyond would skip a part of the path.
+"""
 _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=np.uint8)
 _SQUARE = np.ones((3, 3), dtype=np.uint8)
 

@@ -32,8 +32,8 @@ class MovingObstacles:
 
     ``gap``: between neighbouring hits of two clusters. ``max_size``: of a moving cluster. ``gate``: largest distance
     from its prediction. ``acceleration``: m/s², standard deviation of a walker's acceleration, ``position_std``: error
-    of a cluster's middle. ``min_speed``, ``min_sigma``: least speed of a moving track, absolute and in standard
-    deviations, after ``min_distance``; it counts as standing below half of ``min_speed``. ``forget``: time unseen,
+    of a cluster's middle. ``min_speed``, ``min_sigma``: smallest speed of a moving track, absolute and in standard
+    deviations, after ``min_distance``; below half of ``min_speed`` it counts as static. ``forget``: time unseen,
     ``forget_hidden``: time too close to be seen, before a track is dropped. ``max_speed``: upper bound.
     """
 
@@ -62,7 +62,7 @@ class MovingObstacles:
     ) -> NDArray[np.float64]:
         """Process hits (N, 2) in the order of the beams, seen from ``lidar`` (2,); return the static ones.
 
-        ``range_min``: metres below which the lidar sees nothing.
+        ``range_min``: metres below which the lidar has no hits.
         """
         clusters = _clusters(hits, self.gap)
         small = [c for c in clusters if len(c) >= 3 and np.linalg.norm(np.ptp(hits[c], axis=0)) <= self.max_size]

@@ -35,8 +35,8 @@ STILL = 0.02
 ARRIVED = 0.15
 TURN_ENDS = 0.25
 TURN_TRIAL = 0.8
-"""Thresholds of turning in place: m/s below which the base counts as at rest; metres from the point that the field
-leads to; radians off the path at which a turn ends; rad/s at which it must be free, otherwise the base continues
+"""Thresholds of turning in place: m/s below which the base counts as at rest; metres from the point to which the field
+leads; radians off the path at which a turn ends; rad/s at which it must be free, otherwise the base continues
 differently.
 """
 
@@ -86,9 +86,7 @@ class ObstacleAwareFollower(PathFollower):
 
     @abstractmethod
     def choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
-        """Return the velocity to head for, from the present pose and commanded ``twist``; zero where nothing is
-        free.
-        """
+        """Return the target velocity from the current pose and commanded ``twist``; zero if no motion is free."""
 
     @override
     def configure(self, base: BaseModel) -> None:

@@ -103,8 +103,8 @@ class ObstacleLayer:
     def on(self, costmap: Costmap) -> Costmap:
         """Return the costmap with the static obstacles; the same one without any.
 
-        Heights are unknown to a lidar. Most such obstacles are chairs and boxes, lower than an arm: they count for the
-        base, but not for its overhang.
+        Heights are unknown to a lidar. Most such obstacles are chairs and boxes, lower than an arm: they are checked
+        against the base, but not against its overhang.
         """
         column, row = np.floor((self.points - costmap.origin) / costmap.resolution).astype(np.intp).T
         rows, columns = costmap.distance.shape
@@ -194,7 +194,7 @@ FAR = 10.0
 
 @dataclass(eq=False)
 class LocalObstacles(ObstacleLayer):
-    """A layer of 6 m; ``distance``: to everything around, known or seen."""
+    """A layer of 6 m; ``distance``: to all obstacles around, known or seen."""
 
     size: Annotated[Positive, "m"] = 6.0
 

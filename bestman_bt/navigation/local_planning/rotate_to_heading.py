@@ -1,4 +1,4 @@
-"""Turning on the spot to a heading, on a trapezoidal velocity profile."""
+"""Turning in place to a heading, on a trapezoidal velocity profile."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollo
 
 SPACING = 0.05
 WINDOW = 40
-"""Points that the base may be further along at once."""
+"""Largest number of points by which the progress may increase at once."""
 _BUMP = 0.1
 _NEARER = 0.15
-"""Metres of the path that may lead away from the base, as around a corner that it cuts; and how much nearer a later
-strand must be before the base counts as being there."""
+"""Length of path that may lead away from the base, for example at a corner that it cuts, metres; and the distance by
+which a later strand must be nearer before the base counts as being on it.
+"""
 
 
 def first_nearest(points: NDArray[np.float64], position: NDArray[np.float64], spacing: float) -> int:

@@ -14,7 +14,9 @@ SPACING = 0.05
 TURN = 0.15
 """Spacing of the poses, metres and radians."""
 WINDOW = 60
-"""Poses that the base may be further along at once: progress never jumps to a later piece that happens to be close."""
+"""Largest number of poses by which the progress may increase at once, so that it never jumps to a later piece that
+happens to be close.
+"""
 NEARER = 1e-3
 
 

@@ -12,11 +12,11 @@ from bestman_bt.messages import Pose2D
 from bestman_bt.world_model.semantic_map import MapFurniture
 
 GATE = 0.08
-"""Metres on each side of where the map has the front within which hits count."""
+"""Distance on each side of the mapped front within which hits are used, metres."""
 ENDS = 0.03
-"""Metres of the front that are left out at each end, where beams meet its sides."""
+"""Length of the front ignored at each end, where beams hit its sides, metres."""
 SCALES = np.geomspace(0.08, 0.025, 10)
-"""Metres, the residual beyond which a hit does not count, in each iteration, so that handles do not pull."""
+"""Residual above which a hit is ignored in each iteration, metres, so that handles have no influence."""
 MIN_HITS, MIN_LENGTH = 20, 0.2
 """Minimum number of hits on the front, and minimum visible length, metres."""
 

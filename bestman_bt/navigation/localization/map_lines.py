@@ -17,7 +17,9 @@ PlanarMap: TypeAlias = SemanticMap | OccupancyGrid
 """The map for localisation: walls and furniture with names, or an occupancy grid."""
 
 CELL_STD = 0.3
-"""Standard deviation of where in a cell a surface lies, cells: it may be anywhere between the cell's sides."""
+"""Standard deviation of the position of a surface within its cell, in cells: it may be anywhere between the cell's
+sides.
+"""
 STRAIGHT = 0.8
 """Maximum deviation of a border of occupied cells from its line, cells."""
 
@@ -56,8 +58,8 @@ def map_lines(planar_map: PlanarMap, wall_std: float, furniture_std: float) -> M
 
 
 def open_furniture(planar_map: PlanarMap) -> NDArray[np.float64]:
-    """Return the furniture of which a lidar sees legs and boards, (N, 5): x, y, theta and half extents along x and y,
-    metres and radians.
+    """Return the furniture of which a lidar sees only legs or boards, (N, 5): x, y, theta and half extents along x and
+    y, metres and radians.
 
     The extents are grown by the piece's position error, metres.
     """

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bestman_bt.messages import Pose2D, wrap_angle
 
 WEAK_PRIOR = 1e-6 * np.eye(3)
-"""Information that is next to none: directions that no hit constrains get a huge, finite variance."""
+"""Almost zero information: directions that no hit constrains get a huge but finite variance."""
 
 
 class OdometryNoise(Protocol):
@@ -37,7 +37,7 @@ class OdometryNoise(Protocol):
 def driven_on(
     pose: Pose2D, covariance: NDArray[np.float64], moved: Pose2D, noise: OdometryNoise
 ) -> tuple[Pose2D, NDArray[np.float64]]:
-    """Return the pose and its covariance after the odometry has counted ``moved``, in the base frame."""
+    """Return the pose and its covariance after the odometry motion ``moved``, in the base frame."""
     distance = math.hypot(moved.x, moved.y)
     after = pose @ moved
     jacobian = np.eye(3)

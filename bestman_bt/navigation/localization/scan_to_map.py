@@ -37,8 +37,8 @@ class ScanToMap(Localizer):
 
     Lengths in metres, angles in radians.
 
-    ``iterations`` of the match; hits farther than ``gate_first`` · ``gate_decay``ᵏ + ``gate_last`` from everything in
-    the map are left out of iteration k. Lines are assigned to hits again after a step of more than ``associate_again``
+    ``iterations`` of the match; hits farther than ``gate_first`` · ``gate_decay``ᵏ + ``gate_last`` from everything on
+    the map are ignored in iteration k. Lines are assigned to hits again after a step of more than ``associate_again``
     (metres, radians). ``robust_scale``: residual at which a hit has half weight. ``range_std``: noise of a beam.
     ``wall_std``, ``furniture_std``: error of a wall and of a piece of furniture as a whole. ``slip``, ``turn_slip``,
     ``turn_shift``, ``drift``: variance added by odometry; ``dragged_turn_slip``, ``dragged_turn_shift``: of a base with

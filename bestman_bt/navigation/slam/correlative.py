@@ -1,4 +1,4 @@
-"""Correlative scan matching with a pyramid of grids: the best pose of a window, whatever the guess.
+"""Correlative scan matching with a pyramid of grids: the best pose in a window, independent of the guess.
 
 E. Olson, "Real-time correlative scan matching", 2009; the search is the branch and bound of W. Hess et al., "Real-time
 loop closure in 2D lidar SLAM", 2016.
@@ -22,10 +22,8 @@ from bestman_bt.messages.shapes import Count, Fraction, Positive
 @dataclass(frozen=True)
 class LikelihoodPyramid:
     """Likelihood grids of several resolutions. ``resolution``: metres per cell. ``std``: metres from a point at which a
-    hit scores 61 %.
-
-    ``levels``: of the pyramid; the coarsest covers 2**(levels - 1) cells. ``min_score``: minimum mean score of the
-    hits.
+    hit scores 61 %. ``levels``: number of levels of the pyramid; the coarsest covers 2**(levels - 1) cells.
+    ``min_score``: minimum mean score of the hits.
     """
 
     resolution: Annotated[Positive, "m per cell"] = 0.05

@@ -173,9 +173,9 @@ class FrontierExplorer(ExplorationPlanner):
     Lengths in metres. ``min_length``: of a frontier. Views lie on a lattice of ``spacing``, within ``near`` of a
     frontier, where the base can turn with ``clearance`` to spare. ``range``: of the view, with ``rays``, and ``depth``:
     assumed depth of visible unknown space per ray. ``min_gain``: m² of unknown floor that a view must promise,
-    ``closest``: its least distance, because nearby space has been seen. ``discount``: loss of worth per metre of path.
-    ``stops``: views of a tour. ``again``: distance to a useless view within which others are skipped. ``straight``:
-    length of the path's end that defines the heading.
+    ``closest``: its smallest distance, because nearby space has been seen. ``discount``: loss of worth per metre of
+    path. ``stops``: views of a tour. ``again``: distance to a useless view within which others are skipped.
+    ``straight``: length of the path's end that defines the heading.
     """
 
     min_length: Annotated[NonNegative, "m"] = 0.30

@@ -33,12 +33,13 @@ from bestman_bt.navigation.slam.submap import Keyframe, Submap
 class LoopCloser:
     """Searches closures of one keyframe at a time.
 
-    ``separation``: keyframes that must lie between. ``reach``: metres from a submap's path within which it is tried.
-    ``candidates``: submaps to try per keyframe, the nearest first. ``sigmas``: of the covariance to search, at least
-    ``min_distance`` (metres) and ``min_angle`` (radians), at most ``max_distance`` and ``max_angle``; beyond ``jump``
-    metres the search is correlative. A closure explains ``min_inlier_ratio`` of the hits to ``max_residual`` metres,
-    has a standard deviation of at most ``max_std`` metres in each direction, and lies within ``max_deviation`` standard
-    deviations of the graph's prediction. ``position_std``, ``heading_std``: its additional error, metres and radians.
+    ``separation``: smallest number of keyframes in between. ``reach``: metres from a submap's path within which it is
+    tried. ``candidates``: submaps to try per keyframe, the nearest first. ``sigmas``: of the covariance to search, at
+    least ``min_distance`` (metres) and ``min_angle`` (radians), at most ``max_distance`` and ``max_angle``; beyond
+    ``jump`` metres the search is correlative. A closure explains ``min_inlier_ratio`` of the hits to ``max_residual``
+    metres, has a standard deviation of at most ``max_std`` metres in each direction, and lies within ``max_deviation``
+    standard deviations of the graph's prediction. ``position_std``, ``heading_std``: its additional error, metres and
+    radians.
     """
 
     separation: NonNegativeInt = 12

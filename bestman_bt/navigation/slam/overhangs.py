@@ -32,7 +32,7 @@ class Overhangs:
         self._cells = np.zeros(0, dtype=np.int64)
 
     def add(self, points: NDArray[np.float64], camera: NDArray[np.float64]) -> None:
-        """Remember points (N, 3) of one image, taken from ``camera`` (3,), metres in the map frame."""
+        """Store points (N, 3) of one image, taken from ``camera`` (3,), metres in the map frame."""
         near = ((points - camera) ** 2).sum(axis=1) < self.range**2
         points = points[near & (points[:, 2] > self.low) & (points[:, 2] < self.high)]
         column, row = np.floor(points[:, :2] / self.resolution).astype(np.int64).T

@@ -22,13 +22,13 @@ from bestman_bt.navigation.localization.pose_uncertainty import WEAK_PRIOR
 
 @dataclass(frozen=True)
 class PointToLine:
-    """How scans are matched. Lengths in metres.
+    """Parameters of scan matching. Lengths in metres.
 
-    ``iterations`` at most; hits farther than ``gate_first`` · ``gate_decay``ᵏ + ``gate_last`` from everything are left
-    out of iteration k. ``robust_scale``: residual at which a hit counts half, ``range_std``: noise of a beam and of
-    what it is matched to. ``turning``: how much a normal that points the other way counts as distance, halved.
-    ``neighbours``: points that a reference line is fitted to. ``inlier_distance``: from a reference line, of a hit that
-    it explains.
+    ``iterations``: largest number; hits farther than ``gate_first`` · ``gate_decay``ᵏ + ``gate_last`` from everything
+    are ignored in iteration k. ``robust_scale``: residual at which a hit has half weight, ``range_std``: noise of a
+    beam and of the surface that it is matched to. ``turning``: half the distance that an opposite normal is weighted
+    as. ``neighbours``: number of points to which a reference line is fitted. ``inlier_distance``: largest distance of
+    an explained hit from its reference line.
     """
 
     iterations: Count = 12
@@ -82,7 +82,7 @@ class LineReference:
         self._points = cloud.points + np.where(lines, offsets, 0.0)[:, None] * self._normals
 
     def align(self, scan: OrientedPoints, guess: Pose2D, prior: NDArray[np.float64] | None = None) -> ScanAlignment:
-        """Return the pose of ``scan`` from ``guess`` on; ``prior``: (3, 3) information of the guess, none by
+        """Return the pose of ``scan``, starting from ``guess``; ``prior``: (3, 3) information of the guess, none by
         default.
         """
         p = self._method
@@ -152,7 +152,7 @@ def oriented_points(scan: LaserScan, base_from_lidar: Pose2D, window: int = 4, r
     """Return the hits that lie on a line with their neighbours, in the base frame.
 
     A line is fitted to the hits of up to ``window`` beams on each side within ``reach`` metres, or four beam spacings;
-    hits with fewer than four such neighbours, or off the line, are left out.
+    hits with fewer than four such neighbours, or off the line, are omitted.
     """
     ranges, angles = scan.ranges, scan.angles
     hit = np.isfinite(ranges)

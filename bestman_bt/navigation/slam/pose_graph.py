@@ -25,7 +25,7 @@ class Constraint:
     """``relative``: pose of node ``second`` in the frame of node ``first``, as measured.
 
     ``information``: (3, 3) inverse covariance of x, y, theta in the frame of ``second``. ``doubtful``: whether it may
-    be altogether wrong, as a loop closure may.
+    be completely wrong, like a loop closure.
     """
 
     first: int
@@ -81,7 +81,7 @@ class PoseGraph:
         return len(self._poses) - 1
 
     def add_constraint(self, constraint: Constraint) -> None:
-        """Add a measurement. Raises ValueError if it names a node that is not there, or one node twice."""
+        """Add a measurement. Raises ValueError if it names an unknown node, or the same node twice."""
         first, second, count = constraint.first, constraint.second, len(self)
         if first == second or not (0 <= first < count and 0 <= second < count):
             raise ValueError(f"a constraint needs two of the nodes 0 to {count - 1}, got {first} and {second}")

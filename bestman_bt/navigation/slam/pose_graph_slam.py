@@ -71,7 +71,7 @@ def _located(estimate: SlamEstimate, odometry: Pose2D) -> LocatedEstimate:
 
 
 GROWTH = 16
-"""Cells by which the grid grows at a time."""
+"""Number of cells by which the grid grows at a time."""
 
 
 @dataclass(eq=False)
@@ -80,10 +80,10 @@ class LogOddsGrid:
     and passed.
 
     ``resolution``: metres per cell. ``hit``, ``miss``: log odds that a scan adds to a cell that it hits or passes.
-    ``limit``: bound of the log odds, so that changes are accepted after a while. A cell is occupied from ``occupied``
-    on (one hit), free from -``free`` on (one pass). ``keep``: metres before a hit that a beam does not clear: its
-    noise, and a grazed wall. ``border``: metres of unknown space around all seen cells, to search but not to drive
-    into.
+    ``limit``: bound of the log odds, so that changes are accepted after a while. A cell is occupied at log odds of at
+    least ``occupied`` (one hit), free at most -``free`` (one pass). ``keep``: metres before a hit that a beam does not
+    clear: its noise, and a grazed wall. ``border``: metres of unknown space around all seen cells, to search but not to
+    drive into.
     """
 
     resolution: Annotated[Positive, "m per cell"] = 0.05
@@ -171,15 +171,16 @@ class PoseGraphSlam(Slam):
 
     ``loop_closure``: False leaves only scan matching, as a control. A scan becomes a keyframe after
     ``keyframe_distance`` or ``keyframe_angle``; a submap has ``submap_keyframes``, and its second half is the first
-    half of the next. ``cell``: points of a submap that are nearer are one. ``min_hits``: on lines, that a scan needs.
-    ``slip``, ``turn_slip``, ``turn_shift``, ``drift``: variance that the odometry gains, of wheels that slip by a
-    tenth; ``rest_std``, ``rest_heading_std``: what is left at rest. Where a match explains less than
-    ``min_inlier_ratio`` of the hits, ``recovery_distance`` and ``recovery_angle`` around are searched; what is found
-    there has to explain ``sure_inlier_ratio`` and be known to ``sure_std`` in each direction. Else the match counts if
-    it explains ``least_inlier_ratio``, as where a new room comes into view, and lies within ``max_deviation`` of the
-    odometry. ``position_std``, ``heading_std``: error of a match beside the noise of the hits. ``redraw_distance``,
-    ``redraw_angle``: a keyframe that a loop closure moves farther triggers a new grid. ``closing_scans``: after so
-    many scans, or at the next keyframe, what a thread of its own found of loops and solved meanwhile is taken over.
+    half of the next. ``cell``: points of a submap nearer than this are merged. ``min_hits``: smallest number of hits on
+    lines in a scan. ``slip``, ``turn_slip``, ``turn_shift``, ``drift``: variance added by odometry, for wheels that
+    slip by 10 %; ``rest_std``, ``rest_heading_std``: the same at rest. If a match explains less than
+    ``min_inlier_ratio`` of the hits, a window of ``recovery_distance`` and ``recovery_angle`` is searched; a result has
+    to explain ``sure_inlier_ratio`` and have a standard deviation of at most ``sure_std`` in each direction. Otherwise
+    the match is accepted if it explains ``least_inlier_ratio``, as when a new room comes into view, and is within
+    ``max_deviation`` of the odometry. ``position_std``, ``heading_std``: error of a match in addition to the noise of
+    the hits. ``redraw_distance``, ``redraw_angle``: a keyframe that a loop closure moves further triggers a new grid.
+    ``closing_scans``: number of scans after which, or at the next keyframe if earlier, the loop closures found and
+    solved by a separate thread are applied.
     """
 
     loop_closure: bool = True

@@ -1,7 +1,7 @@
 """Submaps: the points of consecutive keyframes in the frame of the first, rigid once they are finished.
 
 As in W. Hess et al., "Real-time loop closure in 2D lidar SLAM", 2016: drift inside a submap is small, so that
-corrections only move submaps against each other.
+corrections only move submaps relative to each other.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Keyframe:
 
 @dataclass(eq=False)
 class Submap:
-    """``keyframes``: the first is its frame. ``cell``: metres within which points are one."""
+    """``keyframes``: the first is its frame. ``cell``: metres within which points are merged."""
 
     line: PointToLine
     correlative: LikelihoodPyramid

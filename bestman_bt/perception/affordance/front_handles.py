@@ -33,8 +33,8 @@ class JointRules:
     ``centred``: a handle is centred if its offset is below this fraction of the panel's half width. ``drawer_height``:
     maximum height of drawers, metres. ``folding_place``: minimum offset of the handle of a folding panel, as a fraction
     of the half height; ``folding_slenderness``: maximum ratio of height to width of a folding panel.
-    ``half_thickness``: of doors, metres: their hinges are this far behind the front. ``hollow_half_thickness``: the
-    same for doors with a recess.
+    ``half_thickness``: half the thickness of doors, metres, by which their hinges are behind the front.
+    ``hollow_half_thickness``: the same for doors with a recess.
     """
 
     centred: float = 0.2
@@ -82,7 +82,7 @@ class JointRules:
 
         None if its border is unknown.
 
-        A positive turn about the direction opens.
+        A positive rotation about the direction opens the door.
         """
         at = getattr(borders, side)
         if at is None:

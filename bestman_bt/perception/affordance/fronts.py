@@ -1,7 +1,7 @@
 """Upright planes in a view: the fronts of doors and drawers, walls, sides.
 
 Windows of the depth image vote for directions, then for distances: a Hough transform (Borrmann et al., "The 3D Hough
-Transform for Plane Detection in Point Clouds", 2011) with one angle only, since fronts are upright.
+Transform for Plane Detection in Point Clouds", 2011) with only one angle, since fronts are upright.
 """
 
 from __future__ import annotations
@@ -265,7 +265,7 @@ class FrontPlane:
     ``frame_from_front``: x to the right as seen from the front, y up, z out of the front; origin in the middle of the
     visible part. ``low``, ``high``: (2,) metres, (x, y) limits of the visible part. ``region``: (H, W), pixels that
     show the plane or small objects in front of it. ``inliers``: (N, 3) metres, points of the plane in the frame.
-    ``rms``: of their distances, metres.
+    ``rms``: root mean square of their distances, metres.
     """
 
     frame_from_front: Pose

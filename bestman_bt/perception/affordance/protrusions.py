@@ -141,7 +141,7 @@ class HandleSurroundings:
 
 
 NEAR_BORDER = 0.06
-"""Metres from its panel's border to the end of an edge that is taken to go up to it."""
+"""Distance from its panel's border within which the end of an edge is assumed to reach it, metres."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -103,7 +103,7 @@ class RectifiedFront:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """Numbers of rows and columns."""
         rows, columns = self.height.shape
         return rows, columns
 
@@ -132,7 +132,7 @@ class RectifiedFront:
 
     @property
     def open(self) -> NDArray[np.bool_]:
-        """The cells through which something farther back is seen."""
+        """The cells through which the camera sees something further back."""
         with np.errstate(invalid="ignore"):
             seen_through: NDArray[np.bool_] = self.height < -np.maximum(0.009, 3.5 * self.noise)
         return seen_through
@@ -191,7 +191,7 @@ class BorderSearch:
     ``contrast``: minimum difference of colours across a border, summed over red, green and blue (0 to 255 each).
     ``span``: metres on either side of the handle in which borders are first searched. ``share``: minimum fraction of a
     border's length that shows it, first near the handle, then along the whole panel. ``before``: protrusions higher
-    than this, metres, are ignored. ``clear``: metres around the handle that are left out of the search.
+    than this, metres, are ignored. ``clear``: metres around the handle that are excluded from the search.
     """
 
     contrast: float = 14.0
@@ -324,7 +324,7 @@ class PanelBorders:
 
     @property
     def rectangle(self) -> tuple[float, float, float, float] | None:
-        """left, right, bottom, top, where all are known."""
+        """Return left, right, bottom, top, metres, if all are known, else None."""
         if self.left is None or self.right is None or self.bottom is None or self.top is None:
             return None
         return self.left, self.right, self.bottom, self.top

@@ -19,7 +19,7 @@ from bestman_bt.perception.errors import PerceptionError
 
 
 class CalibrationError(PerceptionError):
-    """Raised if a calibration cannot be computed; the message says what to record instead."""
+    """Raised if a calibration cannot be computed; the message gives the views to record instead."""
 
 
 class DegenerateMotionError(CalibrationError):

@@ -19,9 +19,9 @@ from bestman_bt.perception.camera_model import DepthCorrection
 class DepthCalibration:
     """Fits scale and offset of a depth sensor.
 
-    ``margin``: fraction of the visible pattern that is left out at its border. ``min_pixels``: of a view. ``outlier``:
-    residual, metres, above which a view is down-weighted. ``min_range``: minimum difference, metres, between the
-    nearest and the farthest view; otherwise scale and offset cannot be separated.
+    ``margin``: fraction of the visible pattern that is excluded at its border. ``min_pixels``: smallest number of
+    pixels per view. ``outlier``: residual, metres, above which a view is down-weighted. ``min_range``: minimum
+    difference, metres, between the nearest and the farthest view; otherwise scale and offset cannot be separated.
     """
 
     margin: float = 0.05

@@ -18,7 +18,7 @@ from bestman_bt.perception.calibration.boards import CalibrationError, Contradic
 from bestman_bt.perception.calibration.hand_eye_refinement import HandEyeNoise, Refined, mean_target, refine, whitened
 
 LARGEST_ANGLE = math.radians(170.0)
-"""Motions that turn further are left out: near half a turn the sign of their axis is chance."""
+"""Largest rotation of a used motion: near half a turn, the sign of its axis is arbitrary."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class HandEye(ABC):
     ``min_views``: minimum number of views. ``min_second_rotation``: radians (root mean square, between views) about the
     second axis. ``max_angle_mismatch``: maximum difference, radians, of the rotation angles of camera and carrier in
     most motions. ``outlier``: standard deviations, and ``outlier_ratio``: multiples of the median, above which a view
-    is left out; the consistent views are found from ``subsets`` of four views (least median of squares, Rousseeuw
+    is excluded; the consistent views are found from ``subsets`` of four views (least median of squares, Rousseeuw
     1984).
     """
 
@@ -83,15 +83,15 @@ class HandEye(ABC):
         """Calibrate a fixed camera with a target on the hand: world is the hand, carrier is the base.
 
         In the result, ``carrier_from_eye`` is ``base_from_eye`` and ``world_from_target`` is ``hand_from_target``.
-        Raises as ``eye_in_hand`` does.
+        Raises the errors of ``eye_in_hand``.
         """
         return self.calibrate([pose.inverse() for pose in base_from_hand], eye_from_target, "hand with the target")
 
     def calibrate(
         self, world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose], what_moves: str = "arm"
     ) -> HandEyeResult:
-        """Calibrate a carried camera with a target fixed in the world: the general case. Raises as ``eye_in_hand``
-        does.
+        """Calibrate a carried camera with a target fixed in the world: the general case. Raises the errors of
+        ``eye_in_hand``.
         """
         if len(world_from_carrier) != len(eye_from_target):
             raise CalibrationError(
@@ -172,7 +172,7 @@ class HandEye(ABC):
 
 
 def relative_motions(world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose]) -> RelativeMotions:
-    """Return the motions between all pairs of views, but for those that turn by nearly half a turn."""
+    """Return the motions between all pairs of views, except those with a rotation of nearly half a turn."""
     first, second = np.triu_indices(len(world_from_carrier), 1)
     carriers = np.array([pose.matrix for pose in world_from_carrier])
     seen = np.array([pose.matrix for pose in eye_from_target])

@@ -1,8 +1,8 @@
 """Refinement of a hand-eye calibration: weighted least squares on all views at once, with the result's covariance.
 
 The unknowns are both ends, camera on carrier and target in world, as in Dornaika & Horaud, "Simultaneous robot-world
-and hand-eye calibration", IEEE Transactions on Robotics and Automation 1998; each view is weighed by what the noise of
-its two poses makes of it.
+and hand-eye calibration", IEEE Transactions on Robotics and Automation 1998; each view is weighted by the propagated
+noise of its two poses.
 """
 
 from __future__ import annotations

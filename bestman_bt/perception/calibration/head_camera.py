@@ -1,10 +1,10 @@
 """Extrinsics of a camera on a pan-tilt head: the mount of the head, and the pose of the camera on it.
 
-A board that stands still at an unknown place determines how the camera sits on the head (and so the offset of the tilt
-encoder, which is a turn of the camera about the tilt axis). A board whose place in the base is known, because the arm
-carries it or it was measured, also determines where the head stands (and so the offset of the pan encoder, a turn of
-the head about the pan axis). Pradeep, Konolige & Berger, "Calibrating a multi-arm multi-sensor robot: a bundle
-adjustment approach", ISER 2010.
+A fixed board at an unknown place determines the pose of the camera on the head (and so the offset of the tilt encoder,
+which is a rotation of the camera about the tilt axis). A board at a known pose in the base frame, carried by the arm or
+measured, also determines the pose of the head (and so the offset of the pan encoder, a rotation of the head about the
+pan axis). Pradeep, Konolige & Berger, "Calibrating a multi-arm multi-sensor robot: a bundle adjustment approach", ISER
+2010.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ class ChainCalibration:
 
     ``outlier``: residual, pixels, above which a corner is down-weighted (soft L1). ``min_views``: minimum number of
     views. ``worst_deviation``: maximum accepted standard deviation of the least certain direction, metres and radians
-    as one number. ``view_outlier``: pixels, and ``outlier_ratio``: multiples of the median, above which a view is left
-    out.
+    as one number. ``view_outlier``: pixels, and ``outlier_ratio``: multiples of the median, above which a view is
+    excluded.
     """
 
     outlier: float = 1.0
@@ -80,7 +80,8 @@ class ChainCalibration:
     def calibrate(
         self, views: Sequence[BoardView], intrinsics: CameraIntrinsics, start: ChainPoses, free: Sequence[Unknown]
     ) -> ChainResult:
-        """Find the ``free`` poses from ``start``; the others stay. Views that contradict the others are left out.
+        """Estimate the ``free`` poses from ``start``; the others are fixed. Views that contradict the others are
+        excluded.
 
         Raises CalibrationError, or DegenerateMotionError if the views do not determine them.
         """

@@ -44,9 +44,8 @@ class IntrinsicsCalibration:
     min_tilt: float = math.radians(15.0)
 
     def calibrate(self, sightings: Sequence[BoardSighting | None], size: tuple[int, int]) -> IntrinsicsResult:
-        """Calibrate a camera with images of ``size`` (width, height); None stands for a view without a board.
-
-        Raises CalibrationError or DegenerateMotionError that says which views to add.
+        """Calibrate a camera with images of ``size`` (width, height); None is a view without a board. Raises
+        CalibrationError or DegenerateMotionError, naming the views to add.
         """
         seen = [(i, s) for i, s in enumerate(sightings) if s is not None and len(s.points) >= self.min_corners]
         if len(seen) < self.min_views:
@@ -75,9 +74,7 @@ class IntrinsicsCalibration:
                 "held parallel to the image, focal length and distance cannot be separated"
             )
         if not math.isfinite(error) or not np.isfinite(matrix).all():
-            raise CalibrationError(
-                "the calibration did not converge; check the board's numbers of squares and their size"
-            )
+            raise CalibrationError("the calibration did not converge; check the number and size of the board's squares")
         coefficients = tuple(float(value) for value in np.ravel(distortion)[:5]) if self.lens != "none" else ()
         intrinsics = CameraIntrinsics(
             *size, float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2]), coefficients

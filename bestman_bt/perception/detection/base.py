@@ -60,8 +60,8 @@ class Detection:
 
 @dataclass(frozen=True, eq=False)
 class LabelledCluster(Cluster):
-    """A cluster that a detector has labelled; in ``DetectedScene.unknown`` its pose is not known, because no model
-    exists or fits.
+    """A cluster that a detector has labelled; in ``DetectedScene.unknown`` its pose is unknown, because no model exists
+    or fits.
 
     ``score``: the detector's, 0 to 1.
     """
@@ -110,7 +110,7 @@ class Detector(Prepared, ABC):
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:
-        """Detect ``models`` in the part of ``view`` that shows ``region``; objects that are not visible are left out.
+        """Detect ``models`` in the part of ``view`` that shows ``region``; objects that are not visible are omitted.
 
         Raises NoSurfaceError, with the reason, if no surface is seen.
         """
@@ -120,8 +120,8 @@ class Detector(Prepared, ABC):
 class Naming:
     """Names clusters by their hypotheses. ``min_confidence``: below it a cluster is unknown.
 
-    ``absorb_share``: a cluster belongs to a detected object where this share of its points lies in the object's
-    bounding box, grown by ``absorb_margin`` metres (a cup may fall into its near and its far wall).
+    ``absorb_share``: a cluster belongs to a detected object if this fraction of its points lies in the object's
+    bounding box, grown by ``absorb_margin`` metres (a cup may be split into its near and far walls).
     """
 
     min_confidence: float = 0.5

@@ -1,8 +1,8 @@
 """Detection by colour and shape: a fast comparison first, registration only of plausible models.
 
-Each cluster is compared with what every model would look like from the camera (see color_palette and shape_signature).
-The likeliest models go to the pose estimator, the others not: so many models cost little. The estimator has the last
-word: what it does not confirm has no name.
+Each cluster is compared with the expected appearance of every model from the camera (see color_palette and
+shape_signature). Only the likeliest models are passed to the pose estimator, so many models cost little. A model that
+the estimator does not confirm gives no name.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class ModelAppearance:
 
 
 def model_appearance(model: ObjectModel, elevation: float, yaws: int = 24, spacing: float = 0.005) -> ModelAppearance:
-    """Return the look of ``model`` from ``elevation`` radians above the horizon, a metre away.
+    """Return the appearance of ``model`` from ``elevation`` radians above the horizon, at a distance of one metre.
 
     Raises PerceptionError if the model has no shapes.
     """
@@ -157,7 +157,7 @@ def _quantile(values: NDArray[np.float64], share: float) -> float:
 
 
 _DARK = 0.02
-"""Added to each channel: the chromaticity of black is noise."""
+"""Added to each channel, because the chromaticity of black is noise."""
 
 
 def palette_distance(colors: NDArray[np.uint8], palette: NDArray[np.float64], shares: NDArray[np.float64]) -> float:
@@ -189,9 +189,9 @@ class ColorShape(Naming, Detector):
 
     ``max_color``, ``max_shape``: colour (``palette_distance``) and shape distances (``ModelAppearance``) above which a
     model is not tried. ``color_weight``: weight of colour against shape in the order of the tries. ``first``: number of
-    models tried at once if within ``margin`` of the most probable; the others, up to ``most``, are tried one after the
-    other until one is confirmed. ``tie``: two confirmed models whose logits of confidence differ by less are
-    distinguished by colour and shape. ``elevation_step``: radians; appearances of models are cached in such steps.
+    models tried at once if within ``margin`` of the most probable; the others, up to ``most``, are tried one by one
+    until one is confirmed. ``tie``: two confirmed models whose logits of confidence differ by less are distinguished by
+    colour and shape. ``elevation_step``: radians; appearances of models are cached in such steps.
     """
 
     segmentation: Segmentation = field(default_factory=RegionGrowing)
@@ -217,7 +217,9 @@ class ColorShape(Naming, Detector):
     def candidates(
         self, cluster: Cluster, models: Sequence[ObjectModel], view: View
     ) -> tuple[tuple[ObjectModel, float], ...]:
-        """Return the models that ``cluster`` could be, likeliest first, each with its distance in colour and shape."""
+        """Return the models that may explain ``cluster``, likeliest first, each with its distance in colour and
+        shape.
+        """
         plane_from_frame = cluster.plane.frame_from_plane.inverse()
         points, eye = plane_from_frame.apply(cluster.points), plane_from_frame.apply(view.viewpoint)
         towards = eye - points.mean(axis=0)

@@ -53,7 +53,7 @@ class OnnxDetector(FromImage):
         _ = self._network
 
     def find(self, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
-        """Return the detections of ``names`` in the image; other classes are left out. See ``FromImage.find``."""
+        """Return the detections of ``names`` in the image; other classes are omitted. See ``FromImage.find``."""
         network = self._network
         wanted = np.array([name in names for name in network.classes])
         if not wanted.any() or image.rgb.size == 0:

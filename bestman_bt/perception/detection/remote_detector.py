@@ -27,7 +27,7 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 
 class RemoteMask(BaseModel):
     """A mask, as one of two fields: ``png``, base64 of a grey PNG of the image's size (not 0: inside); ``counts``, the
-    run lengths of COCO: column by column, outside first.
+    run lengths of COCO: column by column, background first.
     """
 
     png: str | None = None
@@ -50,7 +50,7 @@ class RemoteReply(BaseModel):
 
 
 def request_body(image: RGBDImage, names: Sequence[str], with_depth: bool) -> dict[str, Any]:
-    """Return the question as JSON: names, size and the picture as PNG; depth in millimetres, 0 unknown."""
+    """Return the request as JSON: names, size and the picture as PNG; depth in millimetres, 0 unknown."""
     k = image.intrinsics
     body: dict[str, Any] = {
         "names": list(names),
@@ -65,7 +65,7 @@ def request_body(image: RGBDImage, names: Sequence[str], with_depth: bool) -> di
 
 
 def reply_detections(content: bytes, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
-    """Return the detections in a reply, highest score first; labels that were not requested are left out.
+    """Return the detections in a reply, highest score first; labels that were not requested are omitted.
 
     Raises ValueError, with the reason, if the reply is invalid.
     """
@@ -136,9 +136,9 @@ class RemoteDetector(FromImage):
     Posts the image and the names, and reads the reply; keeps no state between requests. Raises DetectorUnreachableError
     without a reply, DetectorReplyError for a reply that violates the protocol.
 
-    ``url``: address of the requests. ``connect_timeout``, ``timeout``: seconds for the connection, and for each try.
-    ``retries``: further tries if the server cannot be reached, is late, busy (429) or fails (5xx), after ``backoff``
-    seconds, doubled each time. ``max_reply``: bytes. ``with_depth``: whether to send the depth image too.
+    ``url``: address of the requests. ``connect_timeout``, ``timeout``: seconds for the connection, and for each
+    attempt. ``retries``: further attempts if the server cannot be reached, is late, busy (429) or fails (5xx), after
+    ``backoff`` seconds, doubled each time. ``max_reply``: bytes. ``with_depth``: whether to also send the depth image.
     """
 
     url: str = ""

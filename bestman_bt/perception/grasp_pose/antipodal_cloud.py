@@ -1,9 +1,9 @@
 """Antipodal grasps on the measured cloud of an unknown object, with the hand checked against all known obstacles.
 
-Pairs of points whose normals oppose each other within friction cones (Nguyen 1988), and lines through the middle,
-give closing axes; hands turned about them are closed on the cloud and ranked by what the pads meet, as ten Pas et al.
-("Grasp Pose Detection in Point Clouds", 2017) rank theirs by what lies between the fingers, without a network.
-The sides that no camera saw are assumed: see CloudCompletion.
+Pairs of points whose normals oppose each other within friction cones (Nguyen 1988), and lines through the middle, give
+closing axes; hands rotated about them are closed on the cloud and ranked by the contacts of the pads, similar to ten
+Pas et al. ("Grasp Pose Detection in Point Clouds", 2017), who rank grasps by the points between the fingers, but
+without a network. Sides not seen by any camera are assumed: see CloudCompletion.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ class CloudCompletion:
     """Smooths the cloud of an object and adds the sides that no camera saw.
 
     Metres. ``voxel``: size of the voxel filter, coarser if more than ``max_points`` would remain. ``neighbours``:
-    points within ``radius`` from which a normal is estimated. ``cell``: of the plan view in which the outline is found,
-    at least half of the gaps between points; ``column_step``: between the points assumed below it. ``around``: number
-    of neighbours to which the surface is connected, the point itself included; ``bridge``: between the points assumed
-    on these connections. ``least``: minimum points of an object.
+    points within ``radius`` from which a normal is estimated. ``cell``: cell size of the plan view in which the outline
+    is found, at least half of the gaps between points; ``column_step``: between the points assumed below it.
+    ``around``: number of neighbours to which the surface is connected, the point itself included; ``bridge``: between
+    the points assumed on these connections. ``least``: minimum points of an object.
     """
 
     voxel: Annotated[float, "m"] = 0.004

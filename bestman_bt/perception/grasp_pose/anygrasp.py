@@ -1,9 +1,9 @@
 """Grasps of a network with the input and output of AnyGrasp, which is not part of this package.
 
-Fang et al., "AnyGrasp: Robust and Efficient Grasp Perception in Spatial and Temporal Domains", 2023. Its detector takes
-``get_grasp(points, colors, lims)`` in a camera frame and answers with a ``GraspGroup`` of graspnetAPI: rows of 17
-numbers, score, width, height, depth, rotation (9, row by row), translation (3), object id. There x of the rotation is
-the approach, y the closing direction, and the finger tips are ``depth`` beyond the translation.
+Fang et al., "AnyGrasp: Robust and Efficient Grasp Perception in Spatial and Temporal Domains", 2023. Its detector has
+``get_grasp(points, colors, lims)`` in a camera frame, which returns a ``GraspGroup`` of graspnetAPI: rows of 17
+numbers, score, width, height, depth, rotation (9, row by row), translation (3), object id. In these, x of the rotation
+is the approach, y the closing direction, and the finger tips are ``depth`` beyond the translation.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def grasp_rows(answer: Any) -> NDArray[np.float64]:
     """Return the rows (N, 17) of a detector's output: a GraspGroup or its array, alone or first of a tuple; None: no
     rows.
 
-    Rows with numbers that are not finite are left out. Raises PerceptionError for another format.
+    Rows with numbers that are not finite are omitted. Raises PerceptionError for another format.
     """
     group = answer[0] if isinstance(answer, tuple) else answer
     if group is None:

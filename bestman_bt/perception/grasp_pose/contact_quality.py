@@ -1,9 +1,9 @@
 """Grasp quality of a closed hand: contacts within their friction cones, size and opposition of the contact patches,
 depth.
 
-The score is a logistic regression on what the pads meet. Its weights come from random shapes grasped in physics by a
-Franka hand (about 400 grasps, good and bad ones, on clouds of two noisy views), rounded; the arm of the weight, which
-hardly mattered for those light shapes, is set by hand.
+The score is a logistic regression on the contacts of the pads. Its weights come from random shapes grasped in physics
+by a Franka hand (about 400 grasps, good and bad ones, on clouds of two noisy views), rounded; the weight of the lever
+arm, which hardly mattered for those light shapes, is set by hand.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
-"""Grasps of a known model: from its shape where that is a box, cylinder or ball, else the antipodal ones found on it.
-
-The latter come with the model (``ObjectModel.grasps``) or are found when it is first asked for. They also serve a box,
-cylinder or ball whose straight grasps are all blocked by what stands around.
+"""Grasps of a known model: computed from its shape if it is a box, cylinder or ball, else antipodal grasps on its
+surface. The latter come with the model (``ObjectModel.grasps``) or are computed on first use. They are also used for a
+box, cylinder or ball if surrounding obstacles block all of its straight grasps.
 """
 
 from __future__ import annotations

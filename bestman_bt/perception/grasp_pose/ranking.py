@@ -23,7 +23,7 @@ def surroundings_of(target: GraspTarget, support_height: float, reach: float) ->
     """Return points (N, 3) of other objects within ``reach`` metres of the target's box, downsampled.
 
     They are assumed to extend down to the support on the sides that the camera does not see. Points that are not finite
-    are left out. Raises PerceptionError if the array is not (N, 3).
+    are omitted. Raises PerceptionError if the array is not (N, 3).
     """
     if target.surroundings is None:
         return np.zeros((0, 3))

@@ -20,7 +20,7 @@ from bestman_bt.messages import Mesh
 from bestman_bt.perception.errors import PerceptionError
 
 MOST_TRIANGLES = 12_000
-"""Edges of about 3 mm on an object as large as a mug."""
+"""Resolution that gives edges of about 3 mm on an object of the size of a mug."""
 
 
 def simplified(mesh: Mesh, most: int = MOST_TRIANGLES, library: Literal["trimesh", "open3d"] = "trimesh") -> Mesh:

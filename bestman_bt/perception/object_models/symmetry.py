@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from bestman_bt.messages import Mesh
 
 ORDERS = (10, 8, 6, 4, 2)
-"""Orders that are tried, highest first; odd ones are left out, because their axis does not pass through the middle of
+"""Orders that are tried, highest first; odd ones are omitted, because their axis does not pass through the middle of
 the bounding box.
 """
 

@@ -16,7 +16,7 @@ from bestman_bt.perception.segmentation.base import Cluster
 from bestman_bt.perception.view import View
 
 AMBIGUOUS_YAW = math.radians(30.0)
-"""Width of a yaw set beyond which another view is worth taking."""
+"""Width of a yaw set above which another view is useful, radians."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from bestman_bt.perception.view import View
 class PoseEvidence:
     """Features of the confidence model, as in PoseHypothesis; ``rmse`` includes only the points on the model.
 
-    ``outside``: share of the model's camera-side surface that lies beyond the image's border. ``noise``: the depth
+    ``outside``: fraction of the model's camera-side surface that lies beyond the image's border. ``noise``: the depth
     noise expected at that distance, metres.
     """
 

@@ -1,4 +1,4 @@
-"""The visible surface of a model as samples with normals, and a grid that finds the nearest sample at once."""
+"""The visible surface of a model as samples with normals, and a grid for fast nearest-sample lookup."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 """Registration of known models to a cluster from many starts, judged against the whole image.
 
-All starts are fitted at once, the best ones refined on the part of the surface that faces the camera, and judged: does
-the model explain the points, would some of it hover in front of measured depth, is the colour right? Of a model without
-symmetry every yaw is asked how well it explains the view: the result says which ones that leaves open.
+All starts are fitted in parallel; the best ones are refined on the part of the surface that faces the camera, and
+evaluated: whether the model explains the points, whether a part of it would float in front of measured depth, and
+whether the colour matches. For a model without symmetry the likelihood of every yaw is computed; the result contains
+the plausible ones.
 """
 
 from __future__ import annotations
@@ -116,7 +117,7 @@ class MultiStart(Registration, PoseEstimator):
 
     @cached_property
     def surfaces(self) -> SurfaceStore:
-        """Sampled surfaces of the models that it has met."""
+        """The cache of sampled surfaces of models."""
         return SurfaceStore(self.spacing, self.tipped)
 
     @override

@@ -2,7 +2,8 @@
 
 In each view the object is registered as in MultiStart; the fits are fused by their information matrices (covariance
 weighting as in Smith and Cheeseman, "On the Representation and Estimation of Spatial Uncertainty", 1986), after each
-was widened by the error of its camera pose. A yaw stays open where the sum of the views' log-likelihoods leaves it so.
+was widened by the error of its camera pose. A yaw remains plausible if the sum of the views' log-likelihoods permits
+it.
 """
 
 from __future__ import annotations
@@ -204,7 +205,7 @@ def _seen_on(plane: SupportPlane, observation: ViewObservation, single: MultiSta
 
 
 def pooled(evidence: Sequence[PoseEvidence], weights: NDArray[np.float64]) -> PoseEvidence:
-    """Return the mean of several views' evidence; ``weights``: their shares."""
+    """Return the mean of several views' evidence; ``weights``: their relative weights."""
     mean = {
         name: float(np.dot(weights, [getattr(item, name) for item in evidence]))
         for name in ("explained", "visible_fraction", "floating", "outside", "noise")

@@ -89,7 +89,9 @@ def gauss_newton(
 
 SELF_POINTS, SELF_ITERATIONS, SELF_SCALE = 300, 8, 0.004
 WALL = 0.003
-"""Metres towards the camera at which the nearest sample is sought: of thin walls the side that was seen."""
+"""Offset towards the camera at which the nearest sample is searched, metres, so that the visible side of a thin wall is
+found.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +150,7 @@ def slide(
     scale: float,
     eye: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Fit x and y of the poses (S, 3) to ``points`` (N, 3), all in the plane's frame; the yaws stay.
+    """Fit x and y of the poses (S, 3) to ``points`` (N, 3), all in the plane's frame; the yaws are unchanged.
 
     ``eye``: (3,), the position of the camera: only the side of a thin wall that faces it is matched.
     """

@@ -1,9 +1,9 @@
 """The likelihood of each yaw given a view, and the set of plausible yaws.
 
-At every yaw of a grid the object is slid to where it fits best. Two things speak against a yaw: measured points far
-from the model (a handle was seen where the model has none), and model surface that would float in front of measured
-depth (a handle should be seen where there is none). What the object's own body, another object or the image's border
-hides says nothing. Both are robust Gaussian costs, as in the beam model of Thrun, Burgard and Fox, "Probabilistic
+At every yaw of a grid the object is translated to its best fit. Two kinds of evidence count against a yaw: measured
+points far from the model (a handle was seen where the model has none), and model surface that would float in front of
+measured depth (a handle should be visible but is not). Parts hidden by the object itself, another object or the image's
+border are ignored. Both are robust Gaussian costs, as in the beam model of Thrun, Burgard and Fox, "Probabilistic
 Robotics", 2005.
 """
 

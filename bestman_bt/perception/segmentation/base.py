@@ -32,8 +32,9 @@ def voxel_means(cloud: PointCloud, edge: float) -> PointCloud:
 
 
 Side = Literal["rim", "wall", "hidden", "cut"]
-"""How a surface ends: beyond a rim the camera sees something lower; a wall rises from it; something nearer hides the
-end; the picture ends first."""
+"""The end of a surface: a rim, beyond which the camera sees something lower; a wall; an end hidden by something nearer;
+the border of the image.
+"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""RANSAC for the support plane, voxels, and DBSCAN for the things above it.
+"""RANSAC for the support plane, voxels, and DBSCAN for the objects above it.
 
 Fischler and Bolles, "Random Sample Consensus", 1981; Ester et al., "A Density-Based Algorithm for Discovering
 Clusters", 1996. All in numpy and scipy, so that equal input gives equal output on any machine.

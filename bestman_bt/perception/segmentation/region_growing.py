@@ -1,8 +1,8 @@
 """Region growing in the depth image: objects are separated at depth jumps and along concave valleys.
 
-The pixels above the surface are cut into smooth pieces (see depth_fragments), and pieces that can only belong to one
-standing thing are joined (see fragment_merging). Neighbours are neighbouring pixels: no search, so that things stay
-apart however near they stand, as long as the picture shows it.
+The pixels above the surface are split into smooth fragments (see depth_fragments), and fragments that can only belong
+to one upright object are merged (see fragment_merging). Neighbourhood is that of pixels, without a distance threshold,
+so that objects remain separate however close they are, as long as the image shows a boundary.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from bestman_bt.perception.view import View
 class FragmentMerging:
     """Rules for merging smooth fragments into objects. Lengths in metres.
 
-    Three reasons join two pieces. Seen from above one lies over the other: the head and the body of a duck. One is the
-    hollow inside of what stands before it: the far wall of a cup. One does not reach down to the surface though nothing
-    hides its lower end: a handle, so it hangs on its neighbour.
+    Two fragments are merged in three cases. One is above the other in the top view: the head and the body of a duck.
+    One is the hollow inside behind the other: the far wall of a cup. One does not reach down to the surface although
+    its lower end is visible: a handle, which is attached to its neighbour.
 
     ``merge_overlap``: minimum overlap of two footprints of one object, as a fraction of the smaller one.
     ``hollow_depth``: minimum depth of the middle of a hollow below its sides; ``rim_tolerance``: maximum height

@@ -1,8 +1,8 @@
 """Support surfaces anywhere in a view: tables, counters and shelf boards as horizontal planes with their extents.
 
 Pixels whose normals point up are grown into connected pieces, as in Trevor et al., "Efficient Organized Point Cloud
-Segmentation with Connected Components", 2013. Each gets a plane; pieces of one plane that only something nearer parts
-are joined. Nothing is known beforehand but where up is.
+Segmentation with Connected Components", 2013. A plane is fitted to each; pieces of one plane that are separated only by
+a nearer obstacle are joined. Only the vertical direction is known in advance.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Classification of the cells of a support surface (free, occupied, missing, unseen), and its free places.
 
 A cell is free where the surface itself was measured. It is absent where a camera ray passes through the plane and hits
-something below it: so the surface ends before. What no ray reached is unseen.
+something below it, which shows that the surface ends before. Cells that no ray reached are unseen.
 """
 
 from __future__ import annotations
