@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import os
+import resource
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,8 @@ T = TypeVar("T")
 SLURM = "slurm"
 TIMES = ("wall_time_s", "real_time_factor")
 """Fields that may differ between two runs of one episode."""
+SPARE_FILES = 256
+"""Files that a process may open besides those of the shards that it merges."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +122,8 @@ def merge_journals(journal: Journal, others: Mapping[Path, StoredEpisodes]) -> l
 
     Raises JournalError if they cannot be written.
     """
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, min(hard, len(others) + SPARE_FILES)), hard))
     contradictions: list[ConflictingResults] = []
     added: EpisodeKey | None = None
     first = journal.path

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import tracemalloc
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -166,6 +167,20 @@ def test_a_merge_opens_each_journal_as_often_for_many_episodes_as_for_few(
         [opened[tmp_path / name / part / "episodes.jsonl"] for part in ("one", "two")] for name in ("few", "many")
     ]
     assert shards[0] == shards[1]
+
+
+def test_more_shards_can_be_merged_than_a_process_may_open_files(
+    suite: Suite, keys: Sequence[EpisodeKey], tmp_path: Path
+) -> None:
+    for number in range(80):
+        write(tmp_path / "shards" / str(number), keys[:1])
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    few = len(list(Path("/proc/self/fd").iterdir())) + 40
+    resource.setrlimit(resource.RLIMIT_NOFILE, (few, before[1]))
+    try:
+        assert merged(suite, tmp_path / "out", tmp_path / "shards")["episodes"] == 1
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
 def test_missing_episodes_are_named(suite: Suite, keys: Sequence[EpisodeKey], tmp_path: Path) -> None:
