@@ -38,7 +38,7 @@ from bestman_bt.robot_model.urdf_elements import fixed_joint
 
 FOLLOWER_SLACK = 0.1
 _OF_A_RUN = ("connections.", "safety.", "bringup")
-"""Settings of a run that make no other robot."""
+"""Settings of a run that do not change the robot."""
 
 
 def write_limits(part: PlacedPart) -> None:
@@ -156,7 +156,7 @@ class _RobotFile:
         return None
 
     def check_default_arm(self) -> None:
-        """Add the fault of a default arm that there is not."""
+        """Add the fault of a default arm that does not exist."""
         arms = [name for name in self.names if name not in self.placed or isinstance(self.placed[name].config, ArmPart)]
         wanted = self.config.default_arm
         if wanted is not None and wanted not in arms:
@@ -176,7 +176,7 @@ class _RobotFile:
         return urdf
 
     def place_parts(self) -> bool:
-        """Place the parts that can be read; return whether that is all of them, each mounted on another."""
+        """Place the parts that can be read; return whether all were read and mounted without a fault."""
         taken: set[str] = set()
         unread: dict[str, list[str] | None] = {}
         mislaid = flawed = False
@@ -336,8 +336,8 @@ def _limit_problems(
 
 
 def _is_misspelt(name: str, parts: list[str], links: list[str]) -> bool:
-    """Return whether it can be said that a name is wrong while links of parts are unknown: it is nearly one that is
-    known.
+    """Return whether a name is certainly wrong although links of some parts are unknown: it nearly equals a known
+    one.
     """
     return bool(get_close_matches(name, [*parts, *links], n=1, cutoff=0.7))
 
@@ -363,7 +363,7 @@ def load_problems(model: RobotModel, placed: Mapping[str, PlacedPart], document:
 def with_calibration(document: Document, folder: Path, faults: ProblemCollector) -> Document:
     """Return a robot's document with the ``parts`` of its ``calibration`` files applied, in order.
 
-    ``folder``: for relative names. Unreadable files and parts of another robot are left out, and added to ``faults``.
+    ``folder``: for relative names. Unreadable files and parts of another robot are skipped, and added to ``faults``.
     """
     names = document.data.get("calibration", [])
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):

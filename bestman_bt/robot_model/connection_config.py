@@ -53,7 +53,7 @@ class StopInputConfig:
 
 
 def host_and_port(address: str) -> tuple[str, int]:
-    """Return the two of ``HOST:PORT``, an IPv6 host in brackets; ValueError."""
+    """Return host and port of ``HOST:PORT``, an IPv6 host in brackets. Raises ValueError."""
     host, _, port = address.rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
     if not host or not port.isascii() or not port.isdigit() or not 0 < int(port) < 65536:
@@ -68,7 +68,7 @@ class SafetyConfig:
     ``joint_speed``: fraction of the arms' speed limits, default 1; real arms without this and ``tool_speed`` start
     slowly. ``base_speed``, ``base_turn``, ``gripper_force``: upper limits, replacing higher ones of the parts. They are
     part of the robot model, so that planners and the simulation respect them. ``tool_speed`` limits the arms' tools,
-    ``workspace`` tools and elbows. ``watchdog``: seconds without a sign of life after which a controller counts as lost
+    ``workspace`` tools and elbows. ``watchdog``: seconds without a heartbeat after which a controller counts as lost
     and everything else is stopped; ``heartbeat``: the same for the planning process, or the one with the connections,
     after which the robot brakes. ``stop_input``: an external stop signal.
     """

@@ -90,8 +90,8 @@ def _resolve(
     hand: PartConfig | None,
     before: Mapping[str, Part],
 ) -> Part | None:
-    """Return the part with what the URDF adds to it, or None for a structure and for a bumper without a base, which the
-    caller refuses. ``hand``: on an arm; ``before``: bases at least.
+    """Return the part with its properties from the URDF, or None for a structure and for a bumper without a base, which
+    the caller refuses. ``hand``: on an arm; ``before``: bases at least.
     """
     match part.config:
         case BasePart() as base:
@@ -123,7 +123,7 @@ def _joints_below(link: str, urdf: ET.Element) -> tuple[str, ...]:
 
 
 def _tool(config: object) -> str | None:
-    """Return where a part grasps, or None if it does not grasp."""
+    """Return the grasp frame of a part, or None if it does not grasp."""
     return config.tool if isinstance(config, GripperPart | SuctionPart | JointGroupPart) else None
 
 

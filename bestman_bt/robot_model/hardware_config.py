@@ -41,7 +41,7 @@ def with_hardware(model: RobotModel, connections: Mapping[str, ConnectionConfig]
 
 
 FIRST_JOINT_SPEED, FIRST_TOOL_SPEED = 0.1, 0.25
-"""Share of the joints' limits, and m/s: at most, of real arms without a signed bring-up."""
+"""Largest speeds of real arms without a signed bring-up: fraction of the joints' limits, and m/s."""
 
 
 def with_first_limits(model: RobotModel) -> RobotModel:
@@ -59,7 +59,7 @@ def with_first_limits(model: RobotModel) -> RobotModel:
 def read_connections(
     config: RobotConfig, document: Document, parts: Mapping[str, PartConfig | None]
 ) -> tuple[dict[str, ConnectionConfig], list[Problem]]:
-    """Return the connections with their options as the driver's own dataclass, and all that is wrong with them and
+    """Return the connections with their options as the driver's own dataclass, and all faults of these and of
     ``safety``.
 
     ``parts``: those of the robot, or None if one could not be read.
@@ -96,7 +96,7 @@ def _read_connection(
 
 
 def _from_environment(text: str) -> str:
-    """Replace ``${NAME}`` by the environment variable, or by nothing if it is not set."""
+    """Replace ``${NAME}`` by the environment variable, or by an empty text if it is not set."""
     variable = _VARIABLE.fullmatch(text)
     return text if variable is None else os.environ.get(variable[1], "")
 

@@ -145,7 +145,9 @@ class GripperModel:
         return float(np.mean(np.interp(np.asarray(positions, float), q[::order], widths[::order])))
 
     def transmission(self, width: float) -> float:
-        """Return the motion of each joint per metre of opening width, rad/m or 1; positive."""
+        """Return the motion of each joint per metre of opening width, positive; rad/m for revolute joints, m/m for
+        prismatic ones.
+        """
         positions, widths = self._table
         index = int(np.clip(np.searchsorted(widths, width), 1, len(widths) - 1))
         return abs(float((positions[index] - positions[index - 1]) / (widths[index] - widths[index - 1])))
@@ -214,7 +216,7 @@ class LeggedBaseModel(BaseModel):
 
 
 Part = BaseModel | JointedModel | GripperModel | MountedForceTorque | MountedBumper | PartConfig
-"""What a robot model holds: sensors, and kinds of plug-ins, as they are in the YAML."""
+"""The elements of a robot model: sensors, and parts of kinds from plug-ins, as in the YAML."""
 Kind = TypeVar("Kind", bound=Part)
 
 
@@ -225,7 +227,7 @@ class RobotModel:
     ``urdf``: the text, with absolute mesh paths. ``base_frame``: on the floor, x forward. ``parts``: by name (``base``,
     ``arm``, ``gripper``, ``head``, …), grouped by kind; within a kind in the order of the robot's YAML. ``postures``:
     name → joint name → position. ``hand_of``: name of a gripper or other hand → its arm. ``default_arm``: the arm of
-    skills that do not name one of several. ``allowed_self_pairs``: pairs of links left out of self-collision checks.
+    skills that do not name one of several. ``allowed_self_pairs``: pairs of links excluded from self-collision checks.
     ``connections``, ``safety``: of the real robot; the simulation ignores the former. ``bringup``: path of the bring-up
     file; ``content``: digest of its files; ``serial_numbers``: connection → expected controller; ``measured``: step of
     the signed bring-up → parts and connections that it has measured.
@@ -261,7 +263,7 @@ class RobotModel:
         return tuple(self.of(ArmModel))
 
     def arm_named(self, name: str = "") -> str:
-        """Return the arm of this name; of an empty one the only arm, or the ``default_arm``.
+        """Return the arm of this name; for an empty name the only arm, or the ``default_arm``.
 
         Raises KeyError naming the arms.
         """
@@ -275,7 +277,7 @@ class RobotModel:
         raise KeyError(f"robot {self.name!r} has no default arm: name one of its arms; it has {known}")
 
     def gripper_of(self, arm: str) -> str | None:
-        """Return the gripper that an arm carries; of a robot with one arm or none, its first gripper."""
+        """Return the gripper that an arm carries; for a robot with at most one arm, its first gripper."""
         if len(self.arm_names) < 2:
             return next(iter(self.of(GripperModel)), None)
         return next((name for name in self.of(GripperModel) if self.hand_of.get(name) == arm), None)

@@ -64,7 +64,7 @@ def _move(joint: ET.Element, pose: Pose) -> None:
 
 Vector = tuple[float, float, float]
 Place = tuple[str, Vector, Vector]
-"""A link, and where the root of the part is on it: xyz in metres, roll, pitch and yaw in radians."""
+"""A link, and the pose of the part's root on it: xyz in metres, roll, pitch and yaw in radians."""
 
 
 def mount_place(mounted: MountedPart, part: PlacedPart | None, placed: Mapping[str, PlacedPart]) -> Place | None:
@@ -133,7 +133,7 @@ def _mount_faults(
     unread: Mapping[str, list[str] | None],
     links: list[str],
 ) -> list[Problem]:
-    """Return the fault of a mount on nothing that is placed, if it cannot be on an unread part either."""
+    """Return the fault of a mount that is on no placed part, and cannot be on an unread part either."""
     if mount in unread or any(mount in known for known in unread.values() if known is not None):
         return []
     misspelt = _misspelt_part(document, field, mount) if unread else []
@@ -143,8 +143,8 @@ def _mount_faults(
 
 
 def _misspelt_part(document: Document, field: tuple[str, str, str], mount: str) -> list[Problem]:
-    """Return a mount that is nearly the name of a part, letter by letter; else it may be a frame, of a part that is
-    unread.
+    """Return a problem if the mount is probably the misspelt name of a part; otherwise it may be a frame of an unread
+    part.
     """
     parts = [name for name in document.data["parts"] if isinstance(name, str) and field[1] != name]
     names = [name for name in parts if name.count("_") == mount.count("_")]  # column_top is no misspelt column

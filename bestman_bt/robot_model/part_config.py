@@ -213,7 +213,7 @@ class SuctionPart(PartConfig):
 
     @property
     def max_width(self) -> float:
-        """The nominal width at which it lets go."""
+        """The nominal width at which it releases."""
         return 2 * self.cup_radius
 
     @property

@@ -74,7 +74,7 @@ class JointLimitsConfig:
 
 @dataclass(frozen=True)
 class JointConstraint:
-    """Tolerances of one joint; None: as the others'."""
+    """Tolerances of one joint; None: those of the other joints."""
 
     trajectory: JointTolerance | None = None
     goal: JointTolerance | None = None

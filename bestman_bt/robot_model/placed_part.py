@@ -45,7 +45,7 @@ from bestman_bt.robot_model.urdf_elements import (
 from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, locate_urdf, read_subtree
 
 DENSITY = 1000.0
-"""kg/m³, of the convex hull of a link of unknown mass: castings with motors in them weigh about as much."""
+"""kg/m³, of the convex hull of a link of unknown mass: a typical value of castings with motors."""
 
 _ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
@@ -379,7 +379,7 @@ def _flat(value: Any) -> list[str]:
 
 
 def _dress(dressed: ET.Element, config: PartConfig) -> None:
-    """Give a link the collision shape, the contact and the mass that its part's description says."""
+    """Give a link the collision shape, contact parameters and mass of its part's description."""
     name = dressed.get("name", "")
     pads: tuple[PadConfig, ...] | None = config.collision.get(name)
     if pads is not None:

@@ -41,8 +41,8 @@ class RobotConfig:
 
     ``default_arm``: the arm of skills that do not name one of several. ``calibration``: calibration files that override
     ``parts``. ``postures``: posture → part → joint positions. ``never_touch``: pairs of parts or links that cannot
-    collide, left out of self-collision checks. ``connections``: the controllers of the real robot, by name; ``safety``:
-    its limits; ``bringup``: the file of its bring-up, by default beside this one.
+    collide, excluded from self-collision checks. ``connections``: the controllers of the real robot, by name;
+    ``safety``: its limits; ``bringup``: the file of its bring-up, by default beside this one.
     """
 
     parts: Mapping[str, MountedPart]

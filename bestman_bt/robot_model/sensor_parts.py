@@ -173,7 +173,7 @@ class TactilePart(PartConfig):
 class BumperPart(PartConfig):
     """A ring of ``zones`` contact strips of equal length around the footprint of the robot's base.
 
-    ``threshold``: the force that presses a strip. ``height``: above the floor, up to which it feels.
+    ``threshold``: the force that presses a strip. ``height``: above the floor, up to which it detects contact.
     """
 
     kind: Literal["bumper"]
@@ -219,7 +219,8 @@ class MountedForceTorque:
 
 @dataclass(frozen=True)
 class MountedBumper:
-    """A bumper around a base; it feels at the link that carries its frame and at those of ``joints``: wheels.
+    """A bumper around a base; it detects contacts of the link that carries its frame and of the child links of
+    ``joints``, the wheels.
 
     ``zones``: (x, y) of each strip's start and end in the base frame, metres, counter-clockwise.
     """

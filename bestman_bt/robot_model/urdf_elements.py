@@ -1,4 +1,4 @@
-"""Small URDF elements: links with an inertial, shapes, joints, and the faults of those in a file."""
+"""Small URDF elements: links with an inertial, shapes and joints, and checks of the elements in a file."""
 
 from __future__ import annotations
 

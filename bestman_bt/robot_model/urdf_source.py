@@ -23,7 +23,7 @@ EXAMPLE_ROBOTS = "example_robot_data"
 
 
 class UrdfError(Error, ValueError):
-    """A URDF or SRDF cannot be used; ``faults`` are all that was found, one line each."""
+    """A URDF or SRDF cannot be used; ``faults`` lists every fault, one line each."""
 
     def __init__(self, *faults: str) -> None:
         self.faults = faults
@@ -57,7 +57,7 @@ def locate_urdf(source: str, folder: Path) -> Path:
 
 @cache
 def example_robots() -> Path:
-    """Return the folder of robots of the distribution example-robot-data, which is no importable package."""
+    """Return the folder of robots of the distribution example-robot-data, which is not an importable package."""
     try:
         package = distribution("example-robot-data")
     except PackageNotFoundError as error:
@@ -245,7 +245,7 @@ class SrdfGroup:
 
 @dataclass(frozen=True)
 class Srdf:
-    """``states``: group → state → joint → position. ``faults``: positions that are not numbers, left out."""
+    """``states``: group → state → joint → position. ``faults``: positions that are not numbers; they are omitted."""
 
     groups: Mapping[str, SrdfGroup]
     states: Mapping[str, Mapping[str, Mapping[str, float]]]

@@ -106,8 +106,8 @@ _ClassAndPreset = tuple[type[Any], dict[str, Any]]
 class Algorithms:
     """The configured algorithms, one attribute per slot, such as ``detection``; each is created on first use.
 
-    ``semantic_map``: the map for localisation; only a localizer needs it. A user's own algorithms are created at once,
-    to check that they can be. Raises ConfigurationError listing the faults of all slots.
+    ``semantic_map``: the map for localisation; only a localizer needs it. A user's own algorithms are created
+    immediately, to check that this is possible. Raises ConfigurationError listing the faults of all slots.
     """
 
     def __init__(self, config: RunConfig, model: RobotModel, semantic_map: SemanticMap | None = None) -> None:
@@ -250,9 +250,8 @@ def make_algorithm(
     """Return the algorithm in ``slot``, created as ``Class(*needs, **parameters, **parts)``.
 
     ``name``: replaces the configured one; its parameters are then the defaults. ``folders``: searched first for files
-    and modules. ``parts``: other algorithms that it uses. With ``faults``, invalid parameters are added there and left
-    out.
-    Raises ConfigurationError naming the slot, the field and what is accepted.
+    and modules. ``parts``: other algorithms that it uses. With ``faults``, invalid parameters are added there and
+    omitted. Raises ConfigurationError naming the slot, the field and what is accepted.
     """
     algorithm, parameters = _choose(config, slot, name, folders, faults)
     if algorithm.__module__.startswith("bestman_bt."):
@@ -264,7 +263,7 @@ def parameters_of(algorithm: type[Any], slot: str, preset: Mapping[str, Any]) ->
     """Return a dataclass of the parameters of an algorithm in ``slot``, or None if it has none.
 
     They are the fields of the algorithm's dataclass without those that the session fills, and without those that the
-    class requires and the ``preset`` sets: these tell the presets of a class apart.
+    class requires and the ``preset`` sets: these distinguish the presets of a class.
     """
     if not dataclasses.is_dataclass(algorithm):
         return None
@@ -315,7 +314,7 @@ def _choose(
     folders: tuple[Path, ...] = (),
     faults: list[Problem] | None = None,
 ) -> tuple[type[Any], dict[str, Any]]:
-    """Return the class in a slot and the parameters that are set for it; raises as ``make_algorithm``."""
+    """Return the class in a slot and the parameters that are set for it; raises the errors of ``make_algorithm``."""
     configured, values = config.task.algorithm(slot)
     if name and name != configured:
         values = {}

@@ -13,7 +13,7 @@ class Confirmation:
     """Pauses the execution before each motion: resuming starts the motion, ``decline`` refuses it.
 
     ``asked``: called with each motion, in the executor's thread, before it waits. ``executor``: the executor of the
-    motions; without one they start at once.
+    motions; without one they start immediately.
     """
 
     def __init__(self) -> None:

@@ -40,17 +40,17 @@ from bestman_bt.runtime.telemetry import Telemetry
 LONGEST_MARK = 200
 """Largest number of characters of a manual change in the result."""
 TASK_WAIT = 2.0
-"""Seconds that a task between ticks waits for the tick under way."""
+"""Seconds that a task between ticks waits for the current tick."""
 
 KNOWN = (
     "status, subscribe, pause, resume, step, decline, speed, set, breakpoint, clear_breakpoint, "
     "breakpoints, force, halt, stop"
 )
-"""Requests, for people."""
+"""The requests, as text for error messages."""
 
 
 class ControlChannel:
-    """Serves one executor; ``stop_robot`` is called at once, from the serving thread: an emergency stop.
+    """Serves one executor; ``stop_robot`` is called immediately, from the serving thread: an emergency stop.
 
     ``robot_state``: returns the state of the robot and its parts as text, for ``status``. ``speed``: of the robot.
     """

@@ -131,7 +131,7 @@ class Executor:
         self.tree.wake_up()
 
     def pause(self) -> None:
-        """Pause ticking until ``resume`` or ``step``; in simulation the clock stands still."""
+        """Pause ticking until ``resume`` or ``step``; in simulation the clock stops."""
         self._go.clear()
 
     def resume(self) -> None:
@@ -164,7 +164,7 @@ class Executor:
     def hold(self, hold: PauseReason) -> None:
         """Wait within a tick until ``resume`` or ``step``; for calls in the executor's thread.
 
-        In simulation the clock stands still; on hardware, motions under way are paused as well.
+        In simulation the clock stops; on hardware, current motions are paused as well.
 
         Raises:
             EngineError: the execution was cancelled meanwhile.

@@ -38,7 +38,7 @@ from bestman_bt.scene.object_file import LARGEST, SMALLEST, SYMMETRY_ORDERS, Sym
 DENSITY = 500.0
 """kg/m³, density of an object of unknown mass: wood, or a filled thin-walled container."""
 GRASPS = 128
-"""Grasps found for an object, at most."""
+"""Largest number of grasps found for an object."""
 GREY = (0.6, 0.6, 0.6)
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _RESERVED = re.compile(r"random_\d{3}")

@@ -1,4 +1,4 @@
-"""Import of parts from any URDF: the kind of part, what the file leaves out, and the description."""
+"""Import of parts from any URDF: the kind of part, properties missing from the file, and the description."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from bestman_bt.robot_model.urdf_tree import UrdfTree
 class PartRequest:
     """``kind``: None to infer it. ``group``: of the SRDF, None for the whole file. ``packages``: for ``package://``.
 
-    ``cut``: links to leave out, with their descendants.
+    ``cut``: links to omit, with their descendants.
     """
 
     name: str
@@ -139,7 +139,9 @@ def _states(
 
 
 def _strangers(tree: UrdfTree, srdf: Srdf) -> list[str]:
-    """Return a note of what states and pairs of an SRDF name and the URDF lacks: an SRDF may be of a larger robot."""
+    """Return a note on joints and links that the SRDF names but the URDF lacks: the SRDF may describe a larger
+    robot.
+    """
     named = {joint for of_group in srdf.states.values() for state in of_group.values() for joint in state}
     paired = {link for pair in srdf.disabled_pairs for link in pair}
     lost = sorted({*(named - set(tree.joints)), *(paired - set(tree.links))})
@@ -147,7 +149,7 @@ def _strangers(tree: UrdfTree, srdf: Srdf) -> list[str]:
 
 
 def _left_out(tree: UrdfTree, fields: Mapping[str, Any]) -> list[str]:
-    """Return notes on what is not part of the import: cut links, and joints that others have to move."""
+    """Return notes on elements that are not imported: cut links, and joints that other parts have to move."""
     cut = fields.get("cut", ())
     notes = [f"cut off, with all descendants: {', '.join(cut)}"] if cut else []
     moved = {*fields.get("joints", ()), *fields.get("wheel_joints", ())}
@@ -391,7 +393,7 @@ def _foot(tree: UrdfTree, links: Sequence[str]) -> str:
 
 
 def _hand_joints(tree: UrdfTree) -> list[str]:
-    """Return the driven joints, but for those of an arm that carries the hand in the same file."""
+    """Return the driven joints without those of an arm that carries the hand in the same file."""
     driven = [name for name, joint in tree.joints.items() if tree.driven(joint)]
     chains = [[joint.get("name", "") for joint in tree.path_to(child_of(tree.joints[name]))] for name in driven]
     chain = max(chains, key=len, default=[])
@@ -421,7 +423,7 @@ def _moves_below(tree: UrdfTree, joint: ET.Element) -> bool:
 
 
 def _tip(tree: UrdfTree, link: str) -> tuple[str, list[str]]:
-    """Return the last frame that hangs rigidly on the arm's last link, and what has to be cut off there."""
+    """Return the last frame rigidly connected to the arm's last link, and the links to cut off there."""
     cut = [child_of(j) for j in tree.joints.values() if parent_of(j) == link and _moves_below(tree, j)]
     rigid = [j for j in tree.below(link) if not _moves_below(tree, j) and not tree.moves(j)]
     frames = [child_of(j) for j in rigid if parent_of(j) == link and not tree.links[child_of(j)].findall("collision")]
@@ -474,7 +476,9 @@ def _apart(clouds: dict[str, Array], first: str, second: str) -> float:
 
 
 def _ahead(clouds: dict[str, Array], fingers: tuple[str, str], closing: Array) -> tuple[Array, float]:
-    """Return the axis of the root frame along which the fingers reach farthest, and how far; never the closing one."""
+    """Return the axis of the root frame, other than the closing axis, along which the fingers extend farthest, and that
+    extent in metres.
+    """
     points = np.concatenate([clouds[finger] for finger in fingers])
     candidates = [sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
     closing = closing / np.linalg.norm(closing)

@@ -1,4 +1,4 @@
-"""Look at a piece of furniture: where to stand, which tree to run, and the resulting beliefs as marks."""
+"""Look at a piece of furniture: the pose of the robot, the tree to run, and the resulting beliefs as marks."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from bestman_bt.world_model.semantic_map import MapFurniture
 STAND_OFFS = (0.90, 1.05, 0.75, 1.20, 0.60, 1.40)
 """Metres between the middle of the base and the front of the furniture; the first one with room is used."""
 STAND_OFFS_AT_TABLES = (0.60, 0.75, 0.90, 1.05, 1.20, 1.40)
-"""The same for furniture that is no more than its top, such as a table: the nearer the better."""
+"""The same for furniture that consists of a top on legs, such as a table; nearer is better."""
 ROOM = 0.38
 """Metres, clearance of the middle of the base from obstacles."""
 FRONT_STEP = 1.25
-"""Metres of a front's height that one view covers: a higher front takes several views."""
+"""Height of a front that one view covers, metres; higher fronts need several views."""
 TREE = "look"
 
 
@@ -49,13 +49,17 @@ class LookResult:
 
 
 def furniture_to_look_at(asked: RunRequest) -> dict[str, MapFurniture]:
-    """Return the furniture on the robot's map of a scene, by name; raises as ``load_scene`` and ``draw_world`` do."""
+    """Return the furniture on the robot's map of a scene, by name; raises the errors of ``load_scene`` and
+    ``draw_world``.
+    """
     config = run_of_options(replace(asked, tree=TREE, robot="diff_panda"))
     return dict(semantic_map(draw_world(load_scene(config.task.scene, config.scene_settings), asked.seed)).furniture)
 
 
 def look_at(furniture: MapFurniture, stand: RunConfig | ResolvedConfig, views: int = 1) -> LookResult:
-    """Run the tree ``look`` on a robot that is ``run_in_front_of`` the furniture; raises as ``prepare`` does."""
+    """Run the tree ``look`` on a robot in front of the furniture (see ``run_in_front_of``). Raises the errors of
+    ``prepare``.
+    """
     with open_session(stand) as session:
         under = session.skills.world.map.standing_under(furniture.name)
         seen: list[RGBDView] = []
@@ -109,7 +113,7 @@ def run_in_front_of(furniture: MapFurniture, asked: RunRequest) -> RunConfig:
 
 
 def _apart(wall: Wall, one: Pose2D, other: Pose2D) -> bool:
-    """Return whether a wall stands between two places."""
+    """Return whether a wall is between two places."""
 
     def left(a: NDArray[np.float64], b: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
         along, to = b - a, point - a

@@ -29,7 +29,7 @@ AXES = (
     ((0.1, 0.6, 0.1), (-math.pi / 2, 0.0, 0.0)),
     ((0.1, 0.2, 0.85), (0.0, 0.0, 0.0)),
 )
-"""Colours of x, y and z, and the turns that bring z there."""
+"""Colours of the axes x, y and z, and the rotations that turn z to each of them."""
 GRASP = (0.1, 0.55, 0.75)
 SHOWN = slice(0, 20, 4)
 """Number of grasps to draw: the best ones overlap."""

@@ -149,7 +149,7 @@ class PlanRequest:
         return made_builder(self.builder).build(plan, problem.goal_literals, leaves)
 
     def xml(self, made: PlanTree, problem: PlanningProblem, plan: TaskPlan, planner: str) -> str:
-        """Return the tree as a self-contained file; if the plan rests on an assumption, the tree replans when it is
+        """Return the tree as a self-contained file; if the plan depends on an assumption, the tree replans when it is
         wrong.
         """
         if not assumed(plan):
@@ -232,7 +232,7 @@ def _noted(wrong: ProblemCollector, option: str) -> Iterator[None]:
 
 
 def assumed(plan: TaskPlan) -> tuple[Action, ...]:
-    """Return the actions of a plan that assume an object to be where they look for it."""
+    """Return the actions of a plan that assume that an object is where they search for it."""
     return tuple(
         action for action in plan.actions if any(condition.fact.predicate == UNSEEN.name for condition in action.pre)
     )
@@ -250,7 +250,7 @@ def refusals(faults: Iterable[TreeProblem]) -> list[str]:
 
 @dataclass(frozen=True, repr=False)
 class PlannedTree:
-    """The result of ``plan``. ``xml``: the verified tree of the plan, with replanning if the plan rests on an
+    """The result of ``plan``. ``xml``: the verified tree of the plan, with replanning if the plan depends on an
     assumption.
     """
 

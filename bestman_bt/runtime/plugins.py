@@ -95,7 +95,7 @@ def _load(plugin: str, registry: NodeRegistry) -> Problem | None:
 
 
 def _add_predicates(module: ModuleType) -> None:
-    """Register the predicates that a plug-in makes; one that makes some has loaded their module."""
+    """Register the predicates that a plug-in defines; a plug-in that uses the class has loaded its module."""
     known: Any = sys.modules.get("bestman_bt.facts.predicate")
     if known is not None:
         shipped = known.shipped_predicates().values()

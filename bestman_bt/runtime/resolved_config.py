@@ -387,7 +387,7 @@ def _is_there(package: str) -> bool:
 def task_problems(task: DrawnTask) -> Iterator[Problem]:
     """Yield all unknown names of the task's goals, disturbances and contacts, and other faults in its world.
 
-    Contacts with objects that the scene leaves out may be allowed.
+    Contacts with objects that are absent from the scene may be allowed.
     """
     config, known = task.config, task.world_model
     faults: list[Problem] = []

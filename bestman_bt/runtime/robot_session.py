@@ -165,7 +165,7 @@ class RobotSession:
     ) -> Execution:
         """Load a tree and tick it to its end, with telemetry and control channel; the robot is at rest afterwards.
 
-        Raises as ``load`` does, before anything moves.
+        Raises the errors of ``load``, before anything moves.
         """
         executor = self.executor(self.load(tree), after_tick)
         telemetry = self.telemetry(executor)
@@ -327,8 +327,8 @@ def session(
     """Return a session to open in a ``with`` statement: ``with session(scene="kitchen", seed=1) as s:
     s.run("fetch_cup")``.
 
-    The task sets goal and limits, and the robot and scene unless they are given. Its runs are not judged. Opening
-    raises as ``prepare`` does.
+    The task sets goal and limits, and the robot and scene unless they are given. Its runs are not judged. Opening it
+    raises the errors of ``prepare``.
     """
 
     @contextmanager

@@ -134,7 +134,7 @@ def _points(points: NDArray[np.float64]) -> Points:
 
 FOLDER = "pictures"
 SCENE = "scene"
-"""Name of the picture of a failed motion, in place of a camera's name."""
+"""Name of the picture of a failed motion, used instead of a camera's name."""
 MOST_PICTURES = 50
 """Largest number of pictures in a run folder."""
 WIDEST_LIVE, WIDEST_KEPT, WIDEST_SCENE = 480, 320, 840

@@ -1,4 +1,4 @@
-"""Self-test of a robot: compose it, load it, let it stand, and move its arms."""
+"""Self-test of a robot: compose it, load it, check that it stands still, and move its arms."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ TURN = math.radians(30.0)
 SPEED_SCALE = 0.05
 READINGS, PERIOD = 50, 0.02
 LEAST_CHANGE = 2.0
-"""Least change of the weight, newtons, for a meaningful check."""
+"""Smallest change of the weight, newtons, for a meaningful check."""
 AGREEMENT = 0.5
 
 

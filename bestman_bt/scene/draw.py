@@ -114,7 +114,7 @@ def with_apartment(scene: SceneConfig, seed: int) -> SceneConfig:
 _ATTEMPTS = 300  # whole draws
 _TRIES = 100  # places tried for one thing in one draw
 _NEAR = 0.3
-"""Metres within which things are named that stand where there was no room for another."""
+"""Distance, metres, within which an error message names the things that left no room for another one."""
 
 
 class SceneError(ConfigurationError):
@@ -165,7 +165,7 @@ def draw_world(scene: SceneConfig, seed: int) -> World:
 
 
 class _NoRoomError(Error):
-    """``field``: of the scene file, what leaves no room."""
+    """``field``: the field of the scene file that leaves no room."""
 
     def __init__(self, field: tuple[str, ...], what: str, remedy: str) -> None:
         super().__init__(f"no room for {what}")
@@ -177,7 +177,9 @@ def _generator(seed: int, attempt: int, *names: str) -> np.random.Generator:
 
 
 def _shares(seed: int, piece: str) -> list[float]:
-    """Return how far a piece is off along x, along y and in its heading, -1 to 1 of what it may be off."""
+    """Return the pose error of a piece along x, along y and in its heading, each as a fraction of its bound, -1 to
+    1.
+    """
     shares: list[float] = _generator(seed, 0, "furniture", piece).uniform(-1.0, 1.0, 3).tolist()
     return shares
 
@@ -236,7 +238,7 @@ def _goal(
     furniture: tuple[PlacedFurniture, ...],
     objects: tuple[PlacedObject, ...],
 ) -> Pose:
-    """Return the goal keeps its margin from the edges of the surface where it really is and where the map has it."""
+    """Return whether the goal keeps its margin from the edges of the surface at its true and at its mapped pose."""
     goal: GoalPlacement = scene.file.goals[name]
     model = scene.goal_models[name]
     generator = _generator(seed, attempt, "goals", name)
@@ -375,7 +377,7 @@ def _way_points(
 
 
 def _round(floor: FloorGrid, free: NDArray[np.bool_], points: Points) -> tuple[tuple[float, float], ...] | None:
-    """Return the shortest ways from each of ``points`` to the next one and back to the first, or None if one is cut
+    """Return the shortest paths from each of ``points`` to the next one and back to the first, or None if one is cut
     off.
     """
     rows, columns = floor.cells(points)
@@ -422,7 +424,7 @@ _TRIES = 200
 
 
 def exactly_placed(scene: SceneConfig, generator: Callable[[str], np.random.Generator]) -> tuple[PlacedFurniture, ...]:
-    """Return the present unmapped furniture with an exact place. ``generator``: as below."""
+    """Return the present unmapped furniture with an exact place. ``generator``: random numbers by a piece's name."""
     return tuple(
         _unmapped(scene, name, Pose2D(*asked.at))
         for name, asked in scene.file.unmapped.items()
@@ -489,9 +491,9 @@ class _Floor:
         rng: np.random.Generator,
         stood: Pose2D | None = None,
     ) -> Pose2D | None:
-        """Return a pose within the limits of x, y and yaw, beside all that is taken, that leaves a way.
+        """Return a pose within the limits of x, y and yaw, outside all occupied areas, that leaves a passage.
 
-        Where there is none, one that cuts off no more than the piece did where it ``stood``.
+        If there is none, one that cuts off no more than the piece did where it ``stood``.
         """
         depth, width = model.footprint
         in_reach = self._in_reach(limits, math.hypot(depth, width) / 2 + 2 * _APART)
@@ -518,7 +520,9 @@ class _Floor:
         return [line for line in self._taken if np.all(line.max(axis=0) >= low) and np.all(line.min(axis=0) <= high)]
 
     def _beside(self, pose: Pose2D, model: FurnitureModel) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return (rows, columns) where the disc can get with the piece in place, and where it fits."""
+        """Return, each (rows, columns), the cells that the disc can reach with the piece in place, and those in which
+        it fits.
+        """
         grid = self._grid.beside(rectangle(pose, model.footprint), self._passage)
         return grid.largest_area(self._passage), grid.room > self._passage
 

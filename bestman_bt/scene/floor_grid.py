@@ -14,7 +14,7 @@ from bestman_bt.scene.plane_geometry import Points
 
 @dataclass(frozen=True, eq=False)
 class FloorGrid:
-    """``room``: (rows, columns) metres from each cell's centre to the next obstacle, to half a cell; 0 inside one.
+    """``room``: (rows, columns) metres from each cell's centre to the nearest obstacle, to half a cell; 0 inside one.
 
     Row 0 is at the smallest y. ``origin``: (2,) metres in the map frame, the outer corner of cell (0, 0).
     """
@@ -51,8 +51,8 @@ class FloorGrid:
         return replace(self, room=room)
 
     def _covered(self, polygon: Points, around: float = 0.0) -> tuple[tuple[slice, slice], NDArray[np.bool_]]:
-        """Return rows and columns of a polygon and ``around`` it, metres, and which cells there have their middle in
-        it.
+        """Return the rows and columns of a polygon with a margin ``around`` it, metres, and which of their cells have
+        their centre in it.
         """
         low = np.maximum(np.floor((polygon.min(axis=0) - around - self.origin) / self.resolution).astype(int), 0)
         high = np.ceil((polygon.max(axis=0) + around - self.origin) / self.resolution).astype(int) + 1

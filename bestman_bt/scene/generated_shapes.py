@@ -75,7 +75,7 @@ def _ring_part(rows: NDArray[np.float64], part: int) -> Mesh:
     """Return one of the parts around a ring of ``rows`` (N, 3), see Row; it reaches one side far into its neighbours'
     walls.
 
-    Where parts only touched, a finger that gives way a little would be caught between the adjoining sides.
+    If parts only touched, a slightly compliant finger would be caught between the adjoining sides.
     """
     step = SIDES // RING_PARTS
     circle = _circle(SIDES)

@@ -97,7 +97,7 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, Any] | None = N
 
 
 def _extended(path: Path, below: tuple[Path, ...], faults: ProblemCollector) -> tuple[Document, bool]:
-    """Return the document over those that it extends, and whether one of these could not be read."""
+    """Return the document merged into those that it extends, and whether one of these could not be read."""
     document = _from_its_folder(read_document(path, faults.problems), path)
     base_name = document.data.get("extends")
     if not isinstance(base_name, str):
@@ -123,7 +123,7 @@ def _wrongly_absent(document: Document, base: Mapping[str, Any]) -> Iterator[Pro
 
 
 def _from_its_folder(document: Document, path: Path) -> Document:
-    """Return the document with the paths that it names counted from its file."""
+    """Return the document with its paths relative to its file."""
     data = copy.deepcopy(document.data)
     if isinstance(data.get("extends"), str):
         data["extends"] = beside(path, "scene", data["extends"])
@@ -154,7 +154,7 @@ def _without_absent(document: Document) -> Document:
 
 
 def _resolved(scene: SceneConfig, problems: list[Problem]) -> SceneConfig:
-    """Return the scene with what it names, as far as that can be read; what is wrong is added to ``problems``."""
+    """Return the scene with the files that it names, as far as they can be read; faults are added to ``problems``."""
     file, document = scene.file, scene.document
     problems += [*_generator_faults(scene, document), *_name_faults(file, document)]
     furniture: dict[str, FurnitureModel] = {}
@@ -195,13 +195,15 @@ def _resolved(scene: SceneConfig, problems: list[Problem]) -> SceneConfig:
 
 
 TOLERANCE = 0.005
-"""Metres by which solids may reach into each other: what touches or stands on something else is no fault."""
+"""Metres by which solids may overlap: touching or standing on each other is not a fault."""
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
 
 
 @dataclass(frozen=True, eq=False)
 class _Prism:
-    """What a part covers seen from above (N, 2), convex and counter-clockwise, and between which heights, metres."""
+    """The outline of a part in top view, (N, 2), convex and counter-clockwise, and its lower and upper height,
+    metres.
+    """
 
     outline: Points
     bottom: float
@@ -209,7 +211,7 @@ class _Prism:
 
 
 def furniture_overlaps(pieces: Sequence[PlacedFurniture]) -> Iterator[tuple[str, str, float]]:
-    """Yield each two pieces that overlap by more than ``TOLERANCE``, and the depth, metres.
+    """Yield each pair of pieces that overlap by more than ``TOLERANCE``, and the depth, metres.
 
     Pieces are at their nominal poses, doors and drawers at their initial openings. An upright part is exact, a tilted
     one counts as its enclosing prism.
@@ -260,7 +262,7 @@ def _outermost(shape: Shape) -> NDArray[np.float64]:
 def placement_faults(scene: SceneConfig, document: Document, found: Sequence[Problem]) -> Iterator[Problem]:
     """Yield all faults of places, each with its line.
 
-    ``found``: known faults, which are left out of ``scene``; their consequences are not reported.
+    ``found``: known faults, which are omitted from ``scene``; their consequences are not reported.
     """
     yield from _choice_faults(scene, document)
     yield from _opening_faults(scene, document)
@@ -282,7 +284,7 @@ def given(entries: Mapping[str, Any], field: str) -> dict[str, Any]:
 
 
 def _rightly_placed(scene: SceneConfig, found: Sequence[Problem]) -> SceneConfig:
-    """Return the scene with the furniture alone that nothing is wrong with, and that stands on none with faults."""
+    """Return the scene with only the furniture that has no faults and stands on no furniture with faults."""
     right: dict[str, FurniturePlacement] = {}
     for name, placement in scene.file.furniture.items():
         fields = ("furniture", f"furniture.{name}")
@@ -366,7 +368,7 @@ def _unknown_surface(
 
 
 def _can_be_judged(name: str, scene: SceneConfig, document: Document) -> bool:
-    """Return whether it can be said that there is no ``piece/part``: not where the piece itself could not be read."""
+    """Return whether ``piece/part`` certainly does not exist; False if the piece itself could not be read."""
     written = [document.data.get(kind) for kind in ("furniture", "unmapped")]
     piece, read = name.partition("/")[0], {*scene.furniture, *scene.unmapped}
     unread = [pieces is not None and (not isinstance(pieces, dict) or piece in {*pieces} - read) for pieces in written]

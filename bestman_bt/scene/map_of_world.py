@@ -13,7 +13,7 @@ from bestman_bt.scene.scene import Articulation, FurnitureModel, Surface, World
 from bestman_bt.world_model.semantic_map import MapArticulation, MapFurniture, MapSurface, SemanticMap
 
 _ON_THE_FACE = 0.002
-"""Metres behind the face of a front within which its own pieces begin."""
+"""Distance behind the face of a front within which its own boards begin, metres."""
 
 
 def boards(model: FurnitureModel, elevation: float) -> tuple[PlacedShape, ...]:
@@ -44,7 +44,7 @@ def map_articulations(
 
 
 def _plain_boards(door: Articulation) -> list[PlacedShape]:
-    """Return the front as one slab as large as its panel, and what lies behind it."""
+    """Return the front as one slab as large as its panel, and the boards behind it."""
     boxes = _boxes(door.parts)
     panel = door.handle.panel
     if panel is None or not boxes:
@@ -67,7 +67,7 @@ def _plain_boards(door: Articulation) -> list[PlacedShape]:
 
 
 def _boxes(parts: Sequence[PlacedShape]) -> list[PlacedShape]:
-    """Return the boards, which are boxes; bars and knobs of handles are round and are left out."""
+    """Return the boards, which are boxes; bars and knobs of handles are round and are omitted."""
     return [part for part in parts if isinstance(part.shape, Box)]
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 _OVERHEAD = 1.8
-"""Metres above the floor from which on a board obstructs no pedestrian, such as the lintel of a door."""
+"""Height above the floor, metres, from which on a board, such as the lintel of a door, obstructs no pedestrian."""
 
 
 def standing_outlines(walls: Iterable[Wall], furniture: Iterable[PlacedFurniture]) -> list[Points]:

@@ -64,7 +64,7 @@ def polygons_overlap(a: Points, b: Points) -> bool:
 
 
 def segment_outside(segment: Points, polygon: Points, tolerance: float = 1e-6) -> list[Points]:
-    """Return the parts of a segment (2, 2) outside of a convex counter-clockwise polygon; its boundary is outside."""
+    """Return the parts of a segment (2, 2) outside a convex counter-clockwise polygon; its boundary is outside."""
     start, direction = segment[0], segment[1] - segment[0]
     enter, leave = 0.0, 1.0
     edges = np.roll(polygon, -1, axis=0) - polygon

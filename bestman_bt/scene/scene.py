@@ -11,10 +11,9 @@ from bestman_bt.messages import Box, Handle, JointKind, ObjectModel, PlacedShape
 
 @dataclass(frozen=True)
 class MovingDoor:
-    """``articulation``: ``furniture/name``. It moves ``to``, radians open, when the robot is within ``within`` metres.
-
-    That is measured from the middle of the frame. ``speed``: rad/s. ``torque``: N m that it is pushed with at most,
-    beyond the friction of its hinge.
+    """``articulation``: ``furniture/name``. It moves to the opening ``to``, radians, when the robot is within
+    ``within`` metres of the middle of its frame. ``speed``: rad/s. ``torque``: largest pushing torque beyond the
+    friction of its hinge, N m.
     """
 
     articulation: str
@@ -42,7 +41,7 @@ class Walker:
 
 
 LATCH_TRAVEL = {"revolute": math.radians(1.5), "prismatic": 0.008}
-"""How far a latch holds on, radians or metres from closed."""
+"""Opening up to which a latch holds, radians or metres."""
 
 
 @dataclass(frozen=True)

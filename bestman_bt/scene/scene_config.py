@@ -84,7 +84,7 @@ class FurniturePlacement:
 class ObjectPlacement:
     """An object on ``surface`` (``table/top``): somewhere in ``region`` or exactly ``at`` x, y, yaw (surface frame).
 
-    ``presence``: the chance that it is there.
+    ``presence``: probability that it is present.
     """
 
     model: str

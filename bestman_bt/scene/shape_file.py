@@ -1,4 +1,4 @@
-"""Shapes as furniture and object files write them."""
+"""The shapes in furniture and object files."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def _each(
 
 
 def _written(document: Document, field: str, index: int) -> dict[str, Any]:
-    """Return the entry of a list in a file, or what is written there instead of a list of one entry."""
+    """Return the entry of a list in a file, or the value that is written there instead of a list of one entry."""
     written = document.data[field]
     entry: dict[str, Any] = written[index] if isinstance(written, list) else written
     return entry

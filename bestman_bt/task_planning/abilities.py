@@ -19,7 +19,7 @@ from bestman_bt.task_planning.symbolic.facts import parse_conditions
 from bestman_bt.task_planning.symbolic.problem import Condition, Forall, GoalError, Literal, Operator, PlanningError
 
 FIELDS = ("pre", "hold", "effects", "cost", "parts")
-"""What the metadata of a subtree declares; one that has none of them is no ability."""
+"""The declarations in the metadata of a subtree; a subtree without any is not an ability."""
 
 
 class DeclarationError(PlanningError, InputError):

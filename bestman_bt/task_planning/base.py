@@ -50,7 +50,9 @@ def planner_class(name: str) -> type[TaskPlanner]:
 
 
 def made_planner(name: str) -> TaskPlanner:
-    """Return a planner with its defaults; raises as ``planner_class`` does, also if it cannot be created."""
+    """Return a planner with its defaults. Raises UnknownNameError, or PlanningError if it is not a planner or cannot be
+    created.
+    """
     made = planner_class(name)
     try:
         return made()

@@ -261,7 +261,7 @@ def _uses(operator: Operator) -> Iterable[tuple[Fact, tuple[str, ...]]]:
 
 
 def _fit(types: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
-    """Return whether things of some types may stand where others are asked for."""
+    """Return whether things of some types may be used where others are expected."""
     return len(types) == len(wanted) and all(
         kind == asked or asked in SUPERTYPES.get(kind, ()) for kind, asked in zip(types, wanted, strict=True)
     )

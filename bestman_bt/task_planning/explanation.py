@@ -38,7 +38,7 @@ def explain(problem: PlanningProblem) -> str:
 
 
 class _Frontier:
-    """Where the relaxed problem, in which nothing is undone, stops."""
+    """The end of the relaxed problem, in which nothing is undone."""
 
     def __init__(self, problem: PlanningProblem) -> None:
         self._problem = problem
@@ -110,7 +110,7 @@ class _Frontier:
         return sorted(self._achievers[literal], key=rank)[:1]
 
     def _otherwise(self, literal: Literal) -> bool:
-        """Return whether another such fact is believed of the same thing."""
+        """Return whether another fact with this predicate is believed of the same thing."""
         predicate, arguments = literal.fact
         return len(arguments) > 1 and any(
             fact.predicate == predicate and fact.arguments[0] == arguments[0] for fact in self._problem.state

@@ -129,7 +129,7 @@ class PlanLimits:
         """Return a problem that enforces ``abilities`` and ``forbidden`` for any planner, by a static fact
         ``allowed(thing)``.
 
-        Raises GoalError as ``resolved`` does.
+        Raises GoalError for an unknown name.
         """
         forbidden = self.resolved(problem).forbidden
         operators = self.operators(problem)
@@ -139,7 +139,7 @@ class PlanLimits:
         return replace(problem, operators=tuple(map(_guarded, operators)), state=problem.state | allowed)
 
     def faults(self, actions: Collection[Action]) -> list[str]:
-        """Return where a plan exceeds the limits."""
+        """Return the ways in which a plan exceeds the limits, as text."""
         faults = []
         if len(actions) > self.max_actions:
             faults.append(f"{len(actions)} steps; at most {self.max_actions} are allowed")

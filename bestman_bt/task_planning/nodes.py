@@ -138,11 +138,13 @@ def _broken(way: Kernel, state: Collection[Fact]) -> tuple[Literal, ...]:
 
 
 ANSWERS = frozenset({"not_believed", "other_code"})
-"""Codes of ``Holds`` and ``AreErrorCodesPresent`` for a negative answer, which is not the cause of a failure."""
+"""Codes with which ``Holds`` and ``AreErrorCodesPresent`` report a negative result, which is not the cause of a
+failure.
+"""
 
 
 class _Planning(RobotNode):
-    """What both leaves know of the task."""
+    """The description of the task that both leaves share."""
 
     goal = In(str, "facts, joined by and: on(mug, table) and closed(drawer_chest/drawer_3)")
 

@@ -31,7 +31,7 @@ from bestman_bt.task_planning.symbolic.plan_check import broken_in, state_after
 from bestman_bt.task_planning.symbolic.problem import Action, Fact, Formula, Operator, PlanningError, PlanningProblem
 
 MAX_TICKS = 10_000
-"""Ticks after which a tree counts as one that does not end."""
+"""Number of ticks after which a tree counts as not ending."""
 
 
 @dataclass

@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 TYPES = ("object", "place", "container", "drawer")
 SUPERTYPES: dict[str, tuple[str, ...]] = {"drawer": ("place", "container")}
-"""A drawer goes by one name, whether something is put into it or it is opened."""
+"""A drawer has one name, both as a place for objects and as a container to open."""
 
 
 class PredicateError(PlanningError):

@@ -1,7 +1,7 @@
 """Checks before execution whether a tree is valid for a robot and its scene.
 
-Ports, names and types; only abilities; what the robot has; actions that need the same part at a time; hints on what is
-out of reach; at last a dry run on facts.
+Ports, names and types; only abilities; the robot's capabilities; actions that need the same part at the same time;
+hints on objects out of reach; finally a dry run on facts.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def _length(joint: ElementTree.Element) -> float:
 
 
 _HARMLESS = frozenset({"AlwaysSuccess", "AlwaysFailure", "Holds"})
-"""Leaves beside the abilities that a tree of a plan may have."""
+"""Leaves that a tree of a plan may contain besides abilities."""
 
 
 def verify(
@@ -106,7 +106,7 @@ def verify(
 
 
 class _Check:
-    """``actions``: what the nodes of abilities do, once ``nodes`` has looked at them."""
+    """``actions``: the actions of the nodes of abilities, filled by ``nodes``."""
 
     def __init__(self, tree: Tree, problem: PlanningProblem, robot: RobotModel | None) -> None:
         self.tree = tree
@@ -127,7 +127,7 @@ class _Check:
                 yield _fault(node, "", "it is not an ability", suggestion(node.type_id, list(self.operators)))
 
     def branches(self) -> Iterator[TreeProblem]:
-        """Check that parallel branches do not need the same part, nor change what another one needs."""
+        """Check that parallel branches do not need the same part, nor change a fact that another one needs."""
         for node in self.tree.nodes:
             if not isinstance(node, (Parallel, ParallelAll)):
                 continue

@@ -33,11 +33,11 @@ Rectangle = tuple[float, float, float, float]
 """Left, top, right, bottom, pixels."""
 
 GAP = 8.0
-"""Pixels between a label and what it names, at the nearest."""
+"""Smallest distance between a label and its anchor, pixels."""
 COVERING = 4.0
-"""How much worse it is to cover what should stay in sight than to stand a few heights further away."""
+"""Weight of covering something that should stay visible, relative to being a few label heights further away."""
 RINGS = (0.0, 1.0, 2.0, 3.5, 5.0, 8.0)
-"""Further distances that are tried, in heights of the label."""
+"""Further distances to try, in heights of the label."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ class Canvas:
             self._labels.append((Label((float(place[0, 0]), float(place[0, 1])), size), text, color))
 
     def finish(self) -> NDArray[np.uint8]:
-        """Draw the labels, now that everything that they should not cover is known; returns ``pixels``."""
+        """Draw the labels, after everything that they should not cover is known. Returns ``pixels``."""
         picture = (float(self.pixels.shape[1]), float(self.pixels.shape[0]))
         places = place_labels([label for label, _, _ in self._labels], self._kept_clear, picture)
         labelled = list(zip(self._labels, places, strict=True))
@@ -209,9 +209,9 @@ def _pixel(place: NDArray[np.float64]) -> tuple[int, int]:
 DEVIATIONS = 3.0
 """Standard deviations that the circle around an object's place shows."""
 BEHIND = 0.03
-"""Metres that a mark may lie behind what the camera measured and still be drawn: the far side of a thing."""
+"""Metres that a mark may lie behind the measured surface and still be drawn: the far side of an object."""
 SHOWN = 0.15
-"""Share of a thing that must be in sight for its marks to be drawn."""
+"""Fraction of an object that must be visible for its marks to be drawn."""
 OUTLINE_STEPS = 20
 """Samples along each side of a surface."""
 
@@ -219,7 +219,7 @@ OUTLINE_STEPS = 20
 def annotated_image(image: RGBDImage, frame_from_camera: Pose, marks: SceneMarks, scale: int = 2) -> NDArray[np.uint8]:
     """Return the image, scaled by ``scale``, with all ``marks`` of the frame drawn; (H, W, 3) uint8 RGB.
 
-    Occluded marks are left out.
+    Occluded marks are omitted.
     """
     canvas = Canvas(image, frame_from_camera, scale)
     for surface in marks.surfaces:
@@ -239,7 +239,7 @@ def annotated_image(image: RGBDImage, frame_from_camera: Pose, marks: SceneMarks
 
 
 def _draw_surface(canvas: Canvas, surface: SurfaceMark) -> None:
-    """Draw the visible part of the outline, and its name at the lowest point of that, preferably on the right."""
+    """Draw the visible part of the outline, and its name at the lowest visible point, preferably on the right."""
     x, y = surface.size[0] / 2, surface.size[1] / 2
     corners = np.array([[-x, -y, 0.0], [x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0]])
     steps = np.arange(OUTLINE_STEPS)[:, None] / OUTLINE_STEPS
@@ -306,7 +306,7 @@ def _draw_grasp(canvas: Canvas, grasp: GraspMark) -> None:
 
 
 def _along(mark: HandleMark) -> NDArray[np.float64]:
-    """Return points (N, 3) on the handle's front."""
+    """Return points (N, 3), metres, on the handle's front."""
     handle = mark.handle
     offsets = np.linspace(-0.5, 0.5, OUTLINE_STEPS)[:, None] * handle.length * handle.axis
     points: NDArray[np.float64] = handle.pose.position + handle.radius * handle.outward + offsets

@@ -1,4 +1,4 @@
-"""Errors of showing or recording a run."""
+"""Errors of displaying or recording a run."""
 
 from __future__ import annotations
 

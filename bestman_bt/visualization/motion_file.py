@@ -1,4 +1,4 @@
-"""The poses of a run as a file of JSON lines: written during the run, read to render it later.
+"""The poses of a run as a JSON Lines file, written during the run and read to render it later.
 
 The first line names the joints and bodies, ``{"motion": 1, "joints": […], "bodies": […]}``. Each other line is a moment
 and holds the changes since the line before: ``{"time": s, "tick": n, "base": [x, y, z, qx, qy, qz, qw],
@@ -25,15 +25,15 @@ from bestman_bt.visualization.snapshot import RobotSnapshot
 MOTION_NAME = "motion.jsonl"
 VERSION = 1
 MAX_BYTES = 32_000_000
-"""Of a file. Nothing is added beyond: hours of a run."""
+"""Largest size of a file, bytes: hours of a run. Further moments are not written."""
 MAX_VALUES = 20_000_000
-"""That a file unfolds to when it is read."""
+"""Largest number of values that are read from a file."""
 DECIMALS = 4
-"""Of metres, radians and quaternions: 0.1 mm."""
+"""Decimals of metres, radians and quaternions: 0.1 mm."""
 
 
 class MotionWriter:
-    """Writes snapshots to ``path``; every moment is with the operating system when ``write`` returns."""
+    """Writes snapshots to ``path``; every moment has been passed to the operating system when ``write`` returns."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -134,8 +134,8 @@ def _between(before: NDArray[np.float64], after: NDArray[np.float64], share: flo
 
 
 def read_motion(path: Path) -> MotionRecord:
-    """Read a file; after a killed run, up to the last whole line. Raises RecordingError if it is damaged or no motion
-    file.
+    """Read a file; after a killed run, up to the last whole line. Raises RecordingError if it is damaged or not a
+    motion file.
     """
     try:
         if path.stat().st_size > MAX_BYTES:

@@ -19,10 +19,10 @@ SIDE = 420
 """Pixels of each of the two views."""
 HEAD = 40
 TURNS = (-60.0, 30.0)
-"""Degrees about the vertical, from where the scene is seen."""
+"""Viewing directions, degrees about the vertical."""
 DOWN = math.radians(20.0)
 AROUND = 1.3
-"""Metres about the robot's middle beyond which nothing is drawn."""
+"""Distance from the robot's centre, metres, beyond which nothing is drawn."""
 RED, ROBOT, OTHER, INK = (214, 39, 40), (120, 144, 170), (205, 190, 160), (40, 40, 40)
 
 

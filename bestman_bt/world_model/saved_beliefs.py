@@ -1,7 +1,6 @@
-"""Beliefs as plain values for YAML: the knowledge at the end of a run, for later planning.
-
-Saved is what facts refer to: objects, openings, the hand, searched places. What can be measured again is not: clouds,
-obstacles, handles, occupancy. The map and the models belong to the scene.
+"""Beliefs as plain values for YAML: the knowledge at the end of a run, for later planning. They contain everything that
+facts refer to: objects, openings, the hand, searched places. Quantities that can be measured again are not saved:
+clouds, obstacles, handles, occupancy. The map and the models belong to the scene.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ Quaternion = Annotated[tuple[Number, Number, Number, Number], Field(description=
 
 @dataclass(frozen=True)
 class SavedPose:
-    """``position``: metres; ``quaternion``: unit, xyzw."""
+    """A pose in the map frame; ``position``: metres; ``quaternion``: unit, xyzw."""
 
     position: Lengths3
     quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)

@@ -80,7 +80,7 @@ class MapFurniture:
 
     ``footprint``: (x, y) extents in metres. ``height``: metres. ``solid_at_lidar``: whether a lidar sees its footprint
     (a counter) or only legs (a table). ``shapes``: its boards in the furniture frame, and ``articulations``: its doors
-    and drawers; empty if the map has the outline alone. ``position_error`` (metres, each way) and ``heading_error``
+    and drawers; empty if the map has only the outline. ``position_error`` (metres, each way) and ``heading_error``
     (radians): bounds of the error of ``pose``, reduced by measurements. ``is_passage``: whether the robot drives
     through it: a door between rooms.
     """
@@ -128,7 +128,7 @@ class MapFurniture:
 
 
 WALL_HEIGHT = 2.5
-"""Metres; the map has the faces of walls alone."""
+"""Assumed height of walls, metres; the map has only their faces."""
 OPEN_FLOOR = 3.0
 """Metres of free floor around the furniture if there are no enclosing walls."""
 
@@ -144,7 +144,7 @@ class SemanticMap:
     furniture: Mapping[str, MapFurniture]
 
     def surface(self, name: str) -> tuple[MapFurniture, MapSurface]:
-        """Return the surface called ``furniture`` or ``furniture/surface``. Raises KeyError listing the known names."""
+        """Return the surface named ``furniture`` or ``furniture/surface``. Raises KeyError listing the known names."""
         furniture_name, _, surface_name = name.partition("/")
         furniture = self.furniture.get(furniture_name)
         if furniture is not None:

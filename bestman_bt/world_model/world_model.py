@@ -218,7 +218,7 @@ class WorldModel:
         return tuple(belief.name for belief in carried)
 
     def _free(self, hull: PlacedShape) -> None:
-        """Remove the belief in what was seen in a box of the map."""
+        """Remove the beliefs about everything that was seen in a box of the map."""
         grid = self.occupancy
         if grid is None or not isinstance(hull.shape, Box):
             return

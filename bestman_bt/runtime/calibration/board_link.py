@@ -36,10 +36,11 @@ def with_board(
     holder_from_board: Pose,
     carrier: Sequence[tuple[PlacedShape, Color]] = (),
 ) -> RobotModel:
-    """Return the robot with a board bolted to the link ``holder``; it weighs next to nothing and touches nothing.
+    """Return the robot with a board bolted to the link ``holder``; its mass is negligible, and it collides with
+    nothing.
 
-    ``carrier``: what else is drawn, in the board frame: origin at a corner of the pattern, x along the columns, y along
-    the rows, z away from the viewer.
+    ``carrier``: additional shapes to draw, in the board frame: origin at a corner of the pattern, x along the columns,
+    y along the rows, z away from the viewer.
     """
     body = ET.fromstring(body_urdf("calibration_board", 1e-3, (), [*_shapes(board), *carrier]))
     urdf = ET.fromstring(robot.urdf)

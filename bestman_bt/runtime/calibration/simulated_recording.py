@@ -184,7 +184,7 @@ class _Recorder:
             yield
 
     def _go(self) -> bool:
-        """Try one random view; whether the robot is there now."""
+        """Try one random view; return whether the robot has reached it."""
         if self._head is not None:
             limits, rng = self._head.model, self._rng
             wanted = np.array([rng.uniform(-0.5, 0.5), rng.uniform(0.4, 1.05)])

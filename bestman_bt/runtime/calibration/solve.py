@@ -326,8 +326,8 @@ def result_of(
 
 @dataclass(frozen=True, eq=False)
 class CalibrationResult:
-    """``parts``: settings that override a robot's parts. ``figures``: standard deviations, covariance, offsets, for
-    people.
+    """``parts``: settings that override a robot's parts. ``figures``: standard deviations, covariance and offsets, for
+    information.
 
     ``views``: names of the used views; ``errors``: root mean square reprojection error of each, pixels; ``offsets``:
     (N, 2) pixels, of each view's corners. ``notes``: omitted data and failed steps, as text.

@@ -17,9 +17,9 @@ from bestman_bt.scene.furniture_generator.generate import FURNITURE_KINDS, gener
 from bestman_bt.scene.scene import FurnitureModel
 
 OFFSET, TURN = 0.03, math.radians(2.0)
-"""How far furniture really stands from where the map has it: metres each way, radians."""
+"""Largest error of the mapped pose of furniture: metres each way, radians."""
 NEEDED = ("table", "counter")
-"""What every apartment has one of, so that tasks can name it."""
+"""Furniture that every apartment has once, so that tasks can name it."""
 
 _TRIES = 60
 _BEFORE_DOORWAY = 0.85  # metres that are kept free on both sides
@@ -32,7 +32,7 @@ _Extent = tuple[float, float, float, float]  # x and y of the lower corner, x an
 
 @dataclass(frozen=True)
 class _Furnishing:
-    """What a room gets.
+    """The furniture of a room.
 
     ``walls``: pieces with their backs to a wall; ``dining``: a table with chairs around it.
     """

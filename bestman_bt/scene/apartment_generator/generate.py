@@ -92,7 +92,7 @@ def moved_doors(
 
 _ATTEMPTS = 400
 _FREE_FLOOR = 0.5
-"""Square metres of each room, at least, that the middle of a robot can be at."""
+"""Smallest area of each room, square metres, that the centre of a robot can reach."""
 
 
 class ApartmentError(Error, RuntimeError):

@@ -1,6 +1,6 @@
 """Kitchen appliances.
 
-A fridge has one door, or a freezer's door and a fridge's door above each other; a dishwasher, or an oven of that form,
+A fridge has one door, or two, a freezer's and a fridge's, one above the other; a dishwasher, or an oven of that form,
 has one that is hinged at its bottom; a microwave oven, which stands on other furniture, one with a window, and keys and
 a knob beside it.
 """
@@ -31,7 +31,7 @@ from bestman_bt.scene.scene import FurnitureModel, Surface
 
 @dataclass(frozen=True)
 class FridgeOptions(PieceOptions):
-    """Options; missing ones are drawn. ``depth``: with the doors; ``doors``: 1, or 2 above each other.
+    """Options; missing ones are drawn. ``depth``: with the doors; ``doors``: 1, or 2, one above the other.
 
     ``friction``: of each hinge, newton metres. Articulations: ``door``, or ``lower_door`` and ``upper_door``; surfaces:
     ``top`` and, behind the doors, ``shelf_1`` (lowest) and up.

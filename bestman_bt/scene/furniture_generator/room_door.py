@@ -22,8 +22,8 @@ _POST, _DOOR, _SLIT = 0.04, 0.038, 0.012
 class RoomDoorOptions(PieceOptions):
     """Options; missing ones are drawn. ``width``: with the frame, as wide as the doorway; ``depth``: of frame and door.
 
-    ``hinge``: left or right, seen from -x, to where it opens. ``friction``: of the hinge, ``latch``: in addition at the
-    frame; newton metres. Articulation: ``door``; surface: ``top`` of the lintel.
+    ``hinge``: left or right, seen from -x, the side to which it opens. ``friction``: of the hinge, ``latch``: in
+    addition at the frame; newton metres. Articulation: ``door``; surface: ``top`` of the lintel.
     """
 
     hinge: Literal["left", "right"] | None = None

@@ -18,9 +18,11 @@ from bestman_bt.task_planning.builders.regression import kernels
 from bestman_bt.task_planning.symbolic.problem import Literal, PlanningError, TaskPlan
 
 MAX_ACTIONS = 2000
-"""Most action nodes in one tree: an action stands wherever something needs it."""
+"""Largest number of action nodes in one tree: an action is repeated wherever a condition needs it."""
 MAX_NESTED = 118
-"""Most actions inside one another, two levels each, so that a tree with shipped abilities has at most ``MAX_DEPTH``."""
+"""Largest number of nested actions, two levels each, so that a tree with shipped abilities has at most
+``MAX_DEPTH``.
+"""
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,9 @@ class BackchainBuilder(TreeBuilder):
 
 
 class _Conflict(PlanningError):
-    """The conditions of an action need not hold where the tree has it. ``moved``: the actions to move to the left."""
+    """The conditions of an action need not hold at its place in the tree. ``moved``: the actions to move to the
+    left.
+    """
 
     def __init__(self, who: str, literal: Literal, moved: frozenset[int]) -> None:
         super().__init__(
@@ -71,8 +75,8 @@ class _Conflict(PlanningError):
 class _Chain:
     """Writes the nodes in the order of their execution.
 
-    ``known``: what holds at that point, whichever actions were left out. ``lost_by``: the last action that has undone a
-    literal. ``moved``: the actions that are children of the root.
+    ``known``: the literals that hold at that point, whichever actions were skipped. ``lost_by``: the last action that
+    has undone a literal. ``moved``: the actions that are children of the root.
     """
 
     def __init__(self, plan: TaskPlan, goal: tuple[Literal, ...], moved: frozenset[int], writer: Writer) -> None:
@@ -86,8 +90,8 @@ class _Chain:
         self.count = self.nested = 0
 
     def conditions(self, before: int) -> list[XmlElement]:
-        """Return the conditions of the action ``before``, or of the goal, each with what brings it about, in the order
-        of the plan. Raises _Conflict if they need not hold afterwards.
+        """Return the conditions of the action ``before``, or of the goal, each with the action that achieves it, in the
+        order of the plan. Raises _Conflict if they need not hold afterwards.
         """
         needs, elements = self.needs[before], list[XmlElement]()
         links = dict(self.links[before])
@@ -139,7 +143,9 @@ class _Chain:
         return self.writer.node("Sequence", f"{index + 1}_do", [*children, self.writer.action(index + 1, action)])
 
     def _links(self, before: int) -> dict[int, frozenset[Literal]]:
-        """Return what ``before`` needs of each earlier action of the plan; of -1: what holds from the start."""
+        """Return the literals that ``before`` needs from each earlier action of the plan, by its number; -1: from the
+        initial state.
+        """
         found = defaultdict[int, set[Literal]](set)
         for literal in self.needs[before]:
             found[self._producer(literal, before)].add(literal)

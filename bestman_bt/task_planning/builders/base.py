@@ -14,7 +14,7 @@ from bestman_bt.task_planning.symbolic.problem import Formula, Literal, Planning
 
 
 class TreeBuilder(ABC):
-    """Builds a tree from a plan; if the goal holds already, a tree that succeeds at once."""
+    """Builds a tree from a plan; if the goal holds already, a tree that succeeds immediately."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Check the signature. Raises TypeError for a method that takes other arguments."""

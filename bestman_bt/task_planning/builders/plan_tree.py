@@ -14,7 +14,7 @@ from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, TaskPlan
 
 ABILITIES_FILE = "subtrees/abilities.xml"
-"""Where the shipped abilities are, in the folder of trees."""
+"""The file of the shipped abilities, relative to the folder of trees."""
 TREE_ID = "CarryOutPlan"
 
 
@@ -95,7 +95,7 @@ class Writer:
 
 
 def _indented(element: XmlElement, depth: int = 0) -> XmlElement:
-    """Return the element with each of those inside it on a line of its own."""
+    """Return the element with each of its children on a separate line."""
     content: list[XmlItem] = []
     for child in element.children:
         content += [XmlText("\n" + "    " * (depth + 1)), _indented(child, depth + 1)]
@@ -119,7 +119,7 @@ def with_replanning(
 ) -> str:
     """Return a self-contained file: first the checked plan, then, if it fails, ``ReachGoal``. Raises TreeLoadError.
 
-    ``limits``: of the new plans. ``replans``: number of plans after the first of these.
+    ``limits``: of the new plans. ``replans``: number of further plans after the first replanning.
     """
     facts = " and ".join(str(literal) for literal in goal)
     as_planned = XmlElement("SubTree", {"ID": TREE_ID, "name": "as_planned"})

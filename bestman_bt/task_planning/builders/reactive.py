@@ -15,8 +15,8 @@ from bestman_bt.task_planning.symbolic.problem import Literal, TaskPlan
 class ReactiveBuilder(TreeBuilder):
     """PLANEX (Fikes, Hart, Nilsson 1972) as a behavior tree.
 
-    In each round it executes the latest plan step whose conditions hold, given that later steps may be left out. It
-    thus skips steps whose effects hold already or are not needed, repeats steps that were undone, and fails if no step
+    In each round it executes the latest plan step whose conditions hold, given that later steps may be skipped. It thus
+    skips steps whose effects hold already or are not needed, repeats steps that were undone, and fails if no step
     helps: then another plan is needed. It checks between actions and not during one, because effects appear before an
     action is finished (an object is held before the arm is back); hold-conditions are checked at each tick.
 

@@ -15,7 +15,7 @@ from bestman_bt.task_planning.builders.plan_tree import PlanStep
 from bestman_bt.task_planning.symbolic.problem import Fact, Literal, PlanningError
 
 Kernel = frozenset[Literal]
-"""What must hold, all of it."""
+"""Literals that must all hold."""
 
 
 def kernels(steps: Sequence[PlanStep], goal: Iterable[Literal]) -> tuple[Kernel, ...]:
@@ -62,7 +62,7 @@ def ready_steps(steps: Sequence[PlanStep], goal: Iterable[Literal], most_ways: i
 
     Any later step, or the goal, may follow a step: an action with the mug does not depend on a drawer that must be shut
     later. Parallel actions are also separate steps, for the case that the others are done. ``most_ways``: alternatives
-    per step, those that leave out the fewest steps. Raises PlanningError as ``kernels`` does.
+    per step, those that skip the fewest steps. Raises PlanningError as ``kernels`` does.
     """
     kernels(steps, goal)  # what does not fit together is told
     alone = [part for whole in steps for part in (*whole.alone, whole)]
@@ -139,9 +139,8 @@ class _Bits:
         return all(self.covered(way | literal, possible) for literal in (one, self.contrary(one)))
 
     def fewest_left_out(self, ways: Mapping[int, int], later: Collection[int], most: int) -> list[tuple[int, int]]:
-        """Return the first ``most`` of the simplified ways, with how many steps they leave out, the fewest first.
-
-        Not those that ``later`` ones cover: where one of these is ready without it, the step is not required.
+        """Return the first ``most`` of the simplified ways, each with the number of steps that it skips, the fewest
+        first. Ways that ``later`` ones cover are dropped: if one of those holds, the step is not required.
         """
         either = functools.reduce(operator.or_, ways, 0)
         either &= self.contrary(either)  # facts that some want to hold, and others not to

@@ -13,18 +13,17 @@ from bestman_bt.task_planning.symbolic.problem import Literal, TaskPlan
 
 @dataclass(frozen=True)
 class SequenceBuilder(TreeBuilder):
-    """Executes the plan in order; fails with the first failing action, or before an action after which the goal is out
-    of reach.
+    """Executes the plan in order; fails with the first failing action, or before an action after which the goal is
+    unreachable.
 
-    Before each action it checks the kernel, so that a violated precondition of a later action is noticed at once.
-
+    Before each action it checks the kernel, so that a violated precondition of a later action is noticed immediately.
     ``parallel``: run independent actions of different parts in parallel.
     """
 
     parallel: bool = True
 
     def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
-        """Return a Sequence: check, act, and so on; at last, check the goal."""
+        """Return a Sequence that alternates checks and actions, and finally checks the goal."""
         steps = parallel_steps(plan) if self.parallel else sequential_steps(plan)
         children: list[XmlElement] = []
         for number, (step, kernel) in enumerate(zip(steps, kernels(steps, goal), strict=False), 1):

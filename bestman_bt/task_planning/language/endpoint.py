@@ -256,7 +256,7 @@ class HttpEndpoint(ChatEndpoint):
         return Usage(seconds, asked, answered, dollars)
 
     def _completion(self, body: dict[str, Any]) -> Completion:
-        """Make one attempt; optional fields that the server refuses are left out from then on."""
+        """Make one attempt; optional fields that the server refuses are omitted from then on."""
         while True:
             answer = self._post(body)
             if answer.status == 200:

@@ -72,7 +72,9 @@ class LanguagePlanner(TaskPlanner):
     further: PlanCheck | None = None
 
     def plan(self, problem: PlanningProblem) -> TaskPlan:
-        """Return a plan for the goal, or for the instruction if there is no goal; raises also LanguageError."""
+        """Return a plan for the goal, or for the instruction if there is no goal; Raises the errors of
+        ``TaskPlanner.plan``, and LanguageError.
+        """
         return self.propose(problem).plan
 
     def propose(self, problem: PlanningProblem) -> Proposal:
@@ -327,7 +329,7 @@ def _parsed(reply: ChatReply, model: type[Answer]) -> Answer:
 
 
 def _without_fence(text: str) -> str:
-    """Return the inside of the one code fence that models without a JSON mode like to put around their answer."""
+    """Return the content of the single code fence that models without a JSON mode often put around their answer."""
     lines = text.strip().splitlines()
     fenced = len(lines) > 2 and lines[0] in ("```", "```json") and lines[-1] == "```"
     return "\n".join(lines[1:-1]) if fenced else text

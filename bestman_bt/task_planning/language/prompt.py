@@ -177,7 +177,7 @@ def _not_seen(problem: PlanningProblem) -> dict[str, list[str]]:
 
 
 def _names(problem: PlanningProblem) -> dict[str, list[str]]:
-    """Return the things of each type that abilities and predicates speak of; some are of several."""
+    """Return the things of each type that abilities and predicates use; a thing can have several types."""
     types = {kind for operator in problem.operators for kind in operator.parameters.values()}
     types.update(kind for kinds in problem.predicates.values() for kind in kinds)
     return {kind: problem.of_type(kind) for kind in sorted(types)}

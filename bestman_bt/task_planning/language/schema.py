@@ -102,7 +102,7 @@ class _StrictSchema(GenerateJsonSchema):
 
 
 def _fault(entry: dict[str, Any]) -> str:
-    """Format one of pydantic's errors; the names of models, which stand in the path of a union, are left out."""
+    """Format one of pydantic's errors; the names of models, which are part of the path in a union, are omitted."""
     place = ""
     for part in entry["loc"]:
         if isinstance(part, int):

@@ -12,7 +12,7 @@ _TOKEN = re.compile(r"\s*(?:(?P<name>\{\w+\}|[A-Za-z0-9_][\w/.]*(?:-(?!>)[\w/.]+
 _PDDL = re.compile(r"\(\s*[A-Za-z][\w-]*[\s(]")
 GOAL_FORM = "on(mug, table) and not open(fridge/upper_door)"
 _DEPTH = 50
-"""Brackets within brackets; no condition needs more, and the descent has an end."""
+"""Largest depth of nested brackets: conditions need fewer, and the recursion stays bounded."""
 _WORDS = frozenset({"and", "not", "forall"})
 
 
@@ -44,7 +44,7 @@ def parse_literals(text: str) -> tuple[Literal, ...]:
 
 
 def parse_goal(text: str) -> tuple[Literal, ...]:
-    """Parse at least one fact: an empty goal would succeed at once. Raises GoalError.
+    """Parse at least one fact: an empty goal would succeed immediately. Raises GoalError.
 
     PDDL goals are accepted too: ``(and (on mug table) (not (open fridge)))``.
     """

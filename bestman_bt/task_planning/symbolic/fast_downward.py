@@ -31,7 +31,7 @@ class FastDownwardPlanner(TaskPlanner):
     timeout: float = 60.0
 
     def plan(self, problem: PlanningProblem) -> TaskPlan:
-        """Return a plan; raises as ``TaskPlanner.plan``, and PlannerMissingError naming the extra."""
+        """Return a plan. Raises the errors of ``TaskPlanner.plan``, and PlannerMissingError naming the extra."""
         problem.refuse_contradictory_goal()
         if not problem.unmet_in(problem.state):
             return TaskPlan(())

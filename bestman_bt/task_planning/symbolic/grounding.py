@@ -80,7 +80,9 @@ def _effects(
 
 
 def ground_formula(problem: PlanningProblem, formula: Formula) -> Ground | None:
-    """Return what has to hold for a formula without parameters, except facts that never change; None: it never does."""
+    """Return the literals that must hold for a formula without parameters, except facts that never change; None: the
+    formula can never hold.
+    """
     if isinstance(formula, Literal):
         if formula.fact.predicate in problem.changing:
             return frozenset({formula})
@@ -111,7 +113,7 @@ def written_out(problem: PlanningProblem, conditions: Iterable[Condition], value
 
 @dataclass(eq=False)
 class Rule:
-    """Where all of ``needs`` hold, ``gives`` follow. ``missing``: how many of ``needs`` were not reached."""
+    """A rule: if all of ``needs`` hold, ``gives`` follow. ``missing``: how many of ``needs`` were not reached."""
 
     needs: frozenset[Literal]
     gives: frozenset[Literal]
@@ -237,7 +239,8 @@ def reachable_actions(possible: Iterable[Action], state: frozenset[Fact]) -> tup
 
 
 class Reach:
-    """What can be reached under the delete relaxation. ``reached``: what the rules give of which nothing is missing.
+    """Everything that can be reached under the delete relaxation. ``reached``: the literals that the rules without
+    missing needs give.
 
     ``derived``: rules for the facts that stand for disjunctions; a rule that needs another's fact comes after it.
     ``news``: reached facts that have not been processed yet.
@@ -299,7 +302,9 @@ class Reach:
 
 
 def _joined(problem: PlanningProblem) -> Reach:
-    """Return what the instances of all operators reach, without creating these; in the order of their things."""
+    """Return the literals that the instances of all operators reach, without creating the instances; in the order of
+    their things.
+    """
     reach, join, order = Reach(problem.state), _Join(problem), dict[int, tuple[int, ...]]()
     numbers = {name: number for number, name in enumerate(problem.objects)}
 
@@ -348,7 +353,7 @@ class _Join:
                 yield from self._bound(number, (), {})
 
     def with_fact(self, fact: Fact) -> list[tuple[int, tuple[str, ...]]]:
-        """Return the bindings that ask for a new fact, and otherwise for known ones."""
+        """Return the bindings that need a new fact, and otherwise known ones."""
         self._known[fact.predicate].append(fact)
         for place, name in enumerate(fact.arguments):
             self._having[fact.predicate, place, name].append(fact)
@@ -382,7 +387,7 @@ class _Join:
                 yield key
 
     def _possible(self, number: int, values: Mapping[str, str]) -> bool:
-        """Return whether what never changes allows it."""
+        """Return whether the facts that never change allow the binding."""
         return all(
             one.bound(values).holds_in(self._problem.state)
             for one in self._checked[number]

@@ -42,11 +42,11 @@ _SECTIONS = (
     *(":requirements", ":types", ":constants", ":objects", ":predicates", ":functions", ":action"),
     *(":init", ":goal", ":metric", ":domain"),
 )
-"""In the order in which they are read, wherever they stand."""
+"""Sections, in the order in which they are read, regardless of their order in the file."""
 _FIELDS = (":parameters", ":precondition", ":effect")
 _TOTAL_COST = "total-cost"
 _DEPTH = 200
-"""Brackets within brackets; files written by hand have fewer than twenty."""
+"""Largest depth of nested brackets; files written by hand have fewer than twenty."""
 
 
 class PddlError(PlanningError):
@@ -117,7 +117,7 @@ def read_goal(source: str | Path) -> tuple[Literal, ...]:
 class _File:
     """A file of one expression, or ``text`` that is called ``path`` in errors.
 
-    ``declared``: what it may use, to which it adds its own; None: any names, and a goal of literals alone.
+    ``declared``: the names that it may use, to which it adds its own; None: any names, and a goal of literals only.
     """
 
     def __init__(self, path: str | Path, declared: _Declared | None = None, text: str | None = None) -> None:
@@ -335,7 +335,7 @@ class _File:
         return Literal(self._fact(part, variables)) if part.parts else Joined(True, ())
 
     def _quantifier(self, part: _List, variables: _Scope) -> tuple[dict[str, str], _Scope, _List]:
-        """Return own names → types of the variables, ``variables`` with them, and what is quantified."""
+        """Return own names → types of the variables, ``variables`` with them, and the quantified expression."""
         typed, body = self._two(part, f"{part.head} takes variables and a condition or an effect")
         found, inside = dict[str, str](), variables.new_child()
         for variable, kind in self._variables(typed.parts).items():

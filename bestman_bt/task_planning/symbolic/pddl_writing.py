@@ -25,7 +25,7 @@ from bestman_bt.task_planning.symbolic.problem import (
 Key = TypeVar("Key")
 
 RENAMED = {ROOT: "item"}
-"""PDDL's ``object`` is the type of everything; here often one of several."""
+"""PDDL's ``object`` is the type of everything; here a thing often has several types."""
 
 
 class PddlText:
@@ -222,7 +222,7 @@ def _variable(name: str) -> str:
 
 
 def _apart(words: dict[Key, str]) -> dict[Key, str]:
-    """Return the same with a number behind each word that another has already."""
+    """Return the words, with a number appended to each that occurred before."""
     apart: dict[Key, str] = {}
     taken: set[str] = set()
     for key, word in words.items():

@@ -137,7 +137,7 @@ class Forall:
 
 
 Condition = Literal | Forall
-"""What pre-conditions and effects are made of."""
+"""The elements of preconditions and effects."""
 
 
 @dataclass(frozen=True)

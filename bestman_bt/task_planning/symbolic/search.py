@@ -28,7 +28,7 @@ class Estimate:
 
 
 NOTHING = 1e-6
-"""What an action without a cost counts in estimates: what it leads to must differ from what holds already."""
+"""Cost of a free action in estimates: its effects must cost more than literals that already hold."""
 
 
 class RelaxedPlan:
@@ -91,7 +91,7 @@ class RelaxedPlan:
 
 
 BOOST = 100
-"""Turns that the lists of helpful actions get ahead of the others when the search has come nearer to the goal.
+"""Number of turns by which the lists of helpful actions are preferred when the search has come nearer to the goal.
 
 LAMA's 1,000 kept the search 10,000 states long in a local minimum of a VirtualHome problem that 35 states solve.
 """
@@ -217,9 +217,8 @@ class SymbolicPlanner(TaskPlanner):
 
     The effort is counted in evaluated states, so that equal problems give equal plans. ``max_evaluations``: for the
     first plan; in a furnished kitchen these take 5 to 8 s of processor time. ``improvement``: for cheaper plans, with
-    the ``weights`` of the estimate in turn.
-    ``hand_over``: problems of more ground actions than this go to Fast Downward where the extra ``planning`` is
-    installed; 0: none.
+    the ``weights`` of the estimate in turn. ``hand_over``: problems with more ground actions than this are passed to
+    Fast Downward if the extra ``planning`` is installed; 0: never.
     """
 
     max_evaluations: int = 10_000
@@ -259,7 +258,9 @@ def _offer(
     reached: list[float],
     supporter: list[int | None],
 ) -> None:
-    """Record the rule for each of the literals that it ``gives`` if none reaches that at less cost."""
+    """Record the rule for each of the literals that it ``gives``, unless another rule reaches the literal at lower
+    cost.
+    """
     for literal in gives:
         if cost < reached[literal]:
             reached[literal], supporter[literal] = cost, rule

@@ -1,4 +1,4 @@
-"""Plans with disjunctions and conditional effects as plans without, of which trees are built."""
+"""Converts plans with disjunctions and conditional effects to plans without, from which trees are built."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bestman_bt.task_planning.symbolic.problem import (
 
 
 def as_strips(problem: PlanningProblem, plan: TaskPlan) -> tuple[TaskPlan, tuple[Literal, ...]]:
-    """Return a plan and its goal, of literals alone.
+    """Return a plan and its goal, both with literals only.
 
     Each action needs the literals due to which its formulas hold, and its conditional effects occur or do not occur, in
     the plan. A tree of it is correct, but does not continue in states in which these hold for other reasons.

@@ -52,7 +52,7 @@ def placed_document(placed: PlacedShape, color: Sequence[float] | None) -> dict[
 
 
 IMPORTED = (".obj", ".stl", ".ply")
-"""Meshes that Blender reads itself, with their materials; others are read here, without."""
+"""Meshes that Blender reads itself, with their materials; others are read here, without materials."""
 
 
 class BlenderRobot:
@@ -135,7 +135,7 @@ def _numbers(element: ElementTree.Element | None, key: str, default: str) -> lis
 
 
 Finish = Literal["wall", "furniture", "object", "person"]
-"""What a body is made to look like; colours are the body's own."""
+"""The surface finish of a body; its colours are those of the body."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ class BlenderBody:
 
 @dataclass(frozen=True)
 class BlenderFrame:
-    """``eye``, ``target``: metres, map frame; ``field_of_view``: vertical, degrees. ``file``: the PNG to be written."""
+    """``eye``, ``target``: metres, map frame; ``field_of_view``: vertical, degrees. ``file``: the PNG to write."""
 
     snapshot: RobotSnapshot
     eye: tuple[float, float, float]
@@ -159,8 +159,9 @@ class BlenderFrame:
 
 @dataclass(frozen=True)
 class BlenderJob:
-    """A job for Blender. ``hidden``: bodies to leave out, such as walls before the camera. ``samples``: light paths per
-    pixel."""
+    """A job for Blender. ``hidden``: bodies to omit, such as walls in front of the camera. ``samples``: light paths per
+    pixel.
+    """
 
     robot: BlenderRobot
     bodies: Sequence[BlenderBody]
@@ -245,7 +246,7 @@ def blender_python() -> Path:
 def install_blender(report: Callable[[str], None]) -> Path:
     """Create the environment and install Blender into it from the Python package index. Returns its Python.
 
-    Raises BlenderError; nothing is left behind then.
+    Raises BlenderError; no files are left in that case.
     """
     folder = environment_folder()
     python = folder / "bin" / "python"
@@ -281,7 +282,7 @@ def _base_python() -> str:
 
 
 SCRIPT = Path(__file__).parent / "script" / "paint_scene.py"
-"""Run by Blender's Python, never imported here."""
+"""Script for Blender's Python; it is never imported here."""
 FRAME_DONE = "bestman-bt: painted "
 
 

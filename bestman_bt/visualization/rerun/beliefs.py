@@ -53,7 +53,7 @@ def write_object(recording: rr.RecordingStream, entity: str, index: int, found: 
 
 
 def clear_object(recording: rr.RecordingStream, entity: str, name: str) -> None:
-    """Remove an object that is believed in no more."""
+    """Remove an object that is no longer believed to exist."""
     import rerun as rr
 
     for gone in (entity, f"{entities.MARKERS}/{entities.part(name)}"):

@@ -171,7 +171,7 @@ SEE_THROUGH_BELOW = 0.99
 FLOOR_COLOR = (0.5, 0.52, 0.56, 1.0)
 FLOOR_MARGIN, FLOOR_THICKNESS = 0.2, 0.02
 FLOOR_GAP = 0.002
-"""Metres below z = 0, so that marks on the floor are not swallowed."""
+"""Metres below z = 0, so that the floor does not hide marks on it."""
 
 
 def body_frame(name: str) -> str:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 BACKGROUND = (28, 31, 38)
 CLOSER = 0.8
-"""Share of the distance between the camera and what it saw at which the scene is looked at."""
+"""Distance of the viewpoint from the middle of the observed points, as a fraction of the camera's distance from it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The open recording: constants are written at once, everything else as it happens.
+"""The open recording: constants are written immediately, everything else as it happens.
 
 Its layout: scene and camera on the left, tree and its log on the right.
 """
@@ -189,7 +189,7 @@ class RobotEntities:
 
 
 def _fill_primitives(recording: rr.RecordingStream, tree: UrdfTree, urdf: bytes) -> None:
-    """Draw boxes, cylinders and balls solid: Rerun's own choice is see-through."""
+    """Draw boxes, cylinders and balls solid: by default Rerun draws them transparent."""
     import rerun as rr
 
     archetypes: dict[str, Any] = {"box": rr.Boxes3D, "cylinder": rr.Cylinders3D, "sphere": rr.Ellipsoids3D}
@@ -266,12 +266,12 @@ class OpenRecording:
         self.driven = bodies.BaseTrail()
         self.has_belief = False
         self.objects: dict[str, str] = {}
-        """Entities of the objects that are believed in."""
+        """Entities of the believed objects."""
         self._tick = 0
         self._setup = setup
 
     def write_constants(self) -> None:
-        """Write all that does not change. Raises RecordingError for a robot that cannot be shown."""
+        """Write everything that does not change. Raises RecordingError for a robot that cannot be shown."""
         import rerun as rr
 
         stream, setup = self.stream, self._setup

@@ -22,7 +22,7 @@ from bestman_bt.visualization.rerun.open_recording import OpenRecording, Recordi
 from bestman_bt.visualization.snapshot import RobotSnapshot
 
 RECORDING_NAME = "recording.rrd"
-"""Of a run, in its folder."""
+"""Name of the recording in the folder of a run."""
 LOG_LEVELS = ("DEBUG", "INFO", "WARN", "ERROR")
 LEVEL_OF_STATE = {RUNNING: "INFO", SUCCESS: "INFO", NO: "INFO", FAILURE: "WARN"}
 
@@ -30,8 +30,8 @@ LEVEL_OF_STATE = {RUNNING: "INFO", SUCCESS: "INFO", NO: "INFO", FAILURE: "WARN"}
 class RerunRecorder:
     """Writes a run to ``path`` (``.rrd``) while it happens; a context manager.
 
-    Nothing is opened before ``open``. Data reaches the disk within half a second, so that an interrupted run
-    leaves a recording that opens. Stamps are seconds of the robot's clock and never go back.
+    Nothing is opened before ``open``. Data is written to disk within half a second, so that the recording of an
+    interrupted run can be opened. Stamps are seconds of the robot's clock and never go back.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class RerunRecorder:
         self._open: OpenRecording | None = None
 
     def open(self) -> None:
-        """Create the file and write all that does not change. Raises RecordingError if that is not possible.
+        """Create the file and write everything that does not change. Raises RecordingError if that is not possible.
 
         MissingExtraError without rerun.
         """
@@ -160,7 +160,7 @@ class RerunRecorder:
             beliefs.write_object(parts.stream, entity, list(parts.objects).index(mark.name), mark)
 
     def grasps(self, candidates: Sequence[GraspMark], stamp: float) -> None:
-        """Record grasps that are weighed, best first; they replace those before."""
+        """Record candidate grasps, best first; they replace the previous ones."""
         beliefs.write_grasps(self._at(stamp).stream, entities.GRASPS, candidates)
 
     def blackboard(self, change: str, stamp: float) -> None:
@@ -186,7 +186,7 @@ class RerunRecorder:
         self._at(stamp).write_line(level, message)
 
     def _at(self, stamp: float, tick: int | None = None) -> OpenRecording:
-        """Set the time of what is written next."""
+        """Set the time of the following rows."""
         if self._open is None:
             raise RecordingError(f"the recording {self.file} is not open")
         self._open.set_time(stamp, tick)

@@ -21,7 +21,7 @@ CLOUD_COLOR = (240, 200, 80)
 
 @dataclass(frozen=True)
 class SensorRecording:
-    """The recorded share of sensor data. ``depth_step``: metres; the noise of a camera does not compress below it."""
+    """Limits of the recorded sensor data. ``depth_step``: metres; the noise of a camera does not compress below it."""
 
     jpeg_quality: int = 80
     depth_step: float = 0.004

@@ -117,8 +117,8 @@ class Display(StrEnum):
 class ViewerOptions:
     """Options of a viewer. ``port``: of the recordings. ``page_port``: of the page for the browser. None: a free port.
 
-    ``fed``: show data from ``pipe``; a page or a relay starts to serve when data arrive. ``source``: the address of a
-    page or relay to show. ``size``: pixels, without a display. ``memory_limit``: beyond it the oldest data are dropped.
+    ``fed``: show data from ``pipe``; a page or a relay starts to serve when data arrives. ``source``: the address of a
+    page or relay to show. ``size``: pixels, without a display. ``memory_limit``: beyond it the oldest data is dropped.
     ``start_timeout``: seconds.
     """
 

@@ -68,7 +68,7 @@ def linear(color: list[float]) -> tuple[float, float, float]:
 
 
 def is_wooden(color: list[float]) -> bool:
-    """Return whether a colour is a brown or beige that furniture has as wood."""
+    """Return whether a colour is a brown or beige of wooden furniture."""
     hue, saturation, value = colorsys.rgb_to_hsv(*color[:3])
     return 0.04 < hue < 0.15 and 0.18 < saturation < 0.75 and value > 0.25
 

@@ -17,12 +17,12 @@ from lights import light_the_room
 from shapes import imported_file, made_shape
 
 BEVEL = 0.005
-"""Metres that the edges of boxes are rounded by, at most."""
+"""Largest radius at the edges of boxes, metres."""
 F_STOP = 6.3
 
 
 def main(path: str) -> None:
-    """Build the scene once, then paint every frame."""
+    """Build the scene once, then render every frame."""
     job = json.loads(Path(path).read_text(encoding="utf-8"))
     bpy.ops.wm.read_factory_settings(use_empty=True)
     finishes = Finishes()
@@ -69,7 +69,7 @@ def build_body(body: dict[str, Any], finishes: Finishes) -> Any:
 
 
 def build_link(link: dict[str, Any], finishes: Finishes) -> Any:
-    """Return a link of the robot; a colour of the URDF paints over that of a mesh file."""
+    """Return a link of the robot; a colour in the URDF replaces that of a mesh file."""
     frame = empty(link["name"])
     for part in link["parts"]:
         if part["shape"]["kind"] == "file":
