@@ -172,13 +172,13 @@ class CloseParameters:
 class NavigateParameters:
     """Driving to a pose in spite of obstacles that the map does not contain.
 
-    ``check_period``: between two checks of the path. ``max_detour``: largest detour to take at once; before a longer
-    one, it waits for the obstacle to move away. ``stop_distance``: to an obstacle on the path at which the base stops
-    and waits if there is no other path. ``sudden_distance``: an obstacle on the path nearer than this must have moved
-    there, perhaps too near for the lidar; the base backs up first. ``wait_for_short``: for a path without a longer
-    detour. ``wait_for_any``: for any path. ``back_up``: largest distance of backing up, which also lets waiting people
-    pass. ``retry_pause``: before a retry. ``people_factor``: how many failures with a person moving nearby count as one
-    of the node's ``max_replans``.
+    ``check_period``: between two checks of the path. ``max_detour``: largest detour to take immediately; before a
+    longer one, it waits for the obstacle to move away. ``stop_distance``: to an obstacle on the path at which the base
+    stops and waits if there is no other path. ``sudden_distance``: an obstacle on the path nearer than this must have
+    moved there, perhaps too near for the lidar; the base backs up first. ``wait_for_short``: for a path without a
+    longer detour. ``wait_for_any``: for any path. ``back_up``: largest distance of backing up, which also lets waiting
+    people pass. ``retry_pause``: before a retry. ``people_factor``: how many failures with a person moving nearby count
+    as one of the node's ``max_replans``.
     """
 
     check_period: Annotated[Positive, "s"] = 0.2

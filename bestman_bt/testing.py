@@ -66,8 +66,8 @@ class TreeTester:
         return run
 
     def assert_coverage(self, at_least: float) -> None:
-        """Raise AssertionError, naming the missed nodes, if a smaller share of the nodes has been ticked in all runs so
-        far.
+        """Raise AssertionError, naming the missed nodes, if a smaller fraction of the nodes has been ticked in all runs
+        so far.
         """
         share = 0.0 if self.coverage is None else self.coverage.share
         missed = [] if self.coverage is None else [node.path for node in self.coverage.never_ticked]

@@ -28,7 +28,7 @@ MEASURED = 0.01
 """Largest position error of furniture, metres, up to which its doors count as known, for the palm too."""
 
 Touching = Literal["free", "nothing", "fingers", "hand"]
-"""What of the robot may touch the furniture.
+"""The parts of the robot that may touch the furniture.
 
 ``fingers``: the fingers, only the door or drawer. ``hand``: the whole hand, all of the furniture. ``nothing``: nothing,
 if the pose of the furniture is known well; otherwise, and for the fingers too, its boards are thickened by the map's

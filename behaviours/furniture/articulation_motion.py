@@ -78,7 +78,7 @@ def _around(
 ) -> Iterator[CollisionWorld]:
     """Yield collision worlds for the arm's retreat that it is clear of, the door with ever less margin.
 
-    They include the door as felt, so as not to push it. If the arm is already inside that door, the door is left out:
+    They include the door as felt, so as not to push it. If the arm is already inside that door, the door is omitted:
     the grip was lost earlier, and the hand moved on alone. Other contacts of the arm, such as with itself, are no
     evidence.
     """

@@ -199,7 +199,7 @@ class Retreat(ArmNode, Skill):
 
 
 def _move_to(skill: Skill, choices: Sequence[list[NDArray[np.float64]]]) -> SkillCoroutine[None]:
-    """Move to the first of ``choices`` that can be reached; succeed at once if the arm is already there."""
+    """Move to the first of ``choices`` that can be reached; succeed immediately if the arm is already there."""
     from bestman_bt.manipulation.motion_planning.base import MotionPlanningError, PlanningErrorCode
 
     arrived = skill.skills.parameters.arm_motion.posture_tolerance

@@ -84,7 +84,7 @@ class PolicyMotion:
         return (yield from self._until(seen + max(1, count) * chunk.dt))
 
     def finish(self) -> SkillCoroutine[None]:
-        """Wait until the motion under way is at rest."""
+        """Wait until the current motion has come to rest."""
         if self.stream.motion is not None:
             yield from self._until(self.stream.motion.end)
         while self._arm is not None and not self._arm.done:

@@ -62,7 +62,7 @@ def load_documents(
     gaps: Gaps | None = None,
     **options: Unpack[LoadOptions],
 ) -> Tree:
-    """Build a tree from documents that were read; raises and fills ``faults`` as ``load_tree`` does.
+    """Build a tree from documents that were read; ``faults`` and the errors are those of ``load_tree``.
 
     ``gaps``: replaces nodes and trees that are unknown here, and records them; they are not errors then.
     """
@@ -130,7 +130,7 @@ def _checked(
     faults: list[TreeProblem] | None,
     gaps: Gaps | None,
 ) -> tuple[str, set[str]]:
-    """Return the tree to run and the left-out names (``Tree.left_out``); raises as ``load_tree`` does."""
+    """Return the tree to run and the left-out names (``Tree.left_out``); raises the errors of ``load_tree``."""
     main = main_tree_of(documents, main_tree)
     checker = check_documents(documents, registry, compiler, main, suggests=gaps is None or gaps.suggests)
     wrong = checker.wrong

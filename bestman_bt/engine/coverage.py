@@ -20,7 +20,7 @@ _FALLBACKS = (Fallback, ReactiveFallback, RecoveryNode, TryCatch)
 
 @dataclass(frozen=True)
 class NodeUse:
-    """How often a node started, succeeded, failed and was halted."""
+    """Numbers of starts, successes, failures and halts of a node."""
 
     began: int = 0
     succeeded: int = 0

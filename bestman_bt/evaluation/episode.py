@@ -60,8 +60,8 @@ AFTER_RECORDING = 1.0
 
 
 class _Observers:
-    """What looks at the simulation from outside; made right after connecting. Afterwards no view can be added
-    without cost.
+    """The outside views of the simulation; created right after connecting. Afterwards no view can be added without
+    cost.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class _Observers:
 
     @property
     def script(self) -> tuple[DisturbanceEvent, ...]:
-        """What the task's disturbances have done."""
+        """The effects of the task's disturbances so far."""
         return self.disturbances.events if self.disturbances is not None else ()
 
     def audit_record(self) -> AuditRecord | None:

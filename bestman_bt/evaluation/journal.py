@@ -24,7 +24,7 @@ SYNC_EVERY = 0.5
 
 
 class JournalError(Error):
-    """Raised if a journal cannot be written any more, as on a full disk; its content is kept."""
+    """Raised if a journal can no longer be written, for example on a full disk; its content is kept."""
 
     code = "journal_not_written"
 

@@ -20,7 +20,7 @@ class Summary:
 
     def __init__(self) -> None:
         self.episodes = 0
-        """How many results were added."""
+        """Number of results added."""
         self._failures: list[dict[str, Any]] = []
         self._unclean: list[int] = []
         self._unearned: list[dict[str, Any]] = []

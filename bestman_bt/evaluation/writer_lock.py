@@ -17,7 +17,8 @@ WITHOUT_FLOCK = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)
 
 def lock_for_writing(file: IO[bytes], path: Path, writer: str) -> Path | None:
     """Lock an open file until it is closed; return the lock file to delete then, if the file system needs one.
-    ``writer``: the other possible holder, for the message. Raises ConfigurationError if it is locked, OSError.
+    ``writer``: the other possible holder, for the message. Raises ConfigurationError if the file is locked, OSError if
+    locking fails.
     """
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

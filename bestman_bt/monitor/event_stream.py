@@ -54,7 +54,7 @@ class StateSnapshot:
         self._latest: dict[str, Event] = {}
         self._blackboard: dict[str, dict[str, ShownEntry]] = {}
         self.time = 0.0
-        """Of the latest event."""
+        """Time of the latest event, seconds."""
         self.tick = 0
 
     @property

@@ -58,7 +58,7 @@ class ServerConfig:
 
 
 class _Site:
-    """What is answered, and to how many pages."""
+    """The responses to requests, and the number of open pages."""
 
     def __init__(self, config: ServerConfig, runs: RunList) -> None:
         self.config, self.runs = config, runs

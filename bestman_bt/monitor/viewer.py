@@ -29,7 +29,7 @@ from bestman_bt.records.history import Picture, RunHistory
 from bestman_bt.records.timeline import outcomes
 
 MAX_OUTCOMES = 100_000
-"""That are compared."""
+"""Largest number of outcomes to compare."""
 
 
 def compare(a: RunHistory, b: RunHistory) -> dict[str, Any]:

@@ -171,7 +171,7 @@ def _events(
 
 
 def _take_all(history: RunHistory, name: str, events: Iterator[Event]) -> None:
-    """Add events up to a damaged line; one that does not fit is left out."""
+    """Add events up to a damaged line; one that does not fit is skipped."""
     try:
         for event in events:
             try:

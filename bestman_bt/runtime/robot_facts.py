@@ -61,7 +61,7 @@ def _unpack(wheel: Path, into: Path) -> None:
     except (OSError, zipfile.BadZipFile) as error:
         raise _fault("--wheel", f"{wheel} cannot be read: {error}") from error
     if not members:
-        raise _fault("--wheel", f"{wheel} holds no {FOLDER}: a wheel of PyBullet is needed")
+        raise _fault("--wheel", f"{wheel} does not contain {FOLDER}: pass a wheel of PyBullet")
 
 
 def _download(into: Path) -> None:

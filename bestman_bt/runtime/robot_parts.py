@@ -146,7 +146,7 @@ class RobotParts:
 
 
 class _ArmParts:
-    """What skills use of one arm: its controllers, and the sensors of its hand."""
+    """The controllers of one arm and the sensors of its hand, for skills."""
 
     def __init__(self, parts: RobotParts, arm: str) -> None:
         self._parts, self._arm = parts, arm

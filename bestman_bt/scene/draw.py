@@ -303,7 +303,7 @@ def _changed(
     if standing is None:
         what = "furniture that was moved or that the map does not have"
         raise _NoRoomError(
-            ("unmapped",) if scene.file.unmapped else (), what, "widen its regions, or ask for less of it"
+            ("unmapped",) if scene.file.unmapped else (), what, "widen its regions, or request fewer pieces"
         )
     asked = scene.file.walkers
     if asked is None:

@@ -124,7 +124,7 @@ def _handle_faults(name: str, config: ArticulationConfig, document: Document) ->
     elif pulled @ _OUTWARD <= 0.0:
         turned = [float(-a) for a in config.axis]
         yield document.problem(
-            (*path, "axis"), f"the joint opens inwards, the front faces -x; turn the axis round: {turned}"
+            (*path, "axis"), f"the joint opens inwards, but the front faces -x; reverse the axis: {turned}"
         )
 
 

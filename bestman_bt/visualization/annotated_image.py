@@ -95,7 +95,7 @@ def _cost(
 
 
 def overlap(one: Rectangle, other: Rectangle) -> float:
-    """Return the overlap of two rectangles, pixels."""
+    """Return the area in which two rectangles overlap, square pixels."""
     width = min(one[2], other[2]) - max(one[0], other[0])
     height = min(one[3], other[3]) - max(one[1], other[1])
     return max(0.0, width) * max(0.0, height)

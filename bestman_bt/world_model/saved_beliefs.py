@@ -135,7 +135,7 @@ class SavedBeliefs:
 
 
 def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
-    """Return the beliefs as plain values that ``SavedBeliefs`` can be checked from; ``mapped``: the map before the
+    """Return the beliefs as plain values, from which ``SavedBeliefs`` can be read; ``mapped``: the map before the
     run.
     """
     base = world.base

@@ -117,7 +117,7 @@ class Robot(ABC):
     """Scale of the speed of motions, see ``set_speed``."""
 
     def set_speed(self, share: float) -> None:
-        """Scale the speed of all motions, including those under way, by ``share``, 0 to 1; thread-safe.
+        """Scale the speed of all motions, including the current ones, by ``share``, 0 to 1; thread-safe.
 
         Motions keep their path, because their time is scaled; at 0 they pause. The value remains until it is set again.
         Grippers, and motions that a controller plans itself, keep their speed. Raises ValueError outside [0, 1].

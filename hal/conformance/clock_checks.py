@@ -52,7 +52,7 @@ def impossible_sleeps_are_refused(robot: Robot) -> None:
 def periodic_calls_come_on_time(robot: Robot) -> None:
     """Check a periodic call at 10 Hz: never early, and not after the timer is cancelled.
 
-    If time passes by itself, in at least one of three tries, because a busy machine calls late.
+    On a robot in real time, in at least one of three attempts, because a busy machine calls late.
     """
     for _ in range(1 if waits_for_sleeps(robot.clock) else 3):
         wrong = _wrong_with_periodic_calls(robot)

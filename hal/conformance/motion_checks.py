@@ -71,7 +71,7 @@ def joints_arrive_within_their_limits(robot: Robot) -> None:
     """Check that every group reaches its target, at full and at quarter speed, and never exceeds its speed by more than
     5 %.
 
-    If time passes by itself, in at least one of three tries, because a busy machine reads late.
+    On a robot in real time, in at least one of three attempts, because a busy machine reads late.
     """
     for group in _groups(robot):
         for scale, longer in ((1.0, 1), (0.25, 2)):
@@ -313,8 +313,8 @@ def velocities_of_joints_lapse(robot: Robot, group: JointGroup) -> None:
 def trajectories_keep_the_limits_between_their_samples(robot: Robot, arm: Arm) -> None:
     """Check a trajectory whose mean speed is allowed, but whose speed between two samples is 1.5 times as high.
 
-    It has to arrive, more slowly, and never exceed the limits by more than 5 %; if time passes by itself, in at least
-    one of three tries.
+    It must reach its end, more slowly, and never exceed the limits by more than 5 %; on a robot in real time, in at
+    least one of three attempts.
     """
     _keep_the_limits(robot, arm, partial(_follow_nearby, robot, arm))
 

@@ -201,7 +201,9 @@ class RealTimeClock(Clock):
             own.sleeping = False
 
     def _begin(self, own: _OfThread) -> float:
-        """Return the start of a sleep: now, or the planned end of the last sleep if the thread sleeps again at once."""
+        """Return the start of a sleep: now, or the planned end of the last sleep if the thread sleeps again
+        immediately.
+        """
         now = self.now()
         goes_on = now - own.woke < AT_ONCE and 0.0 <= now - own.due < LONGEST_DEBT
         return own.due if goes_on else now

@@ -172,7 +172,7 @@ class Connection(ABC):
 
     @abstractmethod
     def heard(self) -> float:
-        """Return the clock time of the controller's last sign of life, seconds."""
+        """Return the clock time of the controller's last heartbeat, seconds."""
 
     @abstractmethod
     def reported_fault(self) -> Failure | None:

@@ -52,9 +52,10 @@ MOUNTING_TOLERANCE = math.radians(5.0)
 DOWN = np.array([0.0, 0.0, -1.0])
 """Direction of gravity in the base frame of a robot on the floor."""
 HOLDING_TOLERANCE = 0.08
-"""Of the largest joint torque that any mounting causes in a posture. Assumed: 5 % for rounded masses and centres of
-links in a URDF, and 3 % for a hand's centre that the controller has elsewhere (1 kg by 5 cm: 1 to 3 % on a UR5e and a
-UR3e). Masses of a sister model exceed it: those of a UR5 differ from a UR5e's by 4 to 16 %."""
+"""As a fraction of the largest joint torque that any mounting causes in a posture. Assumed: 5 % for rounded masses and
+centres of links in a URDF, and 3 % for a hand's centre that the controller has elsewhere (1 kg by 5 cm: 1 to 3 % on a
+UR5e and a UR3e). Masses of a sister model exceed it: those of a UR5 differ from a UR5e's by 4 to 16 %.
+"""
 
 
 @dataclass(frozen=True)

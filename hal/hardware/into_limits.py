@@ -1,4 +1,4 @@
-"""Moves joints that are outside of their configured range slowly back into it, under supervision."""
+"""Moves joints that are outside their configured range slowly back into it, under supervision."""
 
 from __future__ import annotations
 

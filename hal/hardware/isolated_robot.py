@@ -68,7 +68,9 @@ class IsolatedRobot(Robot):
         return self._description.unsupported
 
     def connect(self) -> None:
-        """Start the other process and connect all controllers; raises as ``HardwareRobot.connect``; idempotent."""
+        """Start the other process and connect all controllers; raises the errors of ``HardwareRobot.connect``;
+        idempotent.
+        """
         if self._client.open:
             return
         lost = self._client.lost
@@ -128,7 +130,9 @@ class IsolatedRobot(Robot):
             self._client.stop(Call(ROBOT, "set_speed", (self.speed,)))
 
     def clear_stop(self) -> None:
-        """Accept commands again; reconnects if the process was lost. Raises as ``HardwareRobot.clear_stop``."""
+        """Accept commands again; reconnects if the process was lost. Raises the errors of
+        ``HardwareRobot.clear_stop``.
+        """
         stops = self._description.stops
         if self._client.lost is not None:
             self.connect()

@@ -238,7 +238,7 @@ class HardwareRobot(Robot):
             self._recorder.stopped("stop() was called" if fault is None else str(fault))
 
     def _await_planner(self) -> None:
-        """Wait for the caller's signs of life, which arrive shortly after its request."""
+        """Wait for the caller's heartbeats, which arrive shortly after its request."""
         deadline = time.monotonic() + FOUND_AGAIN_TIME
         while self._planner is not None and self._planner.silence > 0.0:
             if time.monotonic() > deadline:

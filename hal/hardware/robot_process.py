@@ -143,7 +143,7 @@ def plug_ins(model: RobotModel) -> list[str]:
 
 
 def _load(name: str, file: str) -> None:
-    """Run a user's file under the name that it has in the process that plans; it may import what lies beside it."""
+    """Run a user's file under the name that it has in the process that plans; it may import modules beside it."""
     specification = importlib.util.spec_from_file_location(name, file)
     if specification is None or specification.loader is None:
         raise ImportError(f"{file} should be a Python file (.py)")

@@ -83,7 +83,7 @@ class MujocoEngine(Engine):
         ]
         self._set_up_motors(parameters, built.loads)
         self._own = {name: np.zeros_like(getattr(self.data, name)) for name in ("xfrc_applied", "qfrc_applied")}
-        """What the engine itself is asked to exert in the next step."""
+        """Forces and torques that the engine itself is commanded to exert in the next step."""
         self._keep_state()
         self._contacts: list[ContactPoint] | None = None
         self._moved = True
@@ -102,7 +102,9 @@ class MujocoEngine(Engine):
         self._target, self._reference = np.zeros(count), np.zeros(count)
         self._feed, self._gain, self._stride = np.zeros(count), np.zeros(count), np.full(count, np.inf)
         self._lead = np.zeros(count)
-        """How far the moving set-point of ``approach`` may be ahead: where the motor has its full effort."""
+        """Largest lead of the moving set-point of ``approach``: the distance at which the motor reaches its full
+        effort.
+        """
         self._period = parameters.time_step
 
     def step(self) -> None:

@@ -512,7 +512,7 @@ class WorldBuilder(Shapes):
 
 @dataclass
 class _Links:
-    """What the URDF says of the robot's links; ``children``: joint → link, ``parents``: link → link."""
+    """The description of the robot's links in the URDF; ``children``: joint → link, ``parents``: link → link."""
 
     root: str
     frames: dict[str, tuple[str, Pose]]

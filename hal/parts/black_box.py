@@ -24,7 +24,7 @@ AFTERWARDS = 0.7
 HIGHEST_RATE = 500.0
 """Rows per second; limits the memory for parts with a higher control rate."""
 ROWS = 1000
-"""Of a block."""
+"""Number of rows of a block."""
 MOST_REASONS = 200
 MOST_FILES = 20
 """Maximum number of files per run."""

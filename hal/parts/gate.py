@@ -330,7 +330,7 @@ def _way(time: float, braking: Array) -> Array:
 
 
 def _leaves(tool: ToolLimits, there: Array, here: Array) -> bool:
-    """Return whether a place, (2, 3), is outside of the box, and farther than ``here``."""
+    """Return whether a place, (2, 3), is outside the box, and farther than ``here``."""
     if tool.box is None:
         return False
     lower = np.minimum(np.array(tool.box.lower) - ROUNDING, here)

@@ -86,7 +86,7 @@ class PartConnection:
             self._motion.end(status, Failure(code, text, self.part_name, vendor_code, obstacle))
 
     def stop_motion(self) -> None:
-        """Cancel the motion under way, if any, with the reason of the stop."""
+        """Cancel the current motion, if any, with the reason of the stop."""
         fault = self._latch.fault
         text, vendor_code = ("stopped", "") if fault is None else (f"stopped because {fault}", fault.vendor_code)
         self.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, text, vendor_code)

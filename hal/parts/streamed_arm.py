@@ -134,7 +134,7 @@ class StreamedArm(StreamedJointGroup, Arm):
         return self._time
 
     def _joint_pace(self, speeds: Array, accelerations: Array) -> float:
-        """Return the share of its speed at which a trajectory keeps the limits of the joints."""
+        """Return the fraction of its speed at which a trajectory keeps the limits of the joints."""
         fast = float(np.max(np.abs(speeds) / self.model.velocity))
         sudden = float(np.max(np.abs(accelerations) / self.model.acceleration))
         return min(1.0, 1.0 / max(fast, 1e-9), float(np.sqrt(1.0 / max(sudden, 1e-9))))

@@ -167,7 +167,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
     """Joints over a channel. A loop of the connection calls ``cycle`` once per ``period`` seconds.
 
     ``comes_into_limits``: set before connecting; accepts joints outside their range, so that they can be moved into it.
-    Commands are processed under the part's lock; set-points are sent outside of it, so that an unresponsive controller
+    Commands are processed under the part's lock; set-points are sent without it, so that an unresponsive controller
     never blocks a stop.
     """
 
@@ -376,7 +376,9 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     @property
     def _share(self) -> float:
-        """Of real time, which is to pass for set-points: by the operator, and as fast as the controller follows."""
+        """Rate of the set-points' time relative to real time, as set by the operator and limited by what the controller
+        can follow.
+        """
         return self.speed_share * self._channel.scaling
 
     def _wait(self, elapsed: float) -> None:
@@ -450,7 +452,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     @property
     def _own_velocity(self) -> Array:
-        """Of the joints, by the time of set-points that pass more slowly than real time."""
+        """Velocity of the joints relative to the set-points' time, which may pass more slowly than real time."""
         velocity: Array = self._velocity / max(self._time_scale.share, SLOWEST)
         return np.clip(velocity, -self.model.velocity, self.model.velocity)
 
@@ -541,7 +543,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     @property
     def _start(self) -> Array:
-        """Where the set-points of the next command start: at the joints after efforts, which no set-point follows."""
+        """The start of the set-points of the next command: at the joints after efforts, which no set-point follows."""
         return self._position if self._efforts is None else self._channel.read().positions
 
     def _leave_effort_mode(self) -> None:

@@ -11,7 +11,7 @@ from hal.simulation.parameters import SimulationParameters
 class PhysicsParameters(SimulationParameters):
     """Parameters of PyBullet.
 
-    ``object_sleep_speed``: objects slower than this (m/s, rad/s) for two seconds are left out of the solver until a
+    ``object_sleep_speed``: objects slower than this (m/s, rad/s) for two seconds are excluded from the solver until a
     moving body touches them. Stiffness in N/m, damping in N s/m, forces in N; ``erp``: fraction of an error corrected
     per step.
     """

@@ -387,7 +387,7 @@ class TransformOdometry:
         self._velocity = Twist2D(0.0, 0.0, 0.0)
 
     def header(self, message: Message) -> Message | None:
-        """Return the header of the transform, or None if it is not in the message: other nodes stamp other
+        """Return the header of the transform, or None if the message does not contain it: other nodes publish other
         transforms.
         """
         for entry in message["transforms"]:

@@ -21,7 +21,7 @@ DEPTH_HEADER = struct.Struct("<iff")
 """Header before the PNG of compressed_depth_image_transport: a format and two quantisation parameters."""
 _IMU_FIELDS = "angular_velocity", "linear_acceleration"
 CHARGING = 1
-"""Of the power supply states."""
+"""Value of the power supply state for charging."""
 MILLIMETRES, METRES = "16UC1", "32FC1"
 
 

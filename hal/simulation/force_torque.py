@@ -26,7 +26,7 @@ OLDEST_PREVIOUS = 0.05  # seconds back to which the rate of the momentum is take
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """Of all that is carried: momentum and the moment of it about the map's origin, (6,), at ``stamp``."""
+    """Momentum of everything that is carried, and its moment about the map's origin, (6,), at ``stamp``."""
 
     momentum: NDArray[np.float64]
     stamp: float

@@ -72,7 +72,7 @@ class SimulatedRobot(Robot):
     engine_name: ClassVar[str]
     """For people."""
     parameters_class: ClassVar[type[SimulationParameters]] = SimulationParameters
-    """Of the constructor's ``parameters``."""
+    """Type of the constructor's ``parameters``."""
     render_object: ClassVar[Callable[..., NDArray[np.uint8]]]
     """Renders shapes on white, without a robot: ``hal.mujoco.renderer``, ``hal.pybullet.pictures``."""
     clock: SimulatedClock

@@ -91,7 +91,7 @@ class URArm(StreamedArm):
             blends = [blend] * (len(rows) - 1) + [0.0]
 
             def upload() -> object:
-                """Upload the path at the operator's current share of the speed."""
+                """Upload the path at the operator's current fraction of the speed."""
                 now = self.speed_share
                 moving = numbers[0] * now, numbers[1] * now**2
                 path = [[*row.tolist(), *moving, round_off] for row, round_off in zip(rows, blends, strict=True)]

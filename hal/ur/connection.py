@@ -139,7 +139,7 @@ STOPPED_BY_PEOPLE = frozenset({5, 6, 7, 12, 13})
 
 
 def fault_of(report: Report) -> Failure | None:
-    """Return the fault of a safety or robot mode, a lapsed heartbeat or an ended program; None without one."""
+    """Return the fault of a safety or robot mode, an expired heartbeat or an ended program; None without one."""
     safety, mode = report.safety_mode, report.robot_mode
     if safety not in WELL:
         if safety == PROTECTIVE_STOP:

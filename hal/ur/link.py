@@ -84,7 +84,7 @@ class URLink:
         return result
 
     def beat(self) -> None:
-        """Send a sign of life if no set-point was sent."""
+        """Send a heartbeat if no set-point was sent."""
         if time.monotonic() - self._sent > BEAT_PERIOD:
             self.send(None)
 

@@ -289,7 +289,7 @@ class SDKProcess:
         self._renewed_until, self._stop = time.monotonic() + 1.0 / self._settings["watchdog"], stop
 
     def _come_to_rest(self, keep_alive: Callable[[], object]) -> None:
-        """Wait for that, with a sign of life to the controller's watchdog meanwhile."""
+        """Wait for that, and send heartbeats to the controller's watchdog meanwhile."""
         deadline = time.monotonic() + REST_TIME
         while time.monotonic() < deadline:
             keep_alive()

@@ -287,7 +287,8 @@ class ConstraintFollowing:
         return self._goal.turn * axis.angle(self._start, held)
 
     def _kept_up(self, held: Array) -> float:
-        """Return the share of the speed along a guide that the hand may keep, 0 to 1, by how far its turn lags behind.
+        """Return the fraction of the speed along a guide that the hand may keep, 0 to 1, by how far its turn lags
+        behind.
 
         The guide's postures were checked for collisions with the turns that belong to them.
         """

@@ -246,7 +246,7 @@ class BaseController:
             return self._begin(None, None)
 
     def stop(self) -> None:
-        """Stop the base immediately and cancel the motion under way."""
+        """Stop the base immediately and cancel the current motion."""
         with self._lock:
             self._base.stop()
             self._replace(None)
@@ -258,7 +258,7 @@ class BaseController:
         return None if action is None or action.motion.done else action.driven
 
     def _has_come_to(self, goal: Pose2D) -> bool:
-        """Return whether the path under way leads to ``goal``, and the base no longer drives but turns there."""
+        """Return whether the current path leads to ``goal``, and the base already turns there."""
         driven = self._driven
         if driven is None or driven.path.goal != goal:
             return False
@@ -288,7 +288,7 @@ class BaseController:
         speed: float | None = None,
         known: Costmap | None = None,
     ) -> Motion[BasePose]:
-        """Return a new action, see ``_Action``; the one under way is superseded. ``known``: by default
+        """Return a new action, see ``_Action``; the current one is superseded. ``known``: by default
         ``surroundings``.
         """
         if self._timer is None:
@@ -315,7 +315,7 @@ class BaseController:
             return motion
 
     def _planned(self, goal: Pose2D | None, driven: _DrivenPath | None, by_odometry: bool) -> PlannedMotion:
-        """Return the outline of the base along the path for display, or a circle around it for a turn on the spot."""
+        """Return the outline of the base along the path for display, or a circle around it for a turn in place."""
         here, corners = self._world.base.pose, np.array(self.model.footprint)
         if goal is None or (driven is None and goal.distance_to(here) < STANDING):
             around = turned(corners, np.linspace(-math.pi, math.pi, 24)) + here.xy
@@ -334,7 +334,7 @@ class BaseController:
         return PlannedMotion(self._base.name, words, length / self.model.part.max_vx, tuple(pieces))
 
     def _replace(self, action: _Action | None) -> None:
-        """Cancel the action under way, if any."""
+        """Cancel the current action, if any."""
         if self._action is not None:
             superseded = action is not None
             code = MotionErrorCode.SUPERSEDED if superseded else MotionErrorCode.STOPPED

@@ -187,8 +187,8 @@ class LocalisationCycle:
     def _due(self, every: int) -> OdometryScan | None:
         """Return the scan that is due this tick, if one is.
 
-        If the lidar's pose at that time is unknown, as after its clock was set, the scan is left out; NoDataError
-        after so many in a row.
+        If the lidar's pose at that time is unknown, as after its clock was set, the scan is skipped. Raises NoDataError
+        after too many in a row.
         """
         if self._ticks < every:
             return None

@@ -206,7 +206,7 @@ T = TypeVar("T")
 
 
 class _Declared:
-    """What all kinds of typed ports share. ``port``: the port's name; by default that of the attribute."""
+    """Base of all kinds of typed ports. ``port``: the port's name; by default that of the attribute."""
 
     def __init__(self, data_type: Any, text: str, default: Any, required: bool, port: str) -> None:
         self.port = port

@@ -380,7 +380,7 @@ class Tree:
         self._status = IDLE
 
     def wait_until_stopped(self, period: float = 0.05) -> None:
-        """Wait, after a halt, until no action is stopping any more or its time limit is over."""
+        """Wait, after a halt, until no action is stopping, or until its time limit has passed."""
         while self.stopping.until:
             self.clock.sleep(period)
             self._begin()

@@ -237,7 +237,9 @@ _clock: ContextVar[EngineClock | None] = ContextVar(
 
 
 class _TreeTime:
-    """What py_trees' Timer and Timeout know as the module ``time``: the tree's clock while a tree ticks them."""
+    """A replacement for the module ``time`` in py_trees' Timer and Timeout: the tree's clock while a tree ticks
+    them.
+    """
 
     def time(self) -> float:
         clock = _clock.get()

@@ -56,9 +56,8 @@ SMALLEST = 64 << 10
 
 @dataclass(frozen=True)
 class Segment:
-    """A segment to read. ``is_after_gap``: segments before it are missing or were left out.
-
-    ``longest``: bytes to read at most. ``newest``: content of the growing file when the segments were listed.
+    """A segment to read. ``is_after_gap``: segments before it are missing or were skipped. ``longest``: largest number
+    of bytes to read. ``newest``: content of the growing file when the segments were listed.
     """
 
     path: Path

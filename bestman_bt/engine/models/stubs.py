@@ -104,7 +104,7 @@ def _names(module: ast.Module) -> tuple[set[str], set[str]]:
 
 
 def _at_module_level(statement: ast.AST) -> Iterator[ast.AST]:
-    """Yield the statements outside of classes and functions, also those within ``if`` and ``try``."""
+    """Yield the statements outside classes and functions, also those within ``if`` and ``try``."""
     for inner in ast.iter_child_nodes(statement):
         yield inner
         if not isinstance(inner, (ast.ClassDef, ast.FunctionDef)):

@@ -175,7 +175,9 @@ def parse_script(source: str) -> list[Expression]:
 
 
 def assigns_to_no_key(statement: Expression) -> bool:
-    """Return whether a statement, or one behind its ``:=``, assigns to something other than a blackboard key."""
+    """Return whether a statement, or an assignment on the right of its ``:=``, assigns to something other than a
+    blackboard key.
+    """
     while isinstance(statement, Assignment):
         if not statement.name:
             return True

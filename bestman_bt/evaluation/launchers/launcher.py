@@ -35,11 +35,11 @@ from bestman_bt.runtime.resolved_config import ResolvedConfig
 WALL_LIMIT = 3600.0
 """Seconds of wall time after which an episode counts as hanging."""
 MOST_LOSSES = 3
-"""How often an episode may lose its worker before it is given up, without a result; and how many episodes may be given
-up before one has ended.
+"""Number of lost workers after which an episode is abandoned without a result; number of abandoned episodes, before any
+has ended, after which the launcher is.
 """
 MOST_MACHINE_LOSSES = 9
-"""How many episodes in a row may be lost by causes of the machine."""
+"""Largest number of successive episodes that may be lost because of the machine."""
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 """Errors of a full disk, which are not caused by the episode."""
 LITTLE_ROOM = 16 << 20

@@ -200,7 +200,7 @@ def _answer(request: bytes, code: frozenset[tuple[str, int, int]]) -> EpisodeAns
 
 
 def _end_with_the_parent(descriptor: int) -> None:
-    """End this process when its parent closes the connection: nothing needs the result any more."""
+    """End this process when its parent closes the connection: the result is no longer needed."""
     hung_up = select.poll()
     hung_up.register(descriptor, select.POLLRDHUP)
     hung_up.poll()

@@ -205,7 +205,7 @@ class Gantt:
 
 
 def gantt(nodes: NodeList, done: Activities, duration: float) -> Gantt:
-    """Return the chart of a run: subtrees and leaves; if there are too many, the shortest ones are left out."""
+    """Return the chart of a run: subtrees and leaves; if there are too many, the shortest ones are omitted."""
     duration = float(max(duration, done.ends.max(initial=0.0))) or 1.0
     by_node = dict(done.by_node())
     shown = [node for node in nodes.depth_first() if node.uid in by_node and _has_row(node)]

@@ -37,7 +37,7 @@ MAX_PICTURES = 50
 MAX_STOPS = 20
 NAMED_PICTURES = ("start", "grasp", "end")
 MAX_FILE, MAX_PIXELS = 16_000_000, 30_000_000
-"""Of a picture."""
+"""Limits of a picture: bytes of its file, and pixels."""
 WIDTH, QUALITY = 640, 78
 SAME_MOMENT = 0.5
 """Largest time between a failure and its picture, seconds."""

@@ -343,7 +343,7 @@ class CoalCollisionWorld(CollisionWorld):
         self._pairs[min(i, j), max(i, j)] = max(margin, _SMALLEST_MARGIN)
 
     def _check_pairs(self) -> pinocchio.GeometryData:
-        """Pass all pairs to the geometry at once: one by one they would take half of the time to build a world."""
+        """Pass all pairs to the geometry in one call: one by one they would take half of the time to build a world."""
         count = len(self._owners)
         margins = np.zeros((count, count))
         if self._pairs:

@@ -20,7 +20,7 @@ from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPla
 from bestman_bt.messages.shapes import Count, Positive
 
 _SAMPLES = 256
-"""Drawn at once."""
+"""Number of samples drawn in one call."""
 
 
 class _Tree:

@@ -248,7 +248,8 @@ class ChunkStream:
         return self._motion(sampled, at, times, targets)
 
     def _choices(self, targets: list[StreamState], index: int, braking: int) -> Iterator[tuple[int, StreamState]]:
-        """Where to go next: a waypoint up to where it brakes for its end, the nearest first; last, the end in one go.
+        """The next targets: waypoints up to the point where it brakes for its end, the nearest first; last, the end
+        directly.
 
         To be in time at a waypoint may need a turn back and a new run-up; a later one, or one that is passed without
         acceleration, may not.

@@ -30,7 +30,9 @@ class DistanceGrid:
     tall: DistanceGrid | None = None
 
     def at(self, x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the values at map points, metres, of any shape; outside the grid, those of its border."""
+        """Return the values, metres, at map points, metres, arrays of any shape; outside the grid, those of its
+        border.
+        """
         size = self.values.shape[0]
         scale = np.float32(1.0 / self.resolution)
         column = ((x - np.float32(self.origin[0])) * scale).astype(np.int32)

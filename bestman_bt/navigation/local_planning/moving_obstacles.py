@@ -53,7 +53,7 @@ class MovingObstacles:
         check_bounds(self)
         self._tracks: list[_Track] = []
         self.obstacles: list[MovingObstacle] = []
-        """What moves, as of the last scan."""
+        """Moving obstacles, as of the last scan."""
         self.walkers: list[MovingObstacle] = []
         """Those, and those that have moved before they came to stand: people, who are tall."""
 

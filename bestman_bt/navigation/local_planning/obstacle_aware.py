@@ -165,8 +165,8 @@ class ObstacleAwareFollower(PathFollower):
         return FollowerCommand(self._smooth.towards(wanted, dt), False, remaining)
 
     def _wanted(self, pose: Pose2D, dt: float) -> Twist2D:
-        """Return the wanted twist: turn on the spot, given room, towards a path that lies far aside, else that of the
-        subclass.
+        """Return the wanted twist: if there is room, turn in place towards a path far to the side; otherwise that of
+        the subclass.
         """
         assert self._limits is not None
         to_go = self._field(pose)

@@ -95,7 +95,7 @@ def _swept(path: Path2D) -> NDArray[np.float64]:
 
 
 def _turn(place: NDArray[np.float64], before: float, after: float) -> NDArray[np.float64]:
-    """Return poses (N, 3) of a turn on the spot, the last one excluded."""
+    """Return poses (N, 3), metres and radians, of a turn in place, the last one excluded."""
     turn = wrap_angle(after - before)
     headings = before + turn * np.arange(0.0, 1.0, min(1.0, TURN / max(abs(turn), 1e-9)))
     return np.column_stack([np.broadcast_to(place, (len(headings), 2)), headings])

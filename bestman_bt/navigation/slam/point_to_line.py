@@ -137,8 +137,8 @@ class OrientedPoints:
         return OrientedPoints(pose.apply(self.points), Pose2D(0.0, 0.0, pose.theta).apply(self.normals))
 
     def features(self, turning: float) -> NDArray[np.float64]:
-        """Return features (N, 4) for nearest-neighbour search by position and normal; ``turning``: half the distance of
-        opposite faces, metres.
+        """Return features (N, 4) for nearest-neighbour search by position and normal; ``turning``: metres by which the
+        unit normal is scaled, so that two points with opposite normals are twice as far apart.
         """
         return np.hstack([self.points, turning * self.normals])
 

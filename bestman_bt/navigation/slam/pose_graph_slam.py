@@ -290,7 +290,7 @@ class PoseGraphSlam(Slam):
         return SlamTrajectory(self._graph.poses, stamps, np.array(self._loops, dtype=np.intp).reshape(-1, 2))
 
     def _match(self, hits: OrientedPoints) -> ScanMatch:
-        """Match to the older submap under way, and adopt the result if it is plausible."""
+        """Match to the older of the current submaps, and adopt the result if it is plausible."""
         submap = self._active[0]
         anchor = submap.anchor.local.theta
         guess = submap.pose_of(self._local)

@@ -122,7 +122,7 @@ class FrontSearch:
         return noise
 
     def find(self, view: View) -> list[FrontPlane]:
-        """Return all upright planes, largest (by seen windows) first."""
+        """Return all upright planes, the largest visible area first."""
         intrinsics = view.image.intrinsics
         scale = intrinsics.width / 640.0
         window = max(5, 2 * round(self.window * scale / 2) + 1)

@@ -17,7 +17,7 @@ from bestman_bt.perception.affordance.rectified import HeightMap, PanelBorders
 
 @dataclass(frozen=True)
 class SurroundLimits:
-    """What must be visible around a handle.
+    """The surroundings of a handle that must be visible.
 
     Lengths in metres.
 
@@ -419,7 +419,7 @@ class ProtrusionSearch:
 
 
 def _line(flat: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Return a line through (N, 2) points by total least squares; posts and strays that lie far off are left out."""
+    """Return a line through (N, 2) points by total least squares; posts and outliers far from it are ignored."""
     keep = np.ones(len(flat), dtype=bool)
     for _ in range(3):
         centre = flat[keep].mean(axis=0)

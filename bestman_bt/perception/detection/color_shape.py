@@ -189,8 +189,8 @@ class ColorShape(Naming, Detector):
 
     ``max_color``, ``max_shape``: colour (``palette_distance``) and shape distances (``ModelAppearance``) above which a
     model is not tried. ``color_weight``: weight of colour against shape in the order of the tries. ``first``: number of
-    models tried at once if within ``margin`` of the most probable; the others, up to ``most``, are tried one by one
-    until one is confirmed. ``tie``: two confirmed models whose logits of confidence differ by less are distinguished by
+    models tried first if within ``margin`` of the most probable; the others, up to ``most``, are tried one by one until
+    one is confirmed. ``tie``: two confirmed models whose logits of confidence differ by less are distinguished by
     colour and shape. ``elevation_step``: radians; appearances of models are cached in such steps.
     """
 

@@ -157,7 +157,7 @@ class HandleGrasp(GraspPlanner):
         return replace(candidate, grasp=grasp, pre_grasp=before, lift=lift, quality=quality)
 
     def _depth_in_front(self, candidate: GraspCandidate, handle: Handle, shape: HandShape) -> float:
-        """Return how deep the open hand penetrates what lies behind the front's face, metres; 0 or less: not at all.
+        """Return how deep the open hand penetrates the solids behind the front's face, metres; 0 or less: not at all.
 
         The recess beside and behind a lip is free.
         """

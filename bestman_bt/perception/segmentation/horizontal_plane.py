@@ -106,7 +106,7 @@ class HorizontalPlane:
     def _lower_plane(
         self, band: NDArray[np.float64], plane: NDArray[np.float64], rng: np.random.Generator
     ) -> NDArray[np.float64] | None:
-        """Return a plane (a, b, c) clearly below ``plane`` with its share of the points (N, 3) and of the extent.
+        """Return a plane (a, b, c) clearly below ``plane`` with its fraction of the points (N, 3) and of the extent.
 
         First of the points a whole step below it, then of those less below: a plane that slants across a low step has
         points of both levels, and the lower plane fits its own points better.

@@ -173,7 +173,7 @@ class _Recorder:
         self._head = robot.part(self._chain.head, JointGroup) if self._chain.head is not None else None
 
     def visit(self) -> Iterator[None]:
-        """Move from view to view and come to rest at each; ends when no view is reachable any more."""
+        """Move from view to view and come to rest at each; ends when no further view is reachable."""
         while True:
             for _ in range(TRIES):
                 if self._go():

@@ -27,7 +27,7 @@ class PictureStatistics:
 
     def __init__(self) -> None:
         self._pixels = np.zeros((3, 256), dtype=np.int64)
-        """Of each channel and value, the number of pixels."""
+        """Number of pixels by channel and value, (3, 256)."""
         self._count = 0
 
     def add(self, picture: NDArray[np.uint8]) -> None:
