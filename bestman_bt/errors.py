@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class Error(Exception):
-    """Base of all errors that bestman-bt raises on purpose. ``code``: for programs; the message: for people."""
+    """Base of all errors that bestman-bt raises deliberately. ``code``: for programs; the message: for people."""
 
     code: str = "failed"
 

@@ -232,7 +232,7 @@ def swept_by(door: FurnitureArticulation, positions: Sequence[float]) -> NDArray
 
 @dataclass(frozen=True, eq=False)
 class ArticulationPath:
-    """One way to move a door: the arm follows ``stations`` from one of ``stands``, both in the map frame.
+    """A candidate motion of a door: the arm follows ``stations`` from one of ``stands``, both in the map frame.
 
     ``positions``: of the door at the stations. ``touching``, ``skip``: as in ``free_along``.
     """

@@ -40,7 +40,7 @@ POSITION_ERROR = 0.008
 HEADING_ERROR = math.radians(0.4)
 """Errors of a piece of furniture after one of its fronts was measured, metres and radians."""
 SAME_PLACE = 0.015
-"""Metres within which two shut fronts agree on the place of a piece."""
+"""Largest difference, metres, between the poses of a piece that two shut fronts imply."""
 MISPLACED = 0.16
 """Maximum correction of a mapped furniture pose when two of its fronts were measured, metres per axis."""
 

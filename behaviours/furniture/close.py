@@ -68,7 +68,8 @@ SHUT = 0.005
 
 @dataclass(frozen=True, eq=False)
 class FrontPush:
-    """One way to push: ``point`` (3,) on the front, in the front board's frame (x inwards), and the hand's orientation.
+    """A candidate push: ``point`` (3,) on the front, in the front board's frame (x inwards), and the hand's
+    orientation.
 
     ``tip``: metres from the tool frame to the fingertips, along z of the tool. ``palm``: (N, 3) metres, points of the
     palm in the tool frame. ``handles``: protruding parts of the front, in the front board's frame.

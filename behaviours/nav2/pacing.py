@@ -20,8 +20,8 @@ from bestman_bt.messages.shapes import Count, NonNegative, NonNegativeInt, Posit
 class WatchesGoals(Node):
     """A node that watches goals for a change."""
 
-    goal = In(object, "what is watched", default="{goal}")
-    goals = In(object, "watched, too", default="{goals}")
+    goal = In(object, "the watched goal", default="{goal}")
+    goals = In(object, "also watched", default="{goals}")
 
 
 OCCUPANCY = without_meaning("cost_threshold", "use_footprint", "consider_unknown_as_obstacle")

@@ -163,7 +163,7 @@ class ExploreAndMap(Skill):
                 return costmap.clearance_at(view.pose) > 0.0
 
     def _look(self, overhangs: Overhangs) -> tuple[OccupancyGrid, Costmap]:
-        """Return the map as it is now, and what to keep clear of."""
+        """Return the current map, and the obstacles to avoid."""
         skills = self.skills
         if skills.has("camera") and self._picture_due():
             self._pictured = self._pose

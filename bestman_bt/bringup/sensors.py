@@ -104,7 +104,7 @@ def wrench(subject: BroughtUpRobot) -> Iterator[CheckFinding]:
 
 
 def _carries(subject: BroughtUpRobot, arm: str, frame: str) -> bool:
-    """Return whether a link hangs on an arm's flange: it stays where it is there, however the arm turns."""
+    """Return whether a link hangs on an arm's flange: its pose there does not depend on the arm's joints."""
     flange, turned = flange_of(subject.model, arm), dict.fromkeys(subject.model.of(ArmModel)[arm].joint_names, 0.1)
     here, there = (subject.pose(frame, flange, moved) for moved in ({}, turned))
     return bool(np.allclose(here.matrix, there.matrix, atol=1e-6))

@@ -137,7 +137,7 @@ def _check_episode(dataset: DatasetFolder, episode: int) -> None:
 
 @contextmanager
 def _refused() -> Iterator[None]:
-    """Turn what is wrong with a dataset into wrong input."""
+    """Turn the errors of a dataset into wrong input."""
     try:
         yield
     except DatasetError as error:
@@ -152,7 +152,7 @@ def _seeds(dataset: DatasetFolder) -> Iterator[tuple[str, int]]:
 
 
 def _read(path: Path) -> DatasetFolder:
-    """Return the dataset of a folder; an empty one where ``collect`` has kept failures alone."""
+    """Return the dataset of a folder; an empty one if ``collect`` has kept only failures."""
     from bestman_bt.evaluation.collection import ATTEMPTS
 
     if (path / "meta/info.json").exists() or not (path / ATTEMPTS).exists():

@@ -283,7 +283,7 @@ def evaluate(
 def _evaluate(
     evaluation: Evaluation, folder: Path, launcher: Launcher, compare: bool, merged: Sequence[Path]
 ) -> dict[str, Any]:
-    """Run what is not finished with a table on standard error; write ``summary.json``, ``summary.md``, comparisons.
+    """Run the unfinished episodes with a table on standard error; write ``summary.json``, ``summary.md``, comparisons.
 
     ``merged``: folders of shards; nothing is run then. Raises JournalError if a file cannot be written.
     """

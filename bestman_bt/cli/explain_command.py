@@ -18,7 +18,7 @@ from bestman_bt.records.reader import has_record, read, read_result
 from bestman_bt.records.writer import EVENTS_FILE, RESULT_FILE
 
 MOST = 20
-"""Most failures that are printed."""
+"""Largest number of failures to print."""
 LEFT_OUT = ("blackboard", "map", "path", "robot", "scan", "states")
 """Events without information about failures."""
 SCENE = "scene"

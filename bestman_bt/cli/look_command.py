@@ -103,7 +103,7 @@ def _make_folder(path: Path) -> None:
 
 
 def _save(look: LookResult, folder: Path, clouds: bool) -> list[Path]:
-    """Return an annotated picture of each view, its cloud if asked for, and one recording of all where rerun is
+    """Return an annotated picture of each view, its cloud if requested, and one recording of all if rerun is
     installed.
     """
     files = []

@@ -49,7 +49,7 @@ def check(
     plugins: Plugins = None,
     as_json: Json = False,
 ) -> None:
-    """Compose and load a robot, let it stand for 5 s, and move its arms to three postures."""
+    """Compose and load a robot, check that it stands still for 5 s, and move its arms to three postures."""
     from bestman_bt.runtime.robot_facts import find_robot
     from bestman_bt.runtime.self_test import TrialProcedure
 

@@ -141,7 +141,7 @@ def _warn_of_idle_rules(scenario: Scenario, coverage: Coverage) -> None:
 
 
 def _states(coverage: Coverage) -> dict[int, int]:
-    """Return the style of each node: green for success alone, red for failure alone, blue for both, thin if it never
+    """Return the style of each node: green if it only succeeded, red if it only failed, blue for both, thin if it never
     ended.
     """
     states = {}

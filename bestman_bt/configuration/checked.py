@@ -149,7 +149,7 @@ class _Left(tuple[Any, ...]):
 
 @dataclasses.dataclass(frozen=True)
 class _Salvaging:
-    """Reads a document value by value, by the annotations of dataclasses; what is wrong is added to ``problems``."""
+    """Reads a document value by value, by the annotations of dataclasses; faults are added to ``problems``."""
 
     document: Document
     problems: list[Problem] = dataclasses.field(default_factory=list)

@@ -502,7 +502,7 @@ class Builder:
 
     @cached_property
     def _earlier_subtrees(self) -> dict[str, SubTree]:
-        """The SubTrees of the tree that this one replaces, by the path of what they stand for."""
+        """The SubTrees of the tree that this one replaces, by the path of the node that they represent."""
         nodes = [] if self.tree.replaces is None else self.tree.replaces.nodes
         return {node.subtree_path: node for node in nodes if isinstance(node, SubTree)}
 

@@ -116,7 +116,7 @@ _FALLBACK_NODES: Final = (controls.Fallback, controls.AsyncFallback, controls.Re
 
 
 def possible_results(node: Node) -> frozenset[int]:
-    """Return the statuses that a tick of ``node`` may return, judged by the tree alone."""
+    """Return the statuses that a tick of ``node`` may return, judged only from the tree."""
     results = set(_core_results(node))
     for attribute, status in _CONDITIONS:
         if attribute in node.attributes:

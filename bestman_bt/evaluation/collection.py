@@ -122,7 +122,7 @@ class Collection:
 
         Raises ConfigurationError if the launcher refuses the episodes, another process writes the dataset or its folder
         cannot be made, DatasetError if it cannot be written any more, LauncherLostError if the launcher is lost,
-        KeyboardInterrupt after Ctrl-C or a stopped episode. What is in the dataset by then is kept; results that wait
+        KeyboardInterrupt after Ctrl-C or a stopped episode. Episodes already in the dataset are kept; results that wait
         for an earlier seed are not.
         """
         launcher = launcher or LocalProcesses()

@@ -197,7 +197,9 @@ class Disturbances:
         return tuple(script.event for script in self._scripts if script.event is not None)
 
     def _is_seen(self, script: _Script) -> bool:
-        """Return the robot knows where it is, has not had it in its hand yet, and the hand is far away."""
+        """Return whether the robot has seen the object and not held it yet, and the object stands still, upright, far
+        from the hand.
+        """
         name, truth = str(script.asked.object), self._truth
         if name not in self._session.skills.world.objects or name in self._was_held:
             return False

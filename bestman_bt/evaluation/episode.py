@@ -461,8 +461,8 @@ def judged_result(
 
 
 def _pretended(result: RunResult, types: dict[str, str]) -> RunResult:
-    """Return the result of a run whose leaves of these types, if any, were simulated: no success, whatever came of
-    it.
+    """Return the result of a run whose leaves of these types, if any, were simulated: not a success, regardless of its
+    outcome.
     """
     if not types:
         return result

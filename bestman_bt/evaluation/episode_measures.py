@@ -115,7 +115,7 @@ def duration_of(leaf: type[Node]) -> str | None:
 
 
 class Durations:
-    """Sums, from tick to tick, the time in which at least one leaf of a family is running, also in inner trees."""
+    """Sums, over the ticks, the time in which at least one leaf of a family is running, also in inner trees."""
 
     def __init__(self, tree: Tree) -> None:
         self._clock = tree.clock

@@ -122,7 +122,7 @@ class Evaluation:
         return Counter({name: len(seeds) for name, seeds in self._planned.items()})
 
     def _round(self) -> dict[str, Sequence[int]]:
-        """Return the seeds of each entry up to now: all, or as many as the results so far ask for."""
+        """Return the seeds of each entry up to now: all, or as many as the results so far require."""
         precision, planned = self.suite.precision, dict[str, Sequence[int]]()
         for entry in self.suite.entries:
             most = entry.episodes

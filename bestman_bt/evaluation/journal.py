@@ -98,7 +98,7 @@ class Journal:
         self.notes: list[str] = []
 
     def __enter__(self) -> Journal:
-        """Read what is there, and take the file. Raises ConfigurationError if that is not possible."""
+        """Read the existing episodes, and lock the file. Raises ConfigurationError if that is not possible."""
         self._made_folders = [folder for folder in self.path.parents if not folder.exists()]
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -214,9 +214,7 @@ def result_of(line: bytes) -> RunResult:
 
 
 def _indexed(file: IO[bytes]) -> tuple[dict[tuple[str, str], SeedMap], dict[int, Exception], int]:
-    """Return where the line of each episode begins, what is wrong with which other line, and where the last whole line
-    ends.
-    """
+    """Return the start of each episode's line, the faults of the other lines, and the end of the last whole line."""
     found: dict[tuple[str, str], tuple[array[int], array[int]]] = {}
     damaged: dict[int, Exception] = {}
     end = 0

@@ -28,7 +28,7 @@ def _lines(document: dict[str, Any]) -> Iterator[str]:
     )
     for note in document["notes"]:
         yield f"\n**Note:** {note}."
-    for title, control in (("Tasks", False), ("Controls: they shall fail", True)):
+    for title, control in (("Tasks", False), ("Controls: expected to fail", True)):
         entries = [entry for entry in document["entries"] if entry["control"] is control]
         if entries:
             yield ""

@@ -105,7 +105,7 @@ class ResolvedConfig(DrawnTask):
 
     @property
     def goals(self) -> tuple[PlaceGoal, ...]:
-        """The object placements that the task asks for."""
+        """The object placements that the task requires."""
         return tuple(goal.goal for goal in self.asked if isinstance(goal, Placed))
 
     @property

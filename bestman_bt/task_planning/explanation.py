@@ -14,7 +14,7 @@ from bestman_bt.task_planning.symbolic.grounding import instantiate, reachable_a
 from bestman_bt.task_planning.symbolic.problem import Action, Fact, Literal, Operator, PlanningProblem
 
 _Way = tuple[tuple[Literal, Action], ...]
-"""From the goal down: what is needed, and the action that needs it."""
+"""The chain from the goal down: each needed fact, and the action that needs it."""
 
 
 def explain(problem: PlanningProblem) -> str:

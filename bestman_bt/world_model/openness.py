@@ -46,7 +46,7 @@ def handle_shape(handle: Handle) -> PlacedShape:
 
 
 OPEN: dict[JointKind, tuple[float, float]] = {"prismatic": (0.25, 0.28), "revolute": (1.40, 1.45)}
-"""Metres or radians: least opening to work behind a door, and the target when opening it."""
+"""Metres or radians: smallest opening to work behind a door, and the target when opening it."""
 SHUT: dict[JointKind, float] = {"prismatic": 0.02, "revolute": 0.035}
 """Metres or radians up to which a door counts as shut."""
 NEARLY_ALL = 0.95

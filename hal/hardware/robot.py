@@ -246,7 +246,7 @@ class HardwareRobot(Robot):
             time.sleep(0.005)
 
     def _watch(self, elapsed: float) -> None:
-        """Stop the robot once, if a controller has a fault or the program plans no more."""
+        """Stop the robot once, if a controller has a fault or the planning process sends no heartbeat."""
         self._recorder.look()
         now = self.clock.now()
         if elapsed > HELD_UP and (elapsed > self._held_up[0] or now > self._held_up[1] + HELD_UP_WITHIN):

@@ -211,7 +211,7 @@ class SetpointGate:
         return half - np.sqrt(root) if half > 0.0 and root > 0.0 else np.inf
 
     def _nearest(self, wanted: Array, velocity: Array, dt: float) -> Array:
-        """Return the most that is allowed between a step towards ``wanted`` within the joints' limits and braking."""
+        """Return the largest allowed step towards ``wanted``, between braking and the joints' limits."""
         braked, slowing = self._braked(dt), np.maximum(self.deceleration, self._acceleration)
         finite = np.all(np.isfinite([wanted, velocity]))
         asked = self._chased(wanted, velocity, dt) if finite else braked

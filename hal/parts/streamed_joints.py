@@ -393,7 +393,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
 
     @property
     def _settled(self) -> bool:
-        """Whether nothing is asked for, and the set-points are where that is."""
+        """Whether no motion is commanded, and the set-points have reached the target."""
         return isinstance(self._setpoints, Hold) and self._arrived
 
     @property
@@ -547,7 +547,9 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         return self._position if self._efforts is None else self._channel.read().positions
 
     def _leave_effort_mode(self) -> None:
-        """Continue the set-points at the measured positions and velocities; the gate brakes what is too fast."""
+        """Continue the set-points at the measured positions and velocities; the gate brakes joints that are too
+        fast.
+        """
         if self._efforts is not None:
             reading = self._channel.read()
             self._efforts = None

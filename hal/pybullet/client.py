@@ -70,7 +70,7 @@ UNGUARDED_FUNCTIONS: dict[str, Callable[..., Any]] = {
 class PhysicsClient:
     """A separate physics server; pybullet's functions are its attributes, without ``physicsClientId``.
 
-    After the ledger is sealed (the scene is built), every call that is not ``ALLOWED`` is counted in it: resets,
+    After the call counter is sealed (the scene is built), it counts every call that is not ``ALLOWED``: resets,
     constraints, tampering (including motors of the robot, which are commanded through the Robotics API) and reads of
     ground truth. Joint states of the body ``robot`` are encoders and not counted; all other poses are ground truth.
     """

@@ -1,7 +1,7 @@
 """The package pybullet (extra ``sim``). Real robots do not need it, so a missing package is reported only when a
 simulation starts.
 
-It is imported here alone, without the line about its build time that it writes to standard error.
+It is imported only here, without the line about its build time that it writes to standard error.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ class _Push:
 
 @dataclass
 class _Slip:
-    """``friction``: the object's own, to be given back, at the latest at ``until``.
+    """``friction``: the object's own, restored at ``until`` at the latest.
 
     ``touched_at``: when the robot last touched it.
     """

@@ -200,7 +200,7 @@ class TwinHost:
         self.world.close()
 
     def _sign(self) -> BringUpFile:
-        """Sign the bring-up with what is compared on connecting: twins match the robot's file."""
+        """Sign the bring-up with the values that are compared on connecting: twins match the robot's file."""
         serial_numbers = {name: getattr(twin, "serial_number", "") for name, twin in self.twins.items()}
         numbers = {name: number for name, number in serial_numbers.items() if number}
         who, when = "bestman-bt twin", time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())

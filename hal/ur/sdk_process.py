@@ -337,8 +337,8 @@ class SDKProcess:
             self._heard = time.monotonic()  # what has come meanwhile was not looked at
 
     def _check_released(self) -> None:
-        """Raise if people have to release the robot: nothing is unlocked, powered on or restarted here, as Universal
-        Robots asks for a person who looks first.
+        """Raise if people have to release the robot: nothing is unlocked, powered on or restarted here, because
+        Universal Robots requires that a person inspects the robot first.
         """
         dashboard = self._dashboard
         if not dashboard.isInRemoteControl():

@@ -451,7 +451,7 @@ class Tree:
             self.rebind()
 
     def subscribe_to_inner(self, listener: InnerListener) -> None:
-        """Call ``listener`` with each inner tree that a leaf is about to tick by itself, and with the leaf."""
+        """Call ``listener`` with each inner tree that a leaf itself is about to tick, and with the leaf."""
         self._inner_listeners.append(listener)
 
     def unsubscribe_from_inner(self, listener: InnerListener) -> None:

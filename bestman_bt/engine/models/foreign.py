@@ -53,8 +53,8 @@ def open_tree(
 ) -> Tree:
     """Load a tree as ``load_tree`` does, with placeholders for unknown nodes, ports and trees.
 
-    ``gaps`` records what is unknown; ``package`` provides SubTrees and models that the file lacks. If a file holds
-    several trees and names no main tree, the first tree that no other one uses is taken.
+    ``gaps`` records unknown nodes and trees; ``package`` provides SubTrees and models that the file lacks. If a file
+    holds several trees and names no main tree, the first tree that no other one uses is taken.
 
     Raises:
         TreeLoadError: as ``load_tree`` does, for faults in every BehaviorTree.CPP.

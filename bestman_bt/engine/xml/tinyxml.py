@@ -36,7 +36,7 @@ class AsXml:
             self.data = given
 
     def places(self) -> list[tuple[int, str]]:
-        """Return the line of each change, and what is wrong there."""
+        """Return the line of each change, and the fault there."""
         found, line, counted = [], 1, 0
         for at, what in sorted(self._places):
             line += self._given.count(b"\n", counted, at)

@@ -222,7 +222,7 @@ def _reachable(address: str) -> bool:
 def _code_of_checkout() -> str:
     """Return a folder with the content of a wheel, built now; empty outside a checkout.
 
-    Ray would install a wheel with all that it requires, on each node anew; the folder holds the code alone.
+    Ray would install a wheel with all that it requires, again on each node; the folder contains only the code.
     """
     if not (data_root() / "pyproject.toml").is_file():
         return ""

@@ -163,7 +163,7 @@ def _read_about(config: str) -> dict[str, Any]:
 
 
 class _PlainLoader(yaml.BaseLoader):
-    """YAML of strangers: every scalar is the text that stands there.
+    """Untrusted YAML: every scalar is its literal text.
 
     An alias makes a small file a huge value, and a number of many digits takes long: the one is refused, the other is
     never computed.

@@ -294,7 +294,7 @@ class Costmap:
         return clearance
 
     def _at_least(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return a lower bound of the distance to what is tall at points (..., 2): that of each cell around, less the
+        """Return a lower bound of the distance to tall obstacles at points (..., 2): that of each cell around, less the
         way.
         """
         assert self.tall is not None

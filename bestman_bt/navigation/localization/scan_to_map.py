@@ -140,7 +140,8 @@ class ScanToMap(Localizer):
         return np.unique(seen[seen >= 0])
 
     def _is_hidden(self, scan: LaserScan, map_from_lidar: Pose2D, on_map: NDArray[np.bool_]) -> bool:
-        """Return whether something unknown hides the map from most beams, and what is seen of it speaks for the pose.
+        """Return whether an unknown obstacle hides the map from most beams, and the visible part of the map supports
+        the pose.
 
         ``on_map``: the hits (N,) that lie on something in the map.
         """

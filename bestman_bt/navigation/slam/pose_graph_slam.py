@@ -358,7 +358,9 @@ class PoseGraphSlam(Slam):
         return closures, graph.poses
 
     def _take_closures(self) -> None:
-        """Wait for what is computed and take it over; so equal scans give equal maps however long that takes."""
+        """Wait for the running computation and adopt its result, so that equal scans give equal maps regardless of its
+        duration.
+        """
         if self._closing is None:
             return
         (closures, poses), keyframe, self._closing = self._closing.found.result(), self._closing.keyframe, None

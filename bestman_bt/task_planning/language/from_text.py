@@ -189,7 +189,7 @@ def checked_goal(problem: PlanningProblem, answer: GoalAnswer) -> PlanningProble
     no_place = [literal for literal in told if literal.negated or literal.fact.predicate != ON.name]
     faults += [f"told: {literal} does not state where an object is" for literal in no_place]
     if not goal and not faults:
-        faults.append("goal: empty; say as facts what shall hold at the end, or give a refusal")
+        faults.append("goal: empty; state the facts that must hold at the end, or give a refusal")
     try:
         Domain(()).refuse_contradictions(goal)
     except GoalError as error:

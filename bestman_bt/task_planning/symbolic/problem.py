@@ -399,7 +399,7 @@ class PlanningProblem:
         return literals
 
     def refuse_contradictory_goal(self) -> None:
-        """Raise GoalError if the goal asks for a fact and its negation."""
+        """Raise GoalError if the goal contains a fact and its negation."""
         for literal in sorted(one for one in self.goal if isinstance(one, Literal)):
             if ~literal in self.goal:
                 raise GoalError(f"the goal contradicts itself: {literal.fact} and not {literal.fact}")
