@@ -209,7 +209,7 @@ class JobOptions(LauncherOptions):
         """Raise ConfigurationError if the options contradict each other."""
         problems = self.problems()
         if self.merge and self.shard:
-            problems.append(Problem("--merge", None, "", "takes all shards together; leave --shard out"))
+            problems.append(Problem("--merge", None, "", "applies to all shards together; omit --shard"))
         if self.balance and not self.shard:
             problems.append(Problem("--balance", None, "", "deals the episodes of shards; give --shard K/N"))
         if problems:

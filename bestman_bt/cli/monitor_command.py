@@ -48,7 +48,7 @@ class Connections:
         """Return one watcher for each process, not started."""
         if not self.connect:
             if self.states_only:
-                raise wrong_input("--states-only", "is of processes that --connect watches")
+                raise wrong_input("--states-only", "applies only to processes watched with --connect")
             return []
         from bestman_bt.monitor.groot2.client import parse_address
         from bestman_bt.monitor.groot2.protocol import Groot2Error

@@ -229,7 +229,7 @@ class LauncherOptions:
         if self.slurm and self.launcher not in ("local", "slurm"):
             return [Problem("--slurm", None, "", f"contradicts --launcher {self.launcher}")]
         if self.address and self.name == "local":
-            return [Problem("--address", None, "", "is of a cluster; name its --launcher")]
+            return [Problem("--address", None, "", "applies only to a cluster; also give its --launcher")]
         return []
 
 

@@ -198,7 +198,7 @@ def import_urdf(
 
     with json_output(as_json) as write:
         if wanted.group is not None and wanted.srdf is None:
-            raise wrong_input("--group", "is one of an SRDF: give --srdf, too")
+            raise wrong_input("--group", "is a group of an SRDF: also give --srdf")
         name = urdf.stem if wanted.name is None else wanted.name
         strange = name_fault(name)
         if strange is not None:

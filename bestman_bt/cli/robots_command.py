@@ -61,7 +61,7 @@ def _sheet(names: list[str], png: Path) -> Path:
 def _print_text(
     robots: list[dict[str, Any]], broken: dict[str, str], by_kind: dict[str, list[dict[str, Any]]], ways: int
 ) -> None:
-    print("Robots, with the parts that skills find on them (the learned policies of policy_* move diff_panda alone)")
+    print("Robots, with the parts that skills find on them (the learned policies of policy_* move only diff_panda)")
     for robot in robots:
         drives = ", ".join(base["drive"] for base in robot["bases"].values()) or "fixed"
         arms = ", ".join(f"{arm['joints']} joints, reach {arm['reach_m']:.2f} m" for arm in robot["arms"].values())

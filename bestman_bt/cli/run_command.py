@@ -261,7 +261,7 @@ def command(
                 if config.record
                 else "nothing of a replay"
             )
-            print(f"--record: writes {kept}: the world is seen in simulation alone", file=sys.stderr)
+            print(f"--record: writes {kept}: the world is only visible in simulation", file=sys.stderr)
         if page.monitor:
             show_in_monitor(page.monitor_port)
         result, _ = execute(setup, runs, view, driven.judge)

@@ -66,7 +66,7 @@ def command(  # noqa: PLR0913 - its options, each by its name
         shown: dict[str, Any] = {}
         if page.monitor:
             if runs > 1:
-                raise typer.BadParameter("shows one run: leave out --runs", param_hint="--monitor")
+                raise typer.BadParameter("shows one run: omit --runs", param_hint="--monitor")
             show_in_monitor(page.monitor_port)
             shown = {
                 "clock": WallClock(),

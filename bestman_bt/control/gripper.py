@@ -100,7 +100,7 @@ class GripperController:
 
         def lost() -> str | None:
             if not self.pressing():
-                return f"{self.name} holds nothing any more"
+                return f"{self.name} no longer holds anything"
             moved = self.width() - width
             if abs(moved) > tolerance:
                 return f"what {self.name} holds slips: the width went by {1000 * moved:+.1f} mm"

@@ -41,4 +41,4 @@ class RobotStop:
         if self._held:  # asked for meanwhile: it may be what was cleared, and there was no command yet
             self._robot.stop()
             return HELD
-        return "it was stopped again at once" if self._robot.stopped else ""
+        return "it was stopped again immediately" if self._robot.stopped else ""

@@ -112,7 +112,7 @@ def module_of(cls: type) -> Iterator[ModuleType]:
 def described(error: BaseException, path: Path) -> tuple[str, int, str]:
     """Return file, line (0: unknown) and message of an error raised while ``path`` was loaded.
 
-    It is the innermost line in the file, or in a file of its folder.
+    The line is the innermost one in the file, or in a file of its folder.
     """
     words = f"{type(error).__name__}: {error}"
     if isinstance(error, ImportError):

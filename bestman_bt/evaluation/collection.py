@@ -121,7 +121,7 @@ class Collection:
         An episode whose workers are lost is listed as an error. Returns a sentence on the seeds of each cause.
 
         Raises ConfigurationError if the launcher refuses the episodes, another process writes the dataset or its folder
-        cannot be made, DatasetError if it cannot be written any more, LauncherLostError if the launcher is lost,
+        cannot be made, DatasetError if it can no longer be written, LauncherLostError if the launcher is lost,
         KeyboardInterrupt after Ctrl-C or a stopped episode. Episodes already in the dataset are kept; results that wait
         for an earlier seed are not.
         """
@@ -261,7 +261,7 @@ class Collection:
         except OSError as error:
             self._open()
             raise DatasetError(
-                f"{self.folder} cannot be written any more: {error}; the {len(self._dataset.episodes)} episodes in it "
+                f"{self.folder} can no longer be written: {error}; the {len(self._dataset.episodes)} episodes in it "
                 "are kept: make room there and repeat the command"
             ) from error
 

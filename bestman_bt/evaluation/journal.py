@@ -165,7 +165,7 @@ class Journal:
 
     def _not_written(self, error: OSError) -> JournalError:
         return JournalError(
-            f"{self.path} cannot be written any more: {error.strerror}; the {len(self.results)} episodes in it are "
+            f"{self.path} can no longer be written: {error.strerror}; the {len(self.results)} episodes in it are "
             "kept: make room there and repeat the command"
         )
 

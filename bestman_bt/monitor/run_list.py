@@ -96,7 +96,7 @@ class AttachedRun(MonitoredRun):
         """Return a picture that is still held in memory."""
         found = self.history.picture(number)
         if found is None:
-            raise RunError("this picture is not held any more")
+            raise RunError("this picture has been dropped")
         return found.jpeg
 
     @property

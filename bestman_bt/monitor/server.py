@@ -174,7 +174,7 @@ async def _asked(request: Request) -> dict[str, Any]:
                 if len(content) > LARGEST_REQUEST:
                     raise RunError(f"a request has at most {LARGEST_REQUEST} bytes")
     except TimeoutError as error:
-        raise RunError(f"the request's body has not come within {BODY_TIME:g} s") from error
+        raise RunError(f"the request's body did not arrive within {BODY_TIME:g} s") from error
     if not content:
         return {}
     if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":

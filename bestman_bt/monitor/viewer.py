@@ -269,7 +269,7 @@ class Viewer:
 
     async def _compare(self, identities: Any) -> Message:
         if not isinstance(identities, list) or len(identities) != 2:
-            raise RunError("compare wants two ids")
+            raise RunError("compare requires two ids")
         one, other = (self._run(identity) for identity in identities)
         for run in (one, other):
             await run.open()

@@ -149,9 +149,7 @@ class ControlChannel:
                 self._speed.resume()
                 executor.step()
                 if not executor.wait_for_step(TASK_WAIT):
-                    raise RequestRefusedError(
-                        f"the tick is still under way after {TASK_WAIT:g} s; it pauses at its end"
-                    )
+                    raise RequestRefusedError(f"the tick is still running after {TASK_WAIT:g} s; it pauses at its end")
 
     def _set_speed(self, share: Any) -> None:
         if isinstance(share, bool) or not isinstance(share, int | float):

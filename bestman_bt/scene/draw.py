@@ -311,7 +311,7 @@ def _changed(
     outlines = standing_outlines(walls, standing)
     walkers = draw_walkers(asked, outlines, start, partial(_generator, seed, attempt, "walkers"))
     if walkers is None:
-        raise _NoRoomError(("walkers",), f"{asked.count} walkers", "ask for fewer")
+        raise _NoRoomError(("walkers",), f"{asked.count} walkers", "request fewer")
     return standing, walkers
 
 

@@ -103,7 +103,7 @@ class Domain:
                 resolved = Literal(self._resolved(problem, condition.fact), condition.negated)
                 meant = written_out(problem, [self._meaning(resolved)], {})
                 if not meant:
-                    raise GoalError(f"{resolved} always holds; leave it out")
+                    raise GoalError(f"{resolved} always holds; omit it")
                 literals += meant
                 literals += self._presumed(resolved)
         wrong.raise_if_any()

@@ -55,7 +55,7 @@ class PlanLimits:
         if self.max_actions < 1:
             raise ValueError(f"at most {self.max_actions} steps is not a valid limit; it should be 1 or more")
         if self.abilities is not None and not self.abilities:
-            raise ValueError("no ability is allowed; name one at least, or leave that out")
+            raise ValueError("no ability is allowed; name at least one, or omit this limit")
         if not self.max_cost > 0.0:
             raise ValueError(f"a cost of at most {self.max_cost:g} is not a valid limit; it should be more than 0")
 

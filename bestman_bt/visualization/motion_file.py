@@ -148,7 +148,7 @@ def read_motion(path: Path) -> MotionRecord:
         joints, bodies = _names(json.loads(whole[0]))
         width = 9 + len(joints) + 7 * len(bodies)
         if len(whole) < 2:
-            raise ValueError("no moment is in it")
+            raise ValueError("it contains no moments")
         if width * len(whole) > MAX_VALUES:
             raise ValueError(f"{len(whole)} moments of {width} numbers each are too many")
         rows = np.empty((len(whole) - 1, width))

@@ -182,7 +182,7 @@ class RealTimeClock(Clock):
             raise ValueError(f"sleep duration should be finite and not negative but is {duration!r}")
         own = self._own
         if own.sleeping:
-            raise RuntimeError("sleep was called from a periodic call, which must return at once")
+            raise RuntimeError("sleep was called from a periodic call, which must return immediately")
         own.sleeping = True
         try:
             end = self._begin(own) + duration

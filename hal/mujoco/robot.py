@@ -40,7 +40,7 @@ class MujocoRobot(SimulatedRobot):
     def build(self, model: RobotModel, world: World, gui: bool) -> MujocoEngine:
         """Build the engine. Raises SimulationError for a window, which is not supported, and for unsupported models."""
         if gui:
-            raise SimulationError("MuJoCo runs without a window here: leave --gui out, or take the driver pybullet")
+            raise SimulationError("MuJoCo runs without a window here: omit --gui, or use the driver pybullet")
         return MujocoEngine(model, world, self._parameters)
 
 

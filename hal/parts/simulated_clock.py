@@ -42,7 +42,7 @@ class SimulatedClock(Clock):
         if self.step is None:
             raise NotConnectedError("the clock cannot sleep while the robot is not connected")
         if self._sleeping:
-            raise RuntimeError("sleep was called from a periodic call, which must return at once")
+            raise RuntimeError("sleep was called from a periodic call, which must return immediately")
         self._target += duration
         self._sleeping = True
         try:

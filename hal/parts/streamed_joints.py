@@ -407,7 +407,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         worst = int(np.argmax(outside))
         if not outside[worst] <= OUTSIDE:  # nor where it is not known
             raise ConnectionFailedError(
-                f"{self.name}: {self.joint_names[worst]} is at {measured[worst]:.4f}, outside of its range "
+                f"{self.name}: {self.joint_names[worst]} is at {measured[worst]:.4f}, outside its range "
                 f"[{model.lower[worst]:.4f}, {model.upper[worst]:.4f}]; "
                 "bestman-bt robot move-into-limits brings it back"
             )

@@ -136,7 +136,7 @@ class PyBulletEngine(Engine):
         return pose
 
     def body_velocity(self, body: int) -> tuple[Vector, Vector]:
-        """Return the velocity of its centre of mass."""
+        """Return the linear and angular velocity of the body's centre of mass, (3,) m/s and (3,) rad/s."""
         velocity: tuple[Vector, Vector] = self._free.getBaseVelocity(body)
         return velocity
 

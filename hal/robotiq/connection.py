@@ -74,7 +74,7 @@ def fault_of(status: RobotiqStatus) -> Failure | None:
     if status.fault not in HARMLESS:
         words, number = WORDS.get(status.fault, "unknown fault"), f"gFLT {status.fault}"
     elif status.activation != ACTIVE:
-        words, number = "it is not activated any more: it had no power or was reset", f"gSTA {status.activation}"
+        words, number = "it is not activated: it had no power or was reset", f"gSTA {status.activation}"
     else:
         return None
     return Failure(MotionErrorCode.FAULT, f"gripper: {words}", vendor_code=number)

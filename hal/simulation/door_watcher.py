@@ -1,4 +1,4 @@
-"""Watches doors and drawers: contacts and their weight move them, dry friction slows them, and nothing else acts."""
+"""Checks that doors and drawers are moved only by contacts and their weight, and slowed only by dry friction."""
 
 from __future__ import annotations
 

@@ -131,7 +131,7 @@ class URController:
         self._world.post(self._end_program)
 
     def set_slider(self, share: float) -> None:
-        """Move the speed slider of the pendant."""
+        """Move the speed slider of the pendant to the fraction ``share``, 0 to 1."""
         self._slider = share
 
     def pause(self, paused: bool) -> None:

@@ -249,7 +249,7 @@ def test_all_errors_of_a_tree_are_reported_at_once(refused, folder: Path) -> Non
         (["eval", "fetch_cup", "--until", "3"], "--until: should be 95%±N with N from 0.5 to 50 percentage points"),
         (["eval", "fetch_cup", "--until", "95%±3", "--shard", "1/2"], "--until: needs all episodes"),
         (["eval", "fetch_cup", "--launcher", "lokal"], "unknown launcher 'lokal'; did you mean 'local'?"),
-        (["eval", "fetch_cup", "--address", "a:1"], "--address: is of a cluster; name its --launcher"),
+        (["eval", "fetch_cup", "--address", "a:1"], "--address: applies only to a cluster; also give its --launcher"),
         (["eval", "fetch_cup", "--slurm", "--launcher", "ray"], "--slurm: contradicts --launcher ray"),
         (["eval", "fetch_cup", "--merge", "nowhere"], "nowhere: has no journal episodes.jsonl with episodes"),
         (["run", "fetch_cup", "--plugin", "nowhere.py"], "--plugin nowhere.py: no such file"),

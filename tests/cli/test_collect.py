@@ -219,7 +219,7 @@ def test_an_episode_that_two_workers_have_run_is_that_of_the_first(tmp_path: Pat
         (("pick_bench", "--set", "tick_rate=12.5 Hz"), "should be whole for a dataset, got 12.5 Hz"),
         (("no_such_task",), "no_such_task"),
         (("pick_bench", "--launcher", "moon"), "'moon'"),
-        (("pick_bench", "--address", "here:1"), "is of a cluster; name its --launcher"),
+        (("pick_bench", "--address", "here:1"), "applies only to a cluster; also give its --launcher"),
     ],
 )
 def test_what_cannot_be_recorded_is_refused_before_anything_starts(

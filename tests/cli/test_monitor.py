@@ -187,4 +187,4 @@ def test_an_address_that_is_none_starts_nothing(tmp_path: Path, address: str) ->
 
 
 def test_states_only_without_a_process_is_refused(tmp_path: Path) -> None:
-    assert "--states-only: is of processes that --connect watches" in refusal(tmp_path, "--states-only")
+    assert "--states-only: applies only to processes watched with --connect" in refusal(tmp_path, "--states-only")

@@ -67,6 +67,6 @@ def test_what_keeps_a_robot_stopped_is_reported_in_words():
     stop = RobotStop(robot)
     assert stop.clear() == "the emergency button is pressed"
     robot.while_clearing, robot.trips_again = lambda: None, True
-    assert stop.clear() == "it was stopped again at once"
+    assert stop.clear() == "it was stopped again immediately"
     robot.trips_again = False
     assert stop.clear() == ""

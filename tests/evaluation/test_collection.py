@@ -359,7 +359,7 @@ def test_a_list_of_attempts_that_cannot_be_written_is_told(config: RunConfig, tm
 
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
-        with pytest.raises(DatasetError, match=r"cannot be written any more: .*File too large"):
+        with pytest.raises(DatasetError, match=r"can no longer be written: .*File too large"):
             collect(config, tmp_path, Limited(broken=[SEED]))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)

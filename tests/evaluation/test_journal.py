@@ -71,7 +71,7 @@ def test_a_full_disk_is_told_and_keeps_what_is_in_the_journal(tmp_path: Path) ->
     with Journal(path) as journal:
         journal.add(KEY, "", result(7))
     with room_for(path.stat().st_size + 100), Journal(path) as journal:
-        with pytest.raises(JournalError, match=r"episodes.jsonl cannot be written any more: .*; the 1 episodes in it"):
+        with pytest.raises(JournalError, match=r"episodes.jsonl can no longer be written: .*; the 1 episodes in it"):
             journal.add(others[0], "", result(8))
         assert list(journal.results) == [KEY]
     with Journal(path) as again:

@@ -630,7 +630,7 @@ def test_a_step_that_takes_long_is_reported(served: Served, monkeypatch: pytest.
     monkeypatch.setattr(control_channel, "TASK_WAIT", 0.05)
     served.ask("pause")
     served.executor.after_tick = lambda: time.sleep(0.5)
-    with pytest.raises(ControlError, match=r"still under way after 0\.05 s"):
+    with pytest.raises(ControlError, match=r"still running after 0\.05 s"):
         served.ask("step")
 
 

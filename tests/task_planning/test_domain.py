@@ -284,7 +284,7 @@ def test_what_was_looked_for_everywhere_cannot_be_planned_for(world, domain):
         ("forall p - place: near(p)", "forall is not accepted"),
         ("", "the goal is empty; name at least one fact"),
         (" ", "the goal is empty; name at least one fact"),
-        ("accessible(table)", "accessible(table/top) always holds; leave it out"),
+        ("accessible(table)", "accessible(table/top) always holds; omit it"),
     ],
 )
 def test_a_goal_that_makes_no_sense_is_refused_with_the_closest_names(world, domain, goal, words):

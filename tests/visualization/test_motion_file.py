@@ -104,7 +104,7 @@ def test_a_run_that_was_killed_is_read_to_the_last_whole_line(path: Path) -> Non
         ("", "no motion of a run"),
         ("<script>\n", ":1: no motion of a run"),
         ('{"motion": 9, "joints": [], "bodies": []}\n', "should begin with"),
-        ('{"motion": 1, "joints": [], "bodies": []}\n', "no moment is in it"),
+        ('{"motion": 1, "joints": [], "bodies": []}\n', "it contains no moments"),
         ('{"motion": 1, "joints": ["a"], "bodies": []}\n{"time": 0, "tick": 0, "base": [0,0,0,0,0,0,1]}\n', "missing"),
         (
             '{"motion": 1, "joints": [], "bodies": []}\n{"time": 0, "tick": 0, "base": [0,0,0,0,0,0,9]}\n',

@@ -53,7 +53,7 @@ def read_filmed_run(folder: Path) -> FilmedRun:
     if not (folder / CONFIG_FILE).is_file():
         raise FilmError(f"{folder} is not a run folder: it has no config.yaml")
     if not (folder / MOTION_NAME).is_file():
-        raise FilmError(f"{folder} has no {MOTION_NAME}: only simulated runs leave one, and older ones did not")
+        raise FilmError(f"{folder} has no {MOTION_NAME}: only simulated runs write one, and older versions did not")
     config = read_run(folder / CONFIG_FILE)
     try:
         motion = read_motion(folder / MOTION_NAME)

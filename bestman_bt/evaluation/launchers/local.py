@@ -13,7 +13,7 @@ from bestman_bt.evaluation.result import RunResult
 
 
 class LocalProcesses(Launcher):
-    """One job runs in this process, more in as many workers."""
+    """Runs a single job in this process, several jobs in as many worker processes."""
 
     def __init__(self, options: LaunchOptions | None = None) -> None:
         super().__init__(options)

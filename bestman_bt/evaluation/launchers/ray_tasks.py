@@ -77,7 +77,7 @@ class RayTasks(Launcher):
                     self._give(self._waiting.popleft())
             elif time.monotonic() - heard > HEAD_PATIENCE:
                 raise LauncherLostError(
-                    f"the head of the Ray cluster at {self._head} does not answer any more; what has finished is kept: "
+                    f"the head of the Ray cluster at {self._head} no longer answers; what has finished is kept: "
                     "start a head again and repeat the command"
                 )
             finished, _ = self._ray.wait(list(self._pending), timeout=1.0)

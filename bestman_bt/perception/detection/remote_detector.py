@@ -87,7 +87,7 @@ def reply_detections(content: bytes, image: RGBDImage, names: Sequence[str]) -> 
         mask = None if item.mask is None else _mask(item.mask, (height, width), f"{where}.mask")
         clipped = ImageDetection(item.label, item.score, item.box, mask).clipped(width, height)
         if clipped is None:
-            raise ValueError(f"{where}.box: {item.box} lies outside of the image of {width} x {height} pixels")
+            raise ValueError(f"{where}.box: {item.box} lies outside the image of {width} x {height} pixels")
         found.append(clipped)
     return tuple(sorted(found, key=lambda detection: -detection.score))
 

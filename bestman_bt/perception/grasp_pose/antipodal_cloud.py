@@ -242,7 +242,8 @@ class AntipodalCloud(GraspPlanner):
         """
         if target.cloud is None:
             raise PerceptionError(
-                "AntipodalCloud needs a target with a cloud; for a box alone there is a plug-in, bounding_box_grasps.py"
+                "AntipodalCloud needs a target with a cloud; for a target with only a box, use the plug-in "
+                "bounding_box_grasps.py"
             )
         cloud = self.cloud.complete(target.cloud, target.viewpoints, support_height)
         if cloud is None:

@@ -1,4 +1,4 @@
-"""Coloured solids that generated furniture is put together from."""
+"""Coloured solids, the elements of generated furniture."""
 
 from __future__ import annotations
 

@@ -31,9 +31,9 @@ class BackchainBuilder(TreeBuilder):
 
     An action comes directly before the action that needs it, so the order of the tree can differ from that of the plan.
     Where an action would then undo a condition that is established to its left, or where its own preconditions need not
-    hold any more, it is moved to the left, as in PA-BT: it becomes a child of the root, before all later actions of the
-    plan, and is executed unless all of its effects that the plan uses hold. Undisturbed, the tree reaches the goal from
-    each state from which the plan does.
+    hold any longer, it is moved to the left, as in PA-BT: it becomes a child of the root, before all later actions of
+    the plan, and is executed unless all of its effects that the plan uses hold. Undisturbed, the tree reaches the goal
+    from each state from which the plan does.
 
     A precondition that was true when planning has no fallback: if it is violated, the tree fails. As in ``reactive``, a
     running action is completed while its hold-conditions are believed.

@@ -284,7 +284,7 @@ class HttpEndpoint(ChatEndpoint):
         try:
             return read_completion(self._text(answer))
         except ValueError as error:
-            raise RetryableError(f"the answer breaks the protocol: {error}") from error
+            raise RetryableError(f"the answer violates the protocol: {error}") from error
 
     def _text(self, answer: Answer) -> str:
         return self.address.key.removed_from(answer.content.decode(errors="replace"))

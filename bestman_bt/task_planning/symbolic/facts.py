@@ -136,7 +136,7 @@ class _Parser:
             negated = not negated
         if self._take_if("("):
             if depth == _DEPTH:
-                self._fail(f"at most {_DEPTH} brackets within each other are accepted")
+                self._fail(f"at most {_DEPTH} nested brackets are accepted")
             literal = self._literal(depth + 1)
             self._take(")")
             return ~literal if negated else literal

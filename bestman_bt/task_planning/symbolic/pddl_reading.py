@@ -228,7 +228,7 @@ class _File:
                 seen.append(above)
                 above = types.get(above)
             if above is not None:
-                self._fail(section, f"the types go in a circle: {' - '.join([*seen, above])}")
+                self._fail(section, f"the types form a cycle: {' - '.join([*seen, above])}")
 
     def _declare_objects(self, section: _List) -> None:
         for name, kind in self._of_known_types(section.parts[1:]):
@@ -443,7 +443,7 @@ class _File:
                 if token == "(":
                     stack.append(([], number))
                     if len(stack) > _DEPTH:
-                        raise PddlError(self._name, number, f"at most {_DEPTH - 1} brackets within each other are read")
+                        raise PddlError(self._name, number, f"at most {_DEPTH - 1} nested brackets are read")
                 elif token == ")":
                     parts, start = stack.pop()
                     if not stack:

@@ -239,7 +239,7 @@ class SymbolicPlanner(TaskPlanner):
         if found.actions is None:
             limit = self.max_evaluations
             raise PlanningError(
-                f"no plan among the first {limit} states, and no proof that there is none; ask for less"
+                f"no plan among the first {limit} states, and no proof that there is none; simplify the goal"
             )
         best = without_unneeded_actions(grounded, found.actions)
         for weight in self.weights:

@@ -314,4 +314,4 @@ def paint(job: BlenderJob, python: Path, on_frame: Callable[[Path], None]) -> No
             raise BlenderError(f"Blender has failed ({blender.returncode}):\n{output}")
     missing = [frame.file for frame in job.frames if not frame.file.is_file()]
     if missing:
-        raise BlenderError(f"Blender has not painted {missing[0]}")
+        raise BlenderError(f"Blender did not render {missing[0]}")

@@ -116,7 +116,7 @@ def clear(recording: rr.RecordingStream, name: str) -> None:
 
 
 def write_label(recording: rr.RecordingStream, name: str, position: NDArray[np.float64], label: str) -> None:
-    """Write a text at a point of the map."""
+    """Write a text at a point of the map, (3,) metres."""
     import rerun as rr
 
     recording.log(

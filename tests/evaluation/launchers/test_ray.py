@@ -152,7 +152,7 @@ def test_without_a_head_the_driver_tells_so_and_a_new_one_goes_on(suite: Suite, 
         lost.kill_head()
         _, told = driver.communicate()
     assert driver.returncode == 130, told
-    assert f"the head of the Ray cluster at {lost.address} does not answer any more; what has finished is kept" in told
+    assert f"the head of the Ray cluster at {lost.address} no longer answers; what has finished is kept" in told
     with Evaluation(suite, tmp_path / "out") as evaluation:
         assert evaluation.run()["met"]
     assert len(without_times(tmp_path / "out", SEEDS)) == SEEDS

@@ -122,7 +122,7 @@ def test_boxes_are_cut_at_the_border_and_labels_that_nobody_asked_for_are_ignore
         (reply(thing(score="high")), "detections.0.score"),
         (reply(thing(box=[1, 2, 3])), "detections.0.box"),
         (reply(thing(box=[30, 5, 10, 25])), "detections.0.box: .* is not left < right"),
-        (reply(thing(), thing(box=[100, 5, 130, 25])), "detections.1.box: .* outside of the image of 64 x 48"),
+        (reply(thing(), thing(box=[100, 5, 130, 25])), "detections.1.box: .* outside the image of 64 x 48"),
         (reply(thing(mask={})), "detections.0.mask: needs either png or counts"),
         (reply(thing(mask={"png": "%%%"})), "mask.png: is not base64"),
         (reply(thing(mask={"png": base64.b64encode(b"GIF89a").decode()})), "mask.png: is not a PNG"),

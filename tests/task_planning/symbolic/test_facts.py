@@ -56,7 +56,7 @@ def test_what_is_printed_parses_again():
         ("and on(mug)", 1, "a fact is expected"),
         ("not", 4, "a fact is expected"),
         ("hand_empty and", 15, "a fact is expected after 'and'"),
-        ("(" * 2000 + "x" + ")" * 2000, 52, "brackets within each other"),
+        ("(" * 2000 + "x" + ")" * 2000, 52, "nested brackets"),
         ("on(not, table)", 4, "a name is expected"),
     ],
 )
