@@ -28,7 +28,7 @@ def draw_episode(dataset: DatasetFolder, episode: int, path: Path) -> None:
     curves = _curves(dataset, data)
     spans = _spans(data.get(NODE, []), times)
     if not (videos or curves or spans):
-        raise DatasetError(f"{dataset.path} has no videos, no states beside actions of the same names, and no {NODE}")
+        raise DatasetError(f"{dataset.path} has no videos, no states with actions of the same names, and no {NODE}")
     heights = [*[1.2] * len(videos), *[2.0] * len(curves), *([0.3 + 0.16 * len(spans)] if spans else [])]
     figure = Figure(figsize=(12, 0.6 + sum(heights)), dpi=100, layout="constrained")
     FigureCanvasAgg(figure)

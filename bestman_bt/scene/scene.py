@@ -182,7 +182,7 @@ class World:
 
 
 def wall_box(wall: Wall) -> tuple[Box, Pose]:
-    """Return the wall as a box and its pose in the map frame."""
+    """Return the wall as a box, metres, and its pose in the map frame."""
 
     dx, dy = wall.end[0] - wall.start[0], wall.end[1] - wall.start[1]
     length = math.hypot(dx, dy)

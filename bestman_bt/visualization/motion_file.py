@@ -210,4 +210,4 @@ def _check(rows: NDArray[np.float64]) -> None:
     if not np.isfinite(rows).all():
         raise ValueError("a number is missing or not finite")
     if (np.diff(rows[:, 0]) < 0).any():
-        raise ValueError("the time goes back")
+        raise ValueError("the time decreases")

@@ -151,5 +151,5 @@ class Engine(ABC):
     @abstractmethod
     def constants(self) -> Mapping[str, tuple[Any, ...]]:
         """Return the quantities that must not change in an audited run: gravity, time step, the number of bodies,
-        ``friction of <body>`` (sliding, spinning), and masses and the like by link.
+        ``friction of <body>`` (sliding, spinning), and masses and other link properties by link.
         """

@@ -328,7 +328,7 @@ def plan_shot(run: FilmedRun, stage: ReplayScene) -> Shot:
 
 
 def best_frame(run: FilmedRun, shot: Shot, stage: ReplayScene) -> int:
-    """Return the index of the frame that shows the hand's work best, after it starts moving."""
+    """Return the index of the frame, after the first motion, in which the subjects of the run are seen best."""
     begun = [i for i, now in enumerate(shot.snapshots) if _moved(shot.snapshots[0], now, run.subjects)] or [0]
     candidates = sorted({begun[round(k)] for k in np.linspace(0, len(begun) - 1, 2 * KEY_MOMENTS)})
 

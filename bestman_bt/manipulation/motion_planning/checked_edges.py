@@ -95,8 +95,8 @@ class CheckedEdges:
         return self.is_valid.checks
 
     def is_free(self, a: NDArray[np.float64], b: NDArray[np.float64], fine: bool = False) -> bool:
-        """Return whether the straight edge from ``a`` to ``b``, each (n,), is valid; blocked ones are detected
-        coarsely.
+        """Return whether the straight edge from ``a`` to ``b``, each (n,), radians or metres, is valid. ``fine``: check
+        at the fine resolution. Results are stored: a blocked edge stays blocked.
         """
         key = _key(a, b)
         if key in self._blocked:
