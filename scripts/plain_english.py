@@ -79,7 +79,7 @@ LEFT = {
     "go on": (0, 1),
     "is asked for": (0, 0),
     "let go": (1, 0),
-    "what is": (9, 25),
+    "what is": (9, 24),
     "is no": (82, 14),
     "by itself": (2, 3),
     "of its own": (7, 3),
