@@ -17,7 +17,7 @@ def test_a_run_without_motion_is_refused_with_the_reason(bestman_bt: Command, fo
     answer = bestman_bt("render", "run")
 
     assert answer.code == 2
-    assert "has no motion.jsonl: only simulated runs leave one" in answer.err
+    assert "has no motion.jsonl: only simulated runs write one" in answer.err
 
 
 @pytest.mark.parametrize(

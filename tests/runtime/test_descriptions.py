@@ -130,7 +130,7 @@ def test_a_wheel_of_something_else_leaves_nothing(no_pybullet: Path, tmp_path: P
     other = tmp_path / "other.whl"
     with zipfile.ZipFile(other, "w") as opened:
         opened.writestr("other/__init__.py", "")
-    for wheel, words in ((other, "holds no pybullet_data"), (tmp_path / "none.whl", "cannot be read")):
+    for wheel, words in ((other, "does not contain pybullet_data"), (tmp_path / "none.whl", "cannot be read")):
         with pytest.raises(ConfigurationError, match=words):
             bring_pybullet_data(wheel)
         assert not list(no_pybullet.iterdir())

@@ -83,9 +83,9 @@ def test_tokens_and_dollars_are_counted_and_logged(caplog: pytest.LogCaptureFixt
         (fails(429), "status 429"),
         (fails(500), "status 500"),
         (breaks_off(completion({"content": "a long text that is cut off"})), "peer closed"),
-        (raw(b"<html>gateway</html>"), "breaks the protocol"),
+        (raw(b"<html>gateway</html>"), "violates the protocol"),
         (raw(b'{"choices": []}'), "choices"),
-        (raw(b"[" * 100_000), "breaks the protocol"),
+        (raw(b"[" * 100_000), "violates the protocol"),
     ],
 )
 def test_a_bad_moment_is_followed_by_another_try_and_a_bad_server_by_an_error(way: object, reason: str) -> None:

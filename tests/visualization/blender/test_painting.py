@@ -98,7 +98,7 @@ def test_every_frame_is_reported_when_it_is_painted(
     [
         ('sys.exit("no memory left")', "no memory left"),
         ("os.kill(os.getpid(), 9)", r"Blender has failed \(-9\)"),
-        ("", "has not painted"),
+        ("", "did not render"),
     ],
 )
 def test_when_blender_fails_its_last_words_are_reported(
