@@ -16,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 help:
 	@echo "make demo      install, then watch the robot fetch a cup"
 	@echo "make test      install, then lint, types, import contracts and the quick tests (about 5 minutes)"
-	@echo "make test-all  every test (about 35 minutes); REST=1: those that make test leaves out"
+	@echo "make test-all  every test (about 30 minutes); REST=1: those that make test leaves out"
 	@echo "make test-cluster  bring Ray and submitit, then evaluate on them while nodes, workers and drivers are killed"
 	@echo "make test-lerobot  bring LeRobot 0.4.4 and 0.6.1 into environments of their own, and read datasets with them"
 	@echo "make properties  random examples of what holds for each algorithm, for about an hour"
