@@ -49,7 +49,7 @@ def test_a_slip_watch_speaks_when_the_fingers_press_no_more_or_move_either_way(g
     gripper.opening = 0.0345
     assert "slips: the width went by -5.5 mm" in watch()
     gripper.held = False
-    assert "holds nothing" in watch()
+    assert "no longer holds anything" in watch()
 
 
 def test_a_grasp_reports_where_the_fingers_came_to_rest_and_a_cancel_reaches_them(gripper):

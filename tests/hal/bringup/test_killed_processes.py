@@ -23,7 +23,10 @@ def test_a_child_is_found_though_a_thread_and_another_process_end_meanwhile(monk
     def with_a_process_that_has_ended(file: Path) -> str:
         return f"0 {read_text(file)}"
 
-    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", "input(1)"], **pipes) as child:
+        assert child.stdout is not None
+        child.stdout.read(1)  # a process has its command line a moment after it was started
         monkeypatch.setattr(Path, "iterdir", with_a_thread_that_has_ended)
         monkeypatch.setattr(Path, "read_text", with_a_process_that_has_ended)
         assert child.pid in python_children(os.getpid())
