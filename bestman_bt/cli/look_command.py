@@ -73,8 +73,8 @@ def command(
 def _stands(
     known: Mapping[str, MapFurniture], at: Sequence[str], asked: RunRequest
 ) -> dict[str, ResolvedConfig | SceneError]:
-    """Return the robot before each piece, everything checked; a SceneError instead of a robot if there is no room in
-    front of the piece.
+    """Return the robot before each piece, everything checked; a SceneError in its place if there is no room
+    in front of the piece.
     """
     problems = [
         Problem("--at", None, "", f"the map has no furniture {name!r}; {suggestion(name, list(known))}")

@@ -116,7 +116,7 @@ class PolylinePlanner(StraightPieces, GlobalPlanner):
         return bool((costmap.footprint_clearance(poses) > 0.0).all())
 
     def _without_turning(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
-        """Return a path of curves, if there is no room to turn in place near an end: a hallway that is too narrow."""
+        """Return a path of curves, for ends without room to turn in place, as in a narrow hallway."""
         curves = HybridAStar(
             straight=self.straight, max_straight=self.max_straight, step=self.step, max_overlap=self.max_overlap
         )

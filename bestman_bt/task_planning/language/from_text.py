@@ -72,7 +72,7 @@ class LanguagePlanner(TaskPlanner):
     further: PlanCheck | None = None
 
     def plan(self, problem: PlanningProblem) -> TaskPlan:
-        """Return a plan for the goal, or for the instruction if there is no goal; Raises the errors of
+        """Return a plan for the goal, or for the instruction if there is no goal. Raises the errors of
         ``TaskPlanner.plan``, and LanguageError.
         """
         return self.propose(problem).plan
