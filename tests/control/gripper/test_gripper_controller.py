@@ -59,4 +59,4 @@ def test_a_slip_watch_is_silent_while_it_holds_and_speaks_when_it_does_not(simul
     simulated.robot.clock.sleep(0.5)
     assert watch() is None
     simulated.wait(simulated.gripper.release())
-    assert "holds nothing" in watch()
+    assert "no longer holds anything" in watch()
