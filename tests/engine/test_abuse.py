@@ -41,11 +41,11 @@ TREE = '<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">{}<
 @contextlib.contextmanager
 def bounded(seconds: float, megabytes: float) -> Iterator[None]:
     tracemalloc.start()
-    start = time.perf_counter()
+    start = time.process_time()
     try:
         yield
     finally:
-        taken, peak = time.perf_counter() - start, tracemalloc.get_traced_memory()[1] / 1e6
+        taken, peak = time.process_time() - start, tracemalloc.get_traced_memory()[1] / 1e6
         tracemalloc.stop()
     assert taken < seconds
     assert peak < megabytes
@@ -102,10 +102,10 @@ def test_subtrees_that_multiply_are_refused_at_the_largest_number_of_nodes() -> 
         for i in range(9)
     )
     text = TREE.format('<SubTree ID="T0"/>', trees + '<BehaviorTree ID="T9"><AlwaysSuccess/></BehaviorTree>')
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(TreeLoadError, match="more than 65535 nodes"):
         load_tree(text)
-    assert time.perf_counter() - start < 10.0
+    assert time.process_time() - start < 10.0
 
 
 def test_crosswise_remapping_is_no_circle() -> None:

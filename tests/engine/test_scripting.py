@@ -174,10 +174,10 @@ def test_a_truth_value_stays_one_when_a_script_assigns_to_it() -> None:
     ],
 )
 def test_a_script_beyond_bounds_is_refused_quickly(source: str) -> None:
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(ScriptError):
         parse_script(source)
-    assert time.perf_counter() - start < 2.0
+    assert time.process_time() - start < 2.0
 
 
 @pytest.mark.parametrize("join", [add, concatenate])
