@@ -10,6 +10,7 @@ from array import array
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO
 
@@ -63,9 +64,15 @@ class StoredEpisodes(Mapping[EpisodeKey, RunResult]):
         return sum(map(len, self._places.values()))
 
     def codes(self, config: str, seed: int) -> list[str]:
-        """Return the fingerprints of the codes that ran an episode, in the order of their lines in the file."""
+        """Return the fingerprints of the codes that ran an episode, in the order of time; those whose lines have none,
+        of older versions, are first, in the order of their lines.
+        """
         found = {code: seeds[seed] for (of, code), seeds in self._places.items() if of == config and seed in seeds}
-        return sorted(found, key=found.__getitem__)
+        keys = [EpisodeKey(config, seed, code) for code in sorted(found, key=found.__getitem__)]
+        if len(keys) > 1:
+            ended = {key: str(json.loads(line).get("ended", "")) for key, line in self.lines(keys)}
+            keys.sort(key=ended.__getitem__)
+        return [key.code for key in keys]
 
     def read(self, keys: Iterable[EpisodeKey] | None = None) -> Iterator[tuple[EpisodeKey, RunResult]]:
         """Yield these episodes, by default all; quicker than one by one."""
@@ -138,7 +145,8 @@ class Journal:
 
     def add(self, key: EpisodeKey, commit: str, result: RunResult) -> None:
         """Write a finished episode and flush it, so that a killed process does not lose it. Raises JournalError."""
-        entry = {"config": key.config, "seed": key.seed, "code": key.code, "commit": commit}
+        ended = datetime.now(UTC).isoformat(timespec="milliseconds")
+        entry = {"config": key.config, "seed": key.seed, "code": key.code, "commit": commit, "ended": ended}
         entry["result"] = result.to_document()
         self.add_line(key, json.dumps(entry, allow_nan=False).encode() + b"\n")
 

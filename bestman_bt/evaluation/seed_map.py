@@ -9,9 +9,13 @@ from itertools import pairwise
 
 import numpy as np
 
+WAITING = 1 / 16
+"""Seeds that may wait to be sorted in, as a fraction of the others."""
+
 
 class SeedMap(Mapping[int, int]):
-    """Takes 16 bytes for each seed. Iteration is in ascending order; setting seeds in about this order is fast.
+    """Takes 16 bytes for each seed, and about 25 if they are set in another than ascending order. Iteration is in
+    ascending order.
 
     Seeds and numbers are below 2⁶³; others raise OverflowError.
     """
@@ -19,29 +23,43 @@ class SeedMap(Mapping[int, int]):
     def __init__(self, seeds: Iterable[int] = (), numbers: Iterable[int] = ()) -> None:
         """Take seeds in any order with their numbers; the last number of a seed counts."""
         self._seeds, self._numbers = array("q", seeds), array("q", numbers)
+        self._waiting: dict[int, int] = {}
+        """Seeds to be sorted in later, together: one at a time, each would move all seeds behind it."""
         if any(seed >= after for seed, after in pairwise(self._seeds)):
-            order = np.argsort(self._seeds, kind="stable")
-            order = order[np.append(np.diff(np.array(self._seeds)[order]) > 0, True)]
-            self._seeds, self._numbers = (
-                array("q", np.array(one)[order].tobytes()) for one in (self._seeds, self._numbers)
-            )
+            self._sort()
 
     def __getitem__(self, seed: int) -> int:
-        place = bisect_left(self._seeds, seed)
-        if place == len(self._seeds) or self._seeds[place] != seed:
-            raise KeyError(seed)
-        return self._numbers[place]
+        place = self._place(seed)
+        return self._waiting[seed] if place is None else self._numbers[place]
 
     def __setitem__(self, seed: int, number: int) -> None:
-        place = bisect_left(self._seeds, seed)
-        if place < len(self._seeds) and self._seeds[place] == seed:
+        place = self._place(seed)
+        if place is not None:
             self._numbers[place] = number
+        elif self._seeds and seed < self._seeds[-1]:
+            self._waiting[seed] = number
+            if len(self._waiting) > WAITING * len(self._seeds):
+                self._sort()
         else:
-            self._seeds.insert(place, seed)
-            self._numbers.insert(place, number)
+            self._seeds.append(seed)
+            self._numbers.append(number)
 
     def __iter__(self) -> Iterator[int]:
+        if self._waiting:
+            self._sort()
         return iter(self._seeds)
 
     def __len__(self) -> int:
-        return len(self._seeds)
+        return len(self._seeds) + len(self._waiting)
+
+    def _place(self, seed: int) -> int | None:
+        place = bisect_left(self._seeds, seed)
+        return place if place < len(self._seeds) and self._seeds[place] == seed else None
+
+    def _sort(self) -> None:
+        seeds = np.array(self._seeds + array("q", self._waiting))
+        numbers = np.array(self._numbers + array("q", self._waiting.values()))
+        order = np.argsort(seeds, kind="stable")
+        order = order[np.append(np.diff(seeds[order]) > 0, True)]
+        self._seeds, self._numbers = array("q", seeds[order].tobytes()), array("q", numbers[order].tobytes())
+        self._waiting.clear()

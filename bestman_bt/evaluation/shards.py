@@ -117,8 +117,8 @@ def find_journals(folders: Iterable[Path]) -> list[Path]:
 
 
 def merge_journals(journal: Journal, others: Mapping[Path, StoredEpisodes]) -> list[ConflictingResults]:
-    """Add the episodes of other journals to ``journal``, keeping the first result of each; return the conflicting
-    results.
+    """Add the episodes of other journals to ``journal``, one result of each; return the conflicting results. Which one
+    is kept does not depend on the order of the journals.
 
     Raises JournalError if they cannot be written.
     """
@@ -140,7 +140,7 @@ def merge_journals(journal: Journal, others: Mapping[Path, StoredEpisodes]) -> l
 
 
 def _sorted_lines(journals: Mapping[Path, StoredEpisodes]) -> Iterator[tuple[EpisodeKey, bytes, Path]]:
-    """Yield the episodes of all journals, those of one key in the order of the journals, which are open meanwhile."""
+    """Yield the episodes of all journals, which are open meanwhile, those of one key sorted by their lines."""
 
     def of_one(episodes: StoredEpisodes, path: Path) -> Iterator[tuple[EpisodeKey, bytes, Path]]:
         return ((key, line, path) for key, line in episodes.lines())
@@ -148,9 +148,9 @@ def _sorted_lines(journals: Mapping[Path, StoredEpisodes]) -> Iterator[tuple[Epi
     return heapq.merge(*(of_one(episodes, path) for path, episodes in journals.items()), key=_place)
 
 
-def _place(episode: tuple[EpisodeKey, bytes, Path]) -> tuple[str, str, int]:
-    key, *_ = episode
-    return key.config, key.code, key.seed
+def _place(episode: tuple[EpisodeKey, bytes, Path]) -> tuple[str, str, int, bytes]:
+    key, line, _ = episode
+    return key.config, key.code, key.seed, line
 
 
 def _differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:

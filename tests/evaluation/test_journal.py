@@ -193,11 +193,14 @@ def test_a_line_whose_identity_is_none_is_damaged(tmp_path: Path, changes: dict[
         assert len(mended.notes) == 1
 
 
-def test_the_codes_of_an_episode_are_in_the_order_of_their_lines(tmp_path: Path) -> None:
+def test_the_codes_of_an_episode_are_in_the_order_of_time_or_of_their_lines(tmp_path: Path) -> None:
     path = tmp_path / "episodes.jsonl"
-    path.write_text("".join(line(code=code, seed=seed) for code, seed in (("a", 1), ("b", 5), ("b", 1), ("a", 5))))
+    lines = [line(code=code, seed=seed) for code, seed in (("a", 1), ("b", 5), ("b", 1), ("a", 5))]
+    noon, one = "2026-01-01T12:00:00.000+00:00", "2026-01-01T13:00:00.000+00:00"
+    lines += [line(code=code, seed=7, ended=when) for code, when in (("a", one), ("b", noon))]
+    path.write_text("".join([*lines, line(code="c", seed=7)]))
     found = read_episodes(path)
-    assert [found.codes("c0ffee", seed) for seed in (1, 5, 9)] == [["a", "b"], ["b", "a"], []]
+    assert [found.codes("c0ffee", seed) for seed in (1, 5, 7, 9)] == [["a", "b"], ["b", "a"], ["c", "b", "a"], []]
 
 
 def test_an_episode_is_read_while_others_are_added(tmp_path: Path) -> None:

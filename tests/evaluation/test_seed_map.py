@@ -16,6 +16,7 @@ def test_it_holds_what_a_dictionary_holds_sorted_by_seed() -> None:
     found = SeedMap()
     for seed, number in rng.integers(0, 200, (300, 2)).tolist():
         expected[seed] = found[seed] = number
+        assert (len(found), found[seed]) == (len(expected), number)
     assert list(found.items()) == sorted(expected.items())
     assert [seed in found for seed in range(200)] == [seed in expected for seed in range(200)]
     assert [found.get(seed, -1) for seed in (-1, 200)] == [-1, -1]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import resource
 import tracemalloc
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -120,9 +121,11 @@ def test_the_order_of_the_shards_does_not_change_the_journal(
     suite: Suite, keys: Sequence[EpisodeKey], tmp_path: Path
 ) -> None:
     write(tmp_path / "one", keys[::2])
-    write(tmp_path / "two", keys[:0:-1])
-    merged(suite, tmp_path / "a", tmp_path / "one", tmp_path / "two")
-    merged(suite, tmp_path / "b", tmp_path / "two", tmp_path / "one")
+    write(tmp_path / "two", keys[:0:-1], wall_time_s=2.0)
+    write(tmp_path / "three", keys[:3], sim_time_s=99.0)
+    shards = [tmp_path / name for name in ("one", "two", "three")]
+    merged(suite, tmp_path / "a", *shards)
+    merged(suite, tmp_path / "b", *reversed(shards))
     journals = [(tmp_path / name / "episodes.jsonl").read_bytes() for name in ("a", "b")]
     assert journals[0] == journals[1]
 
@@ -181,6 +184,22 @@ def test_more_shards_can_be_merged_than_a_process_may_open_files(
         assert merged(suite, tmp_path / "out", tmp_path / "shards")["episodes"] == 1
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, before)
+
+
+def test_of_several_old_codes_the_one_that_ran_last_counts_after_a_merge(
+    suite: Suite, keys: Sequence[EpisodeKey], tmp_path: Path
+) -> None:
+    for hour, code in enumerate("ba"):
+        key = replace(keys[0], code=code)
+        entry = {
+            **asdict(key),
+            "ended": f"2026-01-01T0{hour}:00",
+            "result": result(FIRST, predicate=hour == 1).to_document(),
+        }
+        with Journal(tmp_path / "shards" / code / "episodes.jsonl") as journal:
+            journal.add_line(key, json.dumps(entry).encode() + b"\n")
+    with Evaluation(suite, tmp_path / "out", keep_old=True) as evaluation:
+        assert evaluation.merge([tmp_path / "shards"])["entries"][0]["succeeded"] == 1
 
 
 def test_missing_episodes_are_named(suite: Suite, keys: Sequence[EpisodeKey], tmp_path: Path) -> None:
