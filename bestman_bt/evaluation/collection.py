@@ -154,14 +154,23 @@ class Collection:
     def _results(
         self, launcher: Launcher, places: Iterable[int], lost: dict[int, str]
     ) -> Iterator[tuple[int, RunResult]]:
-        """Yield the results, then an error for each place without one, which is added to ``lost``."""
-        left = set(places)
-        for place, result in launcher.results():
-            left.discard(place)
-            yield place, result
+        """Yield the results, then an error for each place without one, which is added to ``lost``.
+
+        Raises LauncherLostError, after an error for each place that is given up.
+        """
+        left, end = set(places), None
+        try:
+            for place, result in launcher.results():
+                left.discard(place)
+                yield place, result
+        except LauncherLostError as error:
+            end = error
+            left &= launcher.given_up.keys()
         for place in sorted(left):
             lost[place] = self._config.name
             yield place, launcher.requests[place].failed_result(launcher.given_up.get(place, "the launcher lost it"))
+        if end is not None:
+            raise end
 
     def _open(self) -> None:
         self._dataset = self._opened(self.folder, ("seed", RUN, AUDIT))

@@ -20,6 +20,7 @@ from bestman_bt.configuration.errors import ConfigurationError
 from bestman_bt.configuration.run import RunConfig, load_run
 from bestman_bt.evaluation.collection import ATTEMPTS, STAGED, Collection
 from bestman_bt.evaluation.launchers.local import LocalProcesses
+from bestman_bt.evaluation.launchers.worker_process import EpisodeAnswer, LauncherLostError
 from bestman_bt.evaluation.recorded_episode import ACTION, LABELS, NODE, STATE, RecordedEpisode, labels
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.manipulation.policy.training.dataset_folder import FAILURES, DatasetError, DatasetFolder
@@ -239,6 +240,26 @@ def test_a_seed_whose_workers_are_lost_is_listed_keeps_none_back_and_is_run_agai
     again = MadeUp()
     assert collect(config, tmp_path, again, episodes=4).kept == 4
     assert again.ran == [SEED + 1, SEED + 3]
+
+
+def test_a_first_round_whose_workers_are_all_lost_is_listed_and_run_again_by_the_next_command(
+    config: RunConfig, tmp_path: Path
+) -> None:
+    class Losing(MadeUp):
+        def results(self) -> Iterator[tuple[int, RunResult]]:
+            while self._waiting:
+                place = self._waiting.popleft()
+                self.take(place, EpisodeAnswer(lost="killed"))
+                if place not in self.given_up:
+                    self._waiting.append(place)
+            yield from ()
+
+    with pytest.raises(LauncherLostError, match="^no episode has ended, each one lost its worker: killed"):
+        collect(config, tmp_path, Losing(), episodes=4)
+    assert [(one["seed"], one["why"]) for one in attempts(tmp_path)] == [(SEED + n, "killed") for n in range(3)]
+    again = MadeUp()
+    assert collect(config, tmp_path, again, episodes=4).kept == 4
+    assert again.ran == list(range(SEED, SEED + 4))
 
 
 def test_another_task_in_the_folder_counts_for_itself(config: RunConfig, tmp_path: Path) -> None:
