@@ -123,7 +123,8 @@ class RayTasks(Launcher):
         else:
             # Whatever the system, what Ray calls so keeps it on loopback.
             os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
-            asked = {"num_cpus": self.options.jobs or os.cpu_count(), "include_dashboard": False}
+            # Otherwise Ray would look for a running one.
+            asked = {"address": "local", "num_cpus": self.options.jobs or os.cpu_count(), "include_dashboard": False}
         ray = import_module("ray")
         try:
             ray.init(log_to_driver=False, logging_level="error", **asked)

@@ -145,6 +145,14 @@ def test_a_driver_that_cannot_listen_at_its_address_shows_no_episodes_and_notes_
     assert note.startswith("episodes of other machines are not shown: Cannot assign requested address")
 
 
+def test_without_an_address_it_starts_a_ray_of_its_own_beside_one_that_runs(
+    suite: Suite, cluster: RayCluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RAY_ADDRESS", cluster.address)
+    with Evaluation(suite) as evaluation:
+        assert evaluation.run(RayTasks(LaunchOptions(1)))["met"]
+
+
 def test_without_a_head_the_driver_tells_so_and_a_new_one_goes_on(suite: Suite, tmp_path: Path) -> None:
     with RayCluster() as lost:
         driver = command(lost.address, tmp_path / "out")
