@@ -37,7 +37,7 @@ def command(
     from bestman_bt.records.export import FORMATS
     from bestman_bt.records.reader import read
 
-    history = read(run, left_out=("blackboard", "image", "map", "path", "robot", "scan"))
+    history = read(run, skip=("blackboard", "image", "map", "path", "robot", "scan"))
     if not len(history.nodes):
         raise wrong_input(str(run), f"does not describe a tree: {'; '.join(history.faults)}")
     try:

@@ -210,7 +210,7 @@ def _question(wanted: GoalOptions, where: PlanningOptions) -> tuple[PlanRequest,
 def _judged_by(question: PlanRequest, problem: PlanningProblem) -> tuple[str, str]:
     """Return the settings by which a run of the tree is judged by the goal and given the objects' places."""
     places = question.given_places(problem)
-    facts = {"goal": " and ".join(map(str, problem.goal))} | ({"told": places} if places else {})
+    facts = {"goal": " and ".join(map(str, problem.goal))} | ({"given_places": places} if places else {})
     return f"goals={json.dumps([{'facts': facts}])}", "predicate=facts"
 
 

@@ -135,7 +135,7 @@ class _Adopter(Builder):
 
     def _leave_out(self, node: Node, wrong: list[TreeProblem]) -> None:
         """Remove wrong ports from the node, so that the rest can be checked."""
-        self.tree.left_out |= entries_named_in(node.attributes)
+        self.tree.faulty_names |= entries_named_in(node.attributes)
         for problem in wrong:
             if problem.line == node.line:
                 node.attributes.pop(problem.field, None)

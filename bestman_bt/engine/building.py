@@ -69,10 +69,10 @@ def load_documents(
     if documents.old:
         raise TreeLoadError(documents.old)
     compiler = ScriptCompiler(registry.enums)
-    main, left_out = _checked(documents, registry, compiler, main_tree, faults, gaps)
+    main, faulty_names = _checked(documents, registry, compiler, main_tree, faults, gaps)
     tree = new_tree(registry, main, documents.file, compiler, **options)
     tree.source = documents.source
-    tree.left_out = left_out
+    tree.faulty_names = faulty_names
     return _built(tree, documents, substitutions, faults, gaps)
 
 
@@ -130,7 +130,7 @@ def _checked(
     faults: list[TreeProblem] | None,
     gaps: Gaps | None,
 ) -> tuple[str, set[str]]:
-    """Return the tree to run and the left-out names (``Tree.left_out``); raises the errors of ``load_tree``."""
+    """Return the tree to run and ``Tree.faulty_names``; raises the errors of ``load_tree``."""
     main = main_tree_of(documents, main_tree)
     checker = check_documents(documents, registry, compiler, main, suggests=gaps is None or gaps.suggests)
     wrong = checker.wrong
@@ -139,7 +139,7 @@ def _checked(
         gaps.take(documents.problems)
         filled = set(map(id, checker.misfits))
         wrong = [(element, attribute) for element, attribute in wrong if id(element) not in filled]
-    left_out: set[str] = set()
+    faulty_names: set[str] = set()
     if faults is None:
         raise_if_any(documents.problems)
     else:
@@ -147,12 +147,12 @@ def _checked(
         documents.problems[:] = [problem for problem in documents.problems if problem.severity == "warning"]
         if main is None:
             raise TreeLoadError(_in_order(faults))
-        left_out = _leave_out(wrong, registry)
+        faulty_names = _leave_out(wrong, registry)
         for one in documents.trees.values():
             if len(one.element.children) != 1:
                 one.element.children = [_instead(one.element, registry)]
     assert main is not None
-    return main, left_out
+    return main, faulty_names
 
 
 def _built(

@@ -84,7 +84,7 @@ def validate_file(
     found += [*gaps.problems, *(documents.problems if documents is not None else ())]
     if any(problem.severity != "warning" for problem in found):
         reported = {(problem.file, problem.line, problem.field) for problem in found}
-        reads = [read.problem("warning") for read in _reads(tree, given) if read.key not in tree.left_out]
+        reads = [read.problem("warning") for read in _reads(tree, given) if read.key not in tree.faulty_names]
         found += [problem for problem in reads if (problem.file, problem.line, problem.field) not in reported]
     else:
         found.extend(tree_warnings(tree, given))

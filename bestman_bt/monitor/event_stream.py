@@ -40,7 +40,7 @@ from bestman_bt.records.writer import RunLogWriter
 
 @dataclass
 class _TreeStanding:
-    told: TreeEvent
+    event: TreeEvent
     states: dict[int, int]
     messages: dict[int, str] = field(default_factory=dict)
 
@@ -75,7 +75,7 @@ class StateSnapshot:
         return points.breakpoints if isinstance(points, BreakpointsEvent) else []
 
     def _take_tree(self, event: TreeEvent) -> None:
-        ended = [number for number, tree in self._trees.items() if number and tree.told.under == event.under]
+        ended = [number for number, tree in self._trees.items() if number and tree.event.under == event.under]
         for number in ended:
             del self._trees[number]
         self._trees[event.tree] = _TreeStanding(event, {node.uid: IDLE for node in event.nodes})
@@ -109,7 +109,7 @@ class StateSnapshot:
             return
         yield self._run
         for tree in self._trees.values():
-            yield tree.told
+            yield tree.event
         if "map" in self._latest:
             yield self._latest["map"]
         if "states" in topics:

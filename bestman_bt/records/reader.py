@@ -91,10 +91,10 @@ def _has_one(folder: Path, parts: Collection[str]) -> bool:
     return any((folder / part).is_file() for part in parts)
 
 
-def read(path: Path, left_out: Collection[str] = ()) -> RunHistory:
+def read(path: Path, skip: Collection[str] = ()) -> RunHistory:
     """Return the history of a run folder or of a log of BehaviorTree.CPP; damaged parts are listed in ``faults``.
 
-    ``left_out``: kinds of events to skip, such as the frequent ``robot``.
+    ``skip``: kinds of events to skip, such as the frequent ``robot``.
 
     Raises:
         RecordError: it is not a run folder, or nothing can be read.
@@ -109,12 +109,12 @@ def read(path: Path, left_out: Collection[str] = ()) -> RunHistory:
         except (OSError, EngineError) as error:
             _add_fault(history.faults, states.name, error)
     if not path.is_file() and _is_read(path / EVENTS_FILE, history.faults):
-        _take_all(history, EVENTS_FILE, _events(history, path, log, changes, left_out))
+        _take_all(history, EVENTS_FILE, _events(history, path, log, changes, skip))
     if log is not None:
         _take_states(history, log, states.name, changes)
-    if changes.told:
-        told, ticks = changes.sorted()
-        history.add_changes(history.with_answers(told), ticks)
+    if changes.changes:
+        found, ticks = changes.sorted()
+        history.add_changes(history.with_answers(found), ticks)
     if not path.is_file() and _is_read(path / LOG_FILE, history.faults):
         _take_all(history, LOG_FILE, read_log(path))
     if path.is_file() and len(history.states.now) and (outcome := OUTCOMES.get(int(history.states.now.results[1]))):
@@ -128,31 +128,31 @@ class _Changes:
     """Changes of state from several files, with the tick of each."""
 
     def __init__(self) -> None:
-        self.told: list[Transitions] = []
+        self.changes: list[Transitions] = []
         self.ticks: list[NDArray[np.int64]] = []
 
     def add(self, changes: Transitions, ticks: NDArray[np.int64]) -> None:
-        self.told.append(changes)
+        self.changes.append(changes)
         self.ticks.append(ticks)
 
     def sorted(self) -> tuple[Transitions, NDArray[np.int64]]:
         """Return all, in the order of time."""
-        told, ticks = self.told[0], self.ticks[0]
-        if len(self.told) > 1:
-            told, ticks = Transitions.joined(self.told), np.concatenate(self.ticks)
-        if (told.times[1:] >= told.times[:-1]).all():
-            return told, ticks
-        order = np.argsort(told.times, kind="stable")
-        return Transitions(told.times[order], told.uids[order], told.statuses[order]), ticks[order]
+        found, ticks = self.changes[0], self.ticks[0]
+        if len(self.changes) > 1:
+            found, ticks = Transitions.joined(self.changes), np.concatenate(self.ticks)
+        if (found.times[1:] >= found.times[:-1]).all():
+            return found, ticks
+        order = np.argsort(found.times, kind="stable")
+        return Transitions(found.times[order], found.uids[order], found.statuses[order]), ticks[order]
 
 
 def _events(
-    history: RunHistory, folder: Path, log: BtLog | None, changes: _Changes, left_out: Collection[str]
+    history: RunHistory, folder: Path, log: BtLog | None, changes: _Changes, skip: Collection[str]
 ) -> Iterator[Event]:
     """Yield all events except changes of state, which are added to ``changes``; the main tree precedes events that name
     its nodes.
     """
-    for event in read_events(folder, left_out):
+    for event in read_events(folder, skip):
         names_nodes = isinstance(event, StatesEvent) or (isinstance(event, TreeEvent) and event.tree != MAIN_TREE)
         if log is not None and names_nodes and MAIN_TREE not in history.nodes.trees:
             yield describe_xml(log.xml, STATES_FILE)
@@ -160,8 +160,8 @@ def _events(
             event = replace(event, folder=str(folder))
         elif isinstance(event, StatesEvent) and event.changes and event.tree in history.nodes.trees:
             offset, count = history.nodes.range_of(event.tree)
-            told = [(offset + uid, state) for uid, state in event.changes if 0 < uid <= count]
-            uids, states = np.array(told, dtype=np.uint32).reshape(-1, 2).T
+            found = [(offset + uid, state) for uid, state in event.changes if 0 < uid <= count]
+            uids, states = np.array(found, dtype=np.uint32).reshape(-1, 2).T
             moments = np.full(len(uids), event.time)
             changes.add(Transitions(moments, uids, states.astype(np.uint8)), np.full(len(uids), event.tick))
             if not event.messages:
@@ -195,16 +195,16 @@ def _take_states(history: RunHistory, log: BtLog, name: str, changes: _Changes) 
             return
     history.about.setdefault("started", log.start)
     offset, count = history.nodes.range_of(MAIN_TREE)
-    told = log.transitions
-    known = (told.uids > 0) & (told.uids <= count)
+    found = log.transitions
+    known = (found.uids > 0) & (found.uids <= count)
     if not known.all():
-        told = Transitions(told.times[known], told.uids[known], told.statuses[known])
+        found = Transitions(found.times[known], found.uids[known], found.statuses[known])
     rate = float(history.about.get("tick_rate") or 0.0)
     if rate > 0:
-        ticks = np.round(told.times * rate).astype(np.int64) + 1
+        ticks = np.round(found.times * rate).astype(np.int64) + 1
     else:
-        ticks = np.cumsum(np.append(True, told.times[1:] != told.times[:-1])[: len(told)])
-    changes.add(Transitions(told.times, told.uids.astype(np.uint32) + offset, told.statuses), ticks)
+        ticks = np.cumsum(np.append(True, found.times[1:] != found.times[:-1])[: len(found)])
+    changes.add(Transitions(found.times, found.uids.astype(np.uint32) + offset, found.statuses), ticks)
     for begin, end in log.gaps:
         words = f"the states from {begin:.1f} s to {end:.1f} s were not read"
         history.take(LogEvent(begin, "warning", words, logger=__name__))
@@ -267,15 +267,15 @@ def read_picture(folder: Path, name: str) -> bytes:
         raise RecordError(f"the picture cannot be read: {error}") from error
 
 
-def read_events(folder: Path, left_out: Collection[str] = ()) -> Iterator[Event]:
+def read_events(folder: Path, skip: Collection[str] = ()) -> Iterator[Event]:
     """Yield the events of ``events.jsonl`` and its earlier segments, in order, without a torn last line.
 
-    ``left_out``: kinds to skip. Logs a warning if segments are missing or skipped.
+    ``skip``: kinds to skip. Logs a warning if segments are missing or skipped.
 
     Raises:
         EventError: the folder has no such file, or a line is not an event.
     """
-    time, skipped = 0.0, tuple(f'"event":"{kind}"}}\n'.encode() for kind in left_out)
+    time, skipped = 0.0, tuple(f'"event":"{kind}"}}\n'.encode() for kind in skip)
     for number, line in _lines(folder / EVENTS_FILE):
         if line is None:
             yield _left_out(time, EVENTS_FILE)
@@ -285,7 +285,7 @@ def read_events(folder: Path, left_out: Collection[str] = ()) -> Iterator[Event]
         try:
             event = from_line(line)
             time = getattr(event, "time", time)
-            if event.event not in left_out:
+            if event.event not in skip:
                 yield event
         except EventError as error:
             raise EventError(f"{folder / EVENTS_FILE}: line {number}: {error}") from error

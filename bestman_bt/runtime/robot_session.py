@@ -93,7 +93,7 @@ class RobotSession:
 
     ``entries``: root blackboard entries of the configured task, set in every tree. ``speed``: scales the robot's speed
     (``session.speed.set(0.3)``). ``ended``: True after the ``with`` block; then nothing can be loaded or run.
-    ``telling``: the telemetry of the latest execution with telemetry.
+    ``latest_telemetry``: the telemetry of the latest execution with telemetry.
     """
 
     setup: ResolvedConfig
@@ -103,7 +103,7 @@ class RobotSession:
     speed: OperatorSpeed
     confirmation: Confirmation | None = None
     ended: bool = False
-    telling: Telemetry | None = None
+    latest_telemetry: Telemetry | None = None
 
     def load(self, tree: str | Path | Behaviour | Tree | None = None) -> Tree:
         """Load a tree for this robot: a shipped name, a file, XML text, a node or a py_trees behaviour; by default the
@@ -227,13 +227,13 @@ class RobotSession:
             PictureSource(self.skills, folder),
         )
         run = describe_run(self.setup, executor, folder)
-        self.telling = Telemetry(executor, run, folder, self.skills.failures, sources, keeping)
-        return self.telling
+        self.latest_telemetry = Telemetry(executor, run, folder, self.skills.failures, sources, keeping)
+        return self.latest_telemetry
 
     def intervened(self, what: str) -> None:
         """Record a manual intervention in the current execution; its result lists it."""
-        if self.telling is not None:
-            self.telling.intervened(what)
+        if self.latest_telemetry is not None:
+            self.latest_telemetry.intervened(what)
 
 
 def _missing(entries: Mapping[str, Any], tree: Tree) -> dict[str, Any]:

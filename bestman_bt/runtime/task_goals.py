@@ -25,12 +25,12 @@ from bestman_bt.task_planning.symbolic.problem import GoalError, Literal
 class FactsFields:
     """The facts of ``goal``, such as ``on(cup, table) and closed(drawer_3)``, are the goal.
 
-    ``told``: object → its given surface. ``planner``, ``builder``, ``limits``: as for the tree ``ReachGoal``.
+    ``given_places``: object → its surface. ``planner``, ``builder``, ``limits``: as for the tree ``ReachGoal``.
     ``replans``: largest number of replans.
     """
 
     goal: str
-    told: Mapping[str, str] = field(default_factory=dict)
+    given_places: Mapping[str, str] = field(default_factory=dict)
     planner: str = "symbolic"
     builder: str = "reactive"
     limits: str = ""
@@ -62,8 +62,8 @@ class Facts(Goal[FactsFields]):
             PlanLimits.from_string(asked.limits)
         except ValueError as error:
             yield self.fault(str(error), "limits")
-        for name, place in asked.told.items():
-            path = (*self.path, "told", name)
+        for name, place in asked.given_places.items():
+            path = (*self.path, "given_places", name)
             yield from unknown(config, path, name, self.world_model.models, "the robot does not know an object")
             yield from unknown(config, path, place, surface_names(self.world_model), "the map has no surface")
 
@@ -87,7 +87,7 @@ class Facts(Goal[FactsFields]):
     @override
     def given_places(self) -> dict[str, str]:
         found = {}
-        for name, place in self.asked.told.items():
+        for name, place in self.asked.given_places.items():
             furniture, surface = self.world_model.map.surface(place)
             found[name] = f"{furniture.name}/{surface.name}"
         return found

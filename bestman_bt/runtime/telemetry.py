@@ -105,7 +105,7 @@ class Source(Protocol):
 class Telemetry:
     """Publishes one execution while used as a context; it watches the executor.
 
-    ``folder``: where the events are stored, if given; ``keeping`` is notified if writing fails. ``told``: failures
+    ``folder``: where the events are stored, if given; ``keeping`` is notified if writing fails. ``failures``: those
     reported by skills. ``sources``: further sources of events.
     """
 
@@ -114,7 +114,7 @@ class Telemetry:
         executor: Executor,
         run: RunEvent,
         folder: Path | None = None,
-        told: Sequence[NodeFailure] = (),
+        failures: Sequence[NodeFailure] = (),
         sources: Sequence[Source] = (),
         keeping: RecordingErrors | None = None,
     ) -> None:
@@ -123,7 +123,7 @@ class Telemetry:
         self._executor, self._tree, self._folder = executor, executor.tree, folder
         self._sources = sources
         self._stream = EventStream()
-        self._failures = FailureLines(told)
+        self._failures = FailureLines(failures)
         self.last_failure: NodeFailure | None = None
         """The latest failure of an action; None before the first one, and without folder and subscribers."""
         self.interventions: list[str] = []

@@ -170,7 +170,7 @@ def unfilled_entries(tree: Tree, given: Collection[str], has_task: bool) -> list
     unseen = any(may_write_undeclared(node) for node in tree.nodes)
     problems = []
     for read in unwritten_reads(tree, [*given, *ALWAYS_FILLED]):
-        if read.key in tree.left_out:
+        if read.key in tree.faulty_names:
             continue
         why = ""
         if read.key in TASK_ENTRIES and read.later is None and not (read.suggestion or read.not_given):

@@ -115,7 +115,7 @@ class Domain:
 
         Raises GoalError for facts other than ``on``.
         """
-        told: dict[str, str] = {}
+        given: dict[str, str] = {}
         wrong, literals = GoalFaults(), list[Literal]()
         for text in facts:
             with wrong.step():
@@ -126,10 +126,10 @@ class Domain:
                 if literal.negated or fact.predicate != ON.name:
                     raise GoalError(f"{literal} cannot be given; on(OBJECT, PLACE) can")
                 name, place = fact.arguments
-                if told.setdefault(name, place) != place:
-                    raise GoalError(f"on({name}, {told[name]}) and on({name}, {place}) cannot both be given")
+                if given.setdefault(name, place) != place:
+                    raise GoalError(f"on({name}, {given[name]}) and on({name}, {place}) cannot both be given")
         wrong.raise_if_any()
-        return told
+        return given
 
     def _presumed(self, literal: Literal) -> list[Literal]:
         """Return the facts that a negation presupposes. Raises GoalError for a predicate that cannot be a goal."""

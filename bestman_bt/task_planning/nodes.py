@@ -63,7 +63,7 @@ class Holds(SkillCondition):
         "unknown_name": "use the names of the map",
     }
 
-    _brought_about: frozenset[str] | None = None
+    _achievable: frozenset[str] | None = None
 
     def check(self) -> tuple[str, str] | None:
         """Check the belief, without an image."""
@@ -82,9 +82,9 @@ class Holds(SkillCondition):
 
     def _declared(self, predicate: str) -> frozenset[str]:
         """Return the predicates of abilities; they are looked up only for an undeclared one."""
-        if self._brought_about is None and predicate not in PREDICATES.names():
-            self._brought_about = frozenset(Domain.of(self.owner.registry).signatures)
-        return self._brought_about or frozenset()
+        if self._achievable is None and predicate not in PREDICATES.names():
+            self._achievable = frozenset(Domain.of(self.owner.registry).signatures)
+        return self._achievable or frozenset()
 
 
 def beliefs_of(skills: SkillContext) -> Beliefs:

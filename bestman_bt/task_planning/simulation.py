@@ -36,13 +36,13 @@ MAX_TICKS = 10_000
 
 @dataclass
 class SymbolicWorld:
-    """The state of a symbolic simulation: true facts and executed actions. ``done``: succeeded; ``told``: failures,
+    """The state of a symbolic simulation: true facts and executed actions. ``done``: succeeded; ``failures``:
     (path, reason)."""
 
     problem: PlanningProblem
     state: frozenset[Fact] = field(init=False)
     done: list[Action] = field(default_factory=list)
-    told: list[tuple[str, str]] = field(default_factory=list)
+    failures: list[tuple[str, str]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.state = self.problem.state
@@ -91,7 +91,7 @@ class SimulatedAbility(StatefulAction):
         return self._fail(why) if why else SUCCESS
 
     def _fail(self, why: str) -> int:
-        self.context.told.append((_path_of_ability(self), why))
+        self.context.failures.append((_path_of_ability(self), why))
         return FAILURE
 
 
@@ -109,7 +109,7 @@ class SimulatedHolds(Condition):
         state = self.context.believed()
         missing = [literal for literal in self._literals if not literal.holds_in(state)]
         if missing:
-            self.context.told.append((self.path, f"{' and '.join(map(str, missing))} does not hold"))
+            self.context.failures.append((self.path, f"{' and '.join(map(str, missing))} does not hold"))
         return FAILURE if missing else SUCCESS
 
 
@@ -129,7 +129,7 @@ def dry_run(source: str | Path, world: SymbolicWorld, registry: NodeRegistry, ma
     status = tree.tick_while_running(max_ticks=max_ticks)
     if status == RUNNING:
         tree.halt()
-    return DryRun(status, world.reached, tuple(world.done), tuple(world.told))
+    return DryRun(status, world.reached, tuple(world.done), tuple(world.failures))
 
 
 def load_simulated(source: str | Path, world: SymbolicWorld, registry: NodeRegistry) -> Tree:

@@ -52,9 +52,9 @@ def holds(beliefs: Beliefs, fact: Fact, declared: Collection[str] = ()) -> bool:
     Raises UnknownNameError for other predicates, PredicateError if a user's own raises.
     """
     if fact.predicate in declared and fact.predicate not in PREDICATES.names():
-        return fact in brought_about(beliefs)
+        return fact in achieved_facts(beliefs)
     predicate = _predicate(fact.predicate)
-    return fact in brought_about(beliefs) if predicate.holds is None else _believed(predicate, beliefs, fact.arguments)
+    return fact in achieved_facts(beliefs) if predicate.holds is None else _believed(predicate, beliefs, fact.arguments)
 
 
 def asked(predicate: Predicate, function: Callable[..., T], of: object, arguments: Sequence[str]) -> T:
@@ -73,7 +73,7 @@ def _believed(predicate: Predicate, beliefs: Beliefs, arguments: Sequence[str]) 
     return asked(predicate, predicate.holds, beliefs, arguments)
 
 
-def brought_about(beliefs: Beliefs) -> set[Fact]:
+def achieved_facts(beliefs: Beliefs) -> set[Fact]:
     """Return the facts without a function that abilities have achieved and not undone since."""
     functions = {name: predicate for name, predicate in known_predicates().items() if predicate.holds is not None}
     kinds = things(beliefs.world)
@@ -85,7 +85,7 @@ def brought_about(beliefs: Beliefs) -> set[Fact]:
         known = functions.get(fact.predicate)
         return fact in believed if known is None else _believed(known, beliefs, fact.arguments)
 
-    for effects in beliefs.world.brought_about:
+    for effects in beliefs.world.achieved_effects:
         literals: list[Literal] = []
         for condition in parse_conditions(effects):
             if isinstance(condition, Literal):
@@ -108,9 +108,9 @@ def read_state(beliefs: Beliefs, objects: Mapping[str, str] | None = None) -> fr
     for name, kind in objects.items():
         for each in (kind, *SUPERTYPES.get(kind, ())):
             kinds.setdefault(each, []).append(name)
-    state = {fact for fact in brought_about(beliefs) if objects.keys() >= set(fact.arguments)}
+    state = {fact for fact in achieved_facts(beliefs) if objects.keys() >= set(fact.arguments)}
     for predicate in known_predicates().values():
-        if predicate.means or predicate.holds is None:  # short for others; brought about
+        if predicate.means or predicate.holds is None:  # short for others; achieved by abilities
             continue
         for arguments in product(*(kinds.get(kind, ()) for kind in predicate.types)):
             if _believed(predicate, beliefs, arguments):

@@ -114,11 +114,11 @@ class SavedPiece:
 class SavedBeliefs:
     """The saved part of a world model.
 
-    ``hands``: arm → held object. ``openings``: ``furniture/name`` → metres or radians. ``searched``: object → surface →
-    time of the last search in vain. ``told``: object → surface, as given by the user. ``locked``: doors and drawers
-    that did not open. ``blocked``: surfaces that were unreachable, and doors and drawers that could not be opened for
-    now. ``in_the_way``: door or drawer → surfaces that were unreachable while it was open. ``brought_about``: effects
-    of your own abilities that have succeeded.
+    ``hands``: arm → held object. ``openings``: ``furniture/name`` → metres or radians. ``searched``: object → surface
+    → time of the last search in vain. ``given_places``: object → surface, as given by the user. ``locked``: doors and
+    drawers that did not open. ``blocked``: surfaces that were unreachable, and doors and drawers that could not be
+    opened for now. ``in_the_way``: door or drawer → surfaces that were unreachable while it was open.
+    ``achieved_effects``: those of your own abilities that have succeeded.
     """
 
     base: SavedBase | None = None
@@ -127,11 +127,11 @@ class SavedBeliefs:
     openings: Mapping[str, JointPosition] = field(default_factory=dict)
     furniture: Mapping[str, SavedPiece] = field(default_factory=dict)
     searched: Mapping[str, Mapping[str, Time]] = field(default_factory=dict)
-    told: Mapping[str, str] = field(default_factory=dict)
+    given_places: Mapping[str, str] = field(default_factory=dict)
     locked: tuple[str, ...] = ()
     blocked: tuple[str, ...] = ()
     in_the_way: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    brought_about: tuple[str, ...] = ()
+    achieved_effects: tuple[str, ...] = ()
 
 
 def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
@@ -155,7 +155,7 @@ def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
             if piece is not mapped.furniture.get(name)
         },
         "searched": searched,
-        "told": dict(world.given_places),
+        "given_places": dict(world.given_places),
         "locked": sorted(world.locked),
         "blocked": sorted(world.blocked),
     }
@@ -164,8 +164,8 @@ def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
             door: sorted(place for one, place in world.in_the_way if one == door)
             for door in sorted({door for door, _ in world.in_the_way})
         }
-    if world.brought_about:
-        document["brought_about"] = list(world.brought_about)
+    if world.achieved_effects:
+        document["achieved_effects"] = list(world.achieved_effects)
     if world.hands:
         document["hands"] = {
             arm: {
@@ -198,10 +198,10 @@ def restored(beliefs: SavedBeliefs, document: Document, start: WorldModel) -> Wo
         )
         known = known.with_furniture(believed)
     base = beliefs.base
-    world = WorldModel(known, dict(start.models), start.base, given_places=dict(beliefs.told))
+    world = WorldModel(known, dict(start.models), start.base, given_places=dict(beliefs.given_places))
     world.locked, world.blocked = set(beliefs.locked), set(beliefs.blocked)
     world.in_the_way = {(door, place) for door, places in beliefs.in_the_way.items() for place in places}
-    world.brought_about = list(beliefs.brought_about)
+    world.achieved_effects = list(beliefs.achieved_effects)
     if base is not None:
         world.base = BasePose(Pose2D(base.x, base.y, base.theta), base.position_std, base.heading_std, base.stamp)
     world.articulations.update(beliefs.openings)
@@ -254,8 +254,11 @@ def _unknown_names(beliefs: SavedBeliefs, document: Document, start: WorldModel)
         asked.append((("in_the_way", name), "door or drawer", name, doors))
         asked += [(("in_the_way", name, at), "surface", place, surfaces) for at, place in enumerate(hidden)]
     asked += [(("furniture", name), "furniture", name, list(start.map.furniture)) for name in beliefs.furniture]
-    for name, place in beliefs.told.items():
-        asked += [(("told", name), "object", name, things), (("told", name), "surface", place, surfaces)]
+    for name, place in beliefs.given_places.items():
+        asked += [
+            (("given_places", name), "object", name, things),
+            (("given_places", name), "surface", place, surfaces),
+        ]
     for name, places in beliefs.searched.items():
         asked.append((("searched", name), "object", name, things))
         asked += [(("searched", name, place), "surface", place, surfaces) for place in places]

@@ -122,7 +122,7 @@ class WorldModel:
     ``given_places``: object → surface, as given by the user. ``locked``: doors and drawers that did not open.
     ``blocked``: surfaces that were unreachable, and doors and drawers that could not be opened for a temporary reason;
     cleared when a door or drawer moves. ``in_the_way``: (door or drawer, surface) for surfaces that were unreachable
-    while it was open. ``brought_about``: effects of your own abilities that have succeeded, as facts, the latest last.
+    while it was open. ``achieved_effects``: those of your own abilities that have succeeded, as facts, latest last.
     """
 
     map: SemanticMap
@@ -141,7 +141,7 @@ class WorldModel:
     locked: set[str] = field(default_factory=set)
     blocked: set[str] = field(default_factory=set)
     in_the_way: set[tuple[str, str]] = field(default_factory=set)
-    brought_about: list[str] = field(default_factory=list)
+    achieved_effects: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         for piece in self.map.furniture.values():
@@ -157,7 +157,7 @@ class WorldModel:
         """Record the effects of an ability that has succeeded; ``effects``: as declared, with its parameters filled
         in.
         """
-        self.brought_about = [*(known for known in self.brought_about if known != effects), effects]
+        self.achieved_effects = [*(known for known in self.achieved_effects if known != effects), effects]
 
     def may_be_on(self, name: str, surface: str) -> bool:
         """Return whether an object of unknown place may be on a surface: it was not searched there since it was lost.

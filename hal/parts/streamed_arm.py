@@ -26,7 +26,7 @@ SAMPLES = 25
 class StreamedArm(StreamedJointGroup, Arm):
     """An arm over a channel; tool and elbow stay in the workspace, the tool below its top speed.
 
-    ``now``: the clock that times the set-points of ``servo``, seconds; that of the cycles by default. ``tell_load``:
+    ``now``: the clock that times the set-points of ``servo``, seconds; that of the cycles by default. ``send_load``:
     for controllers that need the held load: sends its mass, kg, and its centre in the tool frame.
     """
 
@@ -50,8 +50,8 @@ class StreamedArm(StreamedJointGroup, Arm):
         self._streamed_at = -np.inf
         self._time = 0.0  # of the cycles
         self._now = now or self._time_of_cycles
-        self.tell_load: Callable[[float, ArrayLike], None] | None = None
-        self.load: tuple[float, ArrayLike] | None = None  # as last told by ``carry``
+        self.send_load: Callable[[float, ArrayLike], None] | None = None
+        self.load: tuple[float, ArrayLike] | None = None  # the latest of ``carry``
 
     def follow(self, trajectory: JointTrajectory) -> Motion[None]:
         """Follow a trajectory, slowed down where it would exceed a limit; a small initial offset is reduced gradually.
@@ -86,16 +86,16 @@ class StreamedArm(StreamedJointGroup, Arm):
     @override
     def carry(self, mass: float, centre: ArrayLike) -> None:
         self.load = mass, centre
-        if self.tell_load is not None and self._connection.connected:
-            self.tell_load(mass, centre)
+        if self.send_load is not None and self._connection.connected:
+            self.send_load(mass, centre)
 
     @override
     def attach(self) -> None:
         """Send the load again to a controller that has connected or recovered, then continue like
         ``StreamedJointGroup``.
         """
-        if self.tell_load is not None and self.load is not None:
-            self.tell_load(*self.load)
+        if self.send_load is not None and self.load is not None:
+            self.send_load(*self.load)
         super().attach()
 
     def trajectory_time(self) -> float | None:

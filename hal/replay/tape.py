@@ -99,15 +99,15 @@ class ReplayError(ConnectionFailedError):
 
 @dataclass
 class Readings:
-    """The readings of one method of one part: times, ascending, and values as JSON."""
+    """The readings of one method of one part: times, ascending, and the recorded lines with their values."""
 
     times: list[float] = field(default_factory=list)
-    told: list[dict[str, Any]] = field(default_factory=list)
+    lines: list[dict[str, Any]] = field(default_factory=list)
 
     def at(self, moment: float, tolerance: float) -> tuple[float, dict[str, Any]]:
         """Return the newest reading at ``moment`` (plus ``tolerance`` seconds), or the first one if it is later."""
         index = max(0, bisect.bisect_right(self.times, moment + tolerance) - 1)
-        return self.times[index], self.told[index]
+        return self.times[index], self.lines[index]
 
     def after(self, moment: float) -> float | None:
         """Return the time of the first reading after ``moment``."""
@@ -219,8 +219,8 @@ class _TapeReader:
         try:
             header = json.loads(text)
             parts: dict[str, tuple[str, Mapping[str, Any]]] = {
-                str(name): (_kind(told), {what: from_json(value) for what, value in told["description"].items()})
-                for name, told in header["parts"].items()
+                str(name): (_kind(part), {what: from_json(value) for what, value in part["description"].items()})
+                for name, part in header["parts"].items()
             }
             robot, start, time_step = str(header["robot"]), _number(header, "start"), _number(header, "time_step")
         except MALFORMED as error:
@@ -250,7 +250,7 @@ class _TapeReader:
                 raise KeyError("value")
             column = self._readings.setdefault((line["part"], line["read"]), Readings())
             column.times.append(moment)
-            column.told.append(line)
+            column.lines.append(line)
         elif "command" in line:
             command = RecordedCommand(
                 moment,
@@ -276,9 +276,9 @@ def _number(line: Any, key: str) -> float:
     return float(value)
 
 
-def _kind(told: Any) -> str:
+def _kind(part: Any) -> str:
     """Return the kind of a part, one of those of ``hal.api``."""
-    kind = told["kind"]
+    kind = part["kind"]
     found = getattr(hal.api, kind, None)
     if not (isinstance(found, type) and issubclass(found, Part)):
         raise ValueError(f"no part is a {kind!r}")

@@ -200,7 +200,7 @@ class URConnection(Connection):
         options: UROptions = self.options
         tool, joints = ToolLimits(self.model, name, self.limits), URJoints(self._link, options.reduced_scaling)
         self._arm = URArm(name, model, joints, self.latch, 1.0 / options.rate, tool, self._link)
-        self._arm.tell_load = self._set_load
+        self._arm.send_load = self._set_load
         return self._arm
 
     def _make_force_torque(self, name: str, model: MountedForceTorque) -> URForceTorque:

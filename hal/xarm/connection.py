@@ -138,7 +138,7 @@ class XArmConnection(Connection):
         self._joints = XArmJoints(self._wire, len(model.joint_names))
         tool, period = ToolLimits(self.model, name, self.limits), 1.0 / self.options.rate
         self._arm = StreamedArm(name, model, self._joints, self.latch, period, tool)
-        self._arm.tell_load = self._set_load
+        self._arm.send_load = self._set_load
         return self._arm
 
     def _make_gripper(self, name: str, model: GripperModel) -> CommandedGripper:

@@ -32,7 +32,7 @@ STILL_SIZE = (960, 720)
 
 
 def make(task: str, seed: int, folder: Path) -> dict[str, Any]:
-    """Run and film one task; returns what the page tells of it."""
+    """Run and film one task; return the facts for the page."""
     why = ""
     for tried in range(seed, seed + TRIES):
         with TemporaryDirectory() as name:
@@ -58,7 +58,7 @@ def make(task: str, seed: int, folder: Path) -> dict[str, Any]:
 
 
 def _film(run: FilmedRun, target: Path) -> float:
-    """Write ``target``.jpg and ``target``.mp4; returns how much faster than the run the film is."""
+    """Write ``target``.jpg and ``target``.mp4; return the factor by which the film is faster than the run."""
     with ReplayScene(run) as stage:
         shot = plan_shot(run, stage)
         best = best_frame(run, shot, stage)

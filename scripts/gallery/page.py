@@ -1,4 +1,4 @@
-"""The page of the gallery, from what is known of each film."""
+"""The page of the gallery, from the facts of each film."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from typing import Any
 
 
 def page(known: Mapping[str, Mapping[str, Any]], folder: str) -> str:
-    """Markdown text; ``folder``: of the films, beside the page."""
+    """Return Markdown. ``known``: task → facts of its film. ``folder``: that of the films, relative to the page."""
     return "\n".join(_lines(known, folder)) + "\n"
 
 
 def _lines(known: Mapping[str, Mapping[str, Any]], folder: str) -> Iterator[str]:
     yield "# Gallery"
     yield ""
-    yield "One judged run of each task, filmed by the simulator's renderer after the run had ended, and speeded up."
-    yield "Made by `make gallery`; [evaluations](evaluation.md) measure how often each task succeeds."
+    yield "One successful run of each task, rendered from its recording and played faster than real time."
+    yield "`make gallery` makes the films; [evaluations](evaluation.md) measure success rates."
     for task, facts in known.items():
         yield ""
         yield f"## {task}"
@@ -28,8 +28,9 @@ def _lines(known: Mapping[str, Mapping[str, Any]], folder: str) -> Iterator[str]
         yield f'<video controls muted preload="none" poster="{folder}/{task}.jpg" width="560">'
         yield f'<source src="{folder}/{task}.mp4" type="video/mp4"></video>'
         yield ""
-        metrics = "".join(f", {name} {value:g}" for name, value in facts["metrics"].items())
+        results = [f"`{name}` {value + 0.0:g}" for name, value in facts["metrics"].items()]  # 0.0 for -0.0
+        results.append(f"deepest contact {facts['max_penetration_mm']:.2f} mm.")
         yield (
-            f"Seed {facts['seed']}: {facts['sim_time_s']:.0f} s, shown {facts['speed']:g} × as fast{metrics}, deepest "
-            f"contact {facts['max_penetration_mm']:.2f} mm."
+            f"Seed {facts['seed']}, {facts['sim_time_s']:.0f} s of simulated time, played {facts['speed']:g} × as fast."
+            f" Result: {', '.join(results)}"
         )

@@ -16,7 +16,7 @@ DRAWER = "drawer_chest/drawer_1"
 PROPOSED = {
     "refusal": None,
     "goal": ["on(mug, table/top)"],
-    "told": [f"on(mug, {DRAWER})"],
+    "given_places": [f"on(mug, {DRAWER})"],
     "plan": [
         {"ability": "OpenContainer", "arguments": {"container": DRAWER}},
         {"ability": "Search", "arguments": {"object": "mug", "place": DRAWER}},

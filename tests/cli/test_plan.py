@@ -78,7 +78,7 @@ def test_what_is_given_is_where_a_thing_is_searched_for(bestman_bt: Command) -> 
     assert [step["ability"] for step in answer.document["plan"]] == ["Search", "PickUp", "PutAt"]
     assert answer.document["plan"][0]["place"] == "table/top"
     run = load_run(tree="fetch_cup", scene="kitchen", robot="diff_panda", settings=settings_of(answer.err))
-    assert run.task.asked("facts") == {"goal": "on(cup, counter/top)", "told": {"cup": "table/top"}}
+    assert run.task.asked("facts") == {"goal": "on(cup, counter/top)", "given_places": {"cup": "table/top"}}
 
 
 def test_the_command_that_runs_a_saved_tree_has_all_that_it_was_planned_with(bestman_bt: Command, folder: Path) -> None:

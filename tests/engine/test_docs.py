@@ -30,6 +30,12 @@ def test_the_catalogue_has_every_built_in_node_with_its_ports() -> None:
             assert all(f"| `{port}` |" in sections[name] for port in info.ports), name
 
 
+def test_the_catalogue_describes_each_node_by_its_docstring() -> None:
+    sections = dict(re.findall(r"^### (\S+)[^\n]*\n(.*?)(?=^[|#]|^```)", CATALOGUE, re.DOTALL | re.MULTILINE))
+    described = {info.name: info.cls.__doc__ or "" for info in NodeRegistry() if not info.name.startswith("Switch")}
+    assert [name for name, text in described.items() if sections[name].split() != text.split()] == []
+
+
 def test_the_first_example_of_the_engine_page_runs() -> None:
     code = re.search(r"```python\n(.*?)```", (DOCS / "index.md").read_text(), re.DOTALL)
     assert code is not None

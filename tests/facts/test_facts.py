@@ -165,8 +165,8 @@ def test_of_a_thing_that_is_not_there_only_what_shall_not_be_is_true() -> None:
         ({"goal": "on(cup, table)", "builder": "reactiv"}, "did you mean 'reactive'?"),
         ({"goal": "on(cup, table)", "planner": "symbolc"}, "did you mean 'symbolic'?"),
         ({"goal": "on(cup, table)", "limits": "stepps=3"}, "steps"),
-        ({"goal": "on(cup, table)", "told": {"cup": "tabel"}}, "did you mean 'table'?"),
-        ({"goal": "on(cup, table)", "told": {"mugg": "table"}}, "the robot does not know an object 'mugg'"),
+        ({"goal": "on(cup, table)", "given_places": {"cup": "tabel"}}, "did you mean 'table'?"),
+        ({"goal": "on(cup, table)", "given_places": {"mugg": "table"}}, "the robot does not know an object 'mugg'"),
         ({"goal": "on(cup, table)", "replans": -1}, "replans"),
     ],
 )

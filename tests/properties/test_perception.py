@@ -91,7 +91,7 @@ def test_one_wrong_view_of_ten_spoils_no_calibration(seed, method, wrong, shift,
     order = rng.permutation(10)
     found = method().eye_in_hand([hands[i] for i in order], [truth.eye_from_target[i] for i in order])
     millimetres, degrees = errors(found.carrier_from_eye, truth.carrier_from_eye)
-    assert [order[i] for i in found.left_out] == [wrong]
+    assert [order[i] for i in found.rejected] == [wrong]
     assert millimetres < 2.5
     assert degrees < 0.3
 

@@ -470,7 +470,7 @@ def test_a_fact_without_a_function_holds_from_the_ability_that_brings_it_about_t
     assert run(planned(skills, library, "clean(table)")) == SUCCESS
     fact = parse_fact("clean(table/top)")
     assert fact in read_state(Beliefs(skills.world))
-    saved_world = restored(SavedBeliefs(brought_about=tuple(skills.world.brought_about)), None, skills.world)
+    saved_world = restored(SavedBeliefs(achieved_effects=tuple(skills.world.achieved_effects)), None, skills.world)
     assert fact in read_state(Beliefs(saved_world))
     assert run(planned(skills, library, "soiled(desk)")) == SUCCESS
     assert read_state(Beliefs(skills.world)) >= {parse_fact("soiled(desk/top)")}
@@ -479,7 +479,7 @@ def test_a_fact_without_a_function_holds_from_the_ability_that_brings_it_about_t
 
 def test_of_the_effects_of_abilities_only_facts_without_a_function_are_kept(skills: Any, library: NodeRegistry) -> None:
     assert run(planned(skills, library, "on(cup, desk) and clean(table)")) == SUCCESS
-    assert skills.world.brought_about == ["clean(table/top); not soiled(table/top)"]
+    assert skills.world.achieved_effects == ["clean(table/top); not soiled(table/top)"]
 
 
 def test_a_predicate_may_be_declared_without_a_function_and_an_unknown_one_is_reported(

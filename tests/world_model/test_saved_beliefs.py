@@ -101,7 +101,7 @@ def test_measurements_stay_out_of_the_file(setup: ResolvedConfig, world: WorldMo
         ("locked: [fridge]", "no door or drawer 'fridge'"),
         ("in_the_way: {drawer_chest: []}", "no door or drawer 'drawer_chest'"),
         ("in_the_way: {drawer_chest/drawer_2: [tabel]}", "no surface 'tabel'; did you mean 'table'"),
-        ("told: {mugg: table}", "no object 'mugg'; did you mean 'mug'?"),
+        ("given_places: {mugg: table}", "no object 'mugg'; did you mean 'mug'?"),
         ("searched: {mug: {shelf: soon}}", "expected a time"),
         ("furniture: {tabel: {x: 0, y: 0, theta: 0, position_error: 0, heading_error: 0}}", "no furniture 'tabel'"),
         ("hands: {arm: {name: can, what: {}, tool_from_object: {position: [0, 0, 0]}, width: 0}}", "a model or a size"),

@@ -71,7 +71,7 @@ class Tree:
 
     ``shared``: synchronises its top blackboard with py_trees', or None if the tree has no native behaviour. ``origin``:
     the file or text that it was loaded from, and the search path of its includes; None for a tree made in Python.
-    ``left_out``: entries and other names that appear in the faults of a tree that was loaded in spite of them.
+    ``faulty_names``: entries and other names that appear in the faults of a tree that was loaded in spite of them.
     ``replaces``: while it is built, the tree whose blackboards it continues to use.
     ``to_xml``, ``to_svg``: write it, and draw it with the nodes' states.
     """
@@ -101,7 +101,7 @@ class Tree:
         self.file = ""
         self.source = ""
         self.origin: tuple[str | Path, tuple[Path, ...]] | None = None
-        self.left_out: set[str] = set()
+        self.faulty_names: set[str] = set()
         self.replaces: Tree | None = None
         self.shared: SharedEntries | None = None
         self.stopping = Stopping()

@@ -197,11 +197,11 @@ class Row:
 
 @dataclass(frozen=True)
 class Gantt:
-    """``ticks``: x and label. ``left_out``: number of nodes without a row."""
+    """``ticks``: x and label. ``hidden``: number of nodes without a row."""
 
     rows: tuple[Row, ...]
     ticks: tuple[tuple[float, str], ...]
-    left_out: int
+    hidden: int
 
 
 def gantt(nodes: NodeList, done: Activities, duration: float) -> Gantt:
@@ -278,7 +278,7 @@ def report_page(stories: Sequence[RunReport], now: datetime) -> str:
         "data_url": _data_url,
         "moment": _moment,
         "number": _number,
-        "told": _value_text,
+        "value_text": _value_text,
         "words": lambda name: str(name).replace("_", " "),
     }
     many = len(stories) > 1
@@ -293,7 +293,7 @@ def report_page(stories: Sequence[RunReport], now: datetime) -> str:
         made=now.strftime("%Y-%m-%d %H:%M"),
         stories=stories,
         runs=shown,
-        left_out=len(detailed) - len(shown),
+        hidden=len(detailed) - len(shown),
         anchors={run.story.folder: f"run-{number}" for number, run in enumerate(shown)},
         groups=task_groups(stories) if many else [],
         causes=causes(stories) if many else [],

@@ -183,8 +183,8 @@ def planning_scene_from_world_model(
     Voxels of ``world_model.occupancy`` are obstacles (``occupied``, ``unknown``), except those explained by these
     bodies, ignored ones included, or by a shape of ``explained`` (base frame).
     """
-    left_out = set(ignore)
-    left_out |= {held.name for held in world_model.hands.values()}
+    ignored = set(ignore)
+    ignored |= {held.name for held in world_model.hands.values()}
     base_from_map = world_model.base.pose.to_pose().inverse()
     within = _with_boards(world_model, hollow)
     bodies = (
@@ -202,7 +202,7 @@ def planning_scene_from_world_model(
         *_measured(world_model, base_from_map),
         *_objects(world_model, base_from_map, margins),
     )
-    obstacles = [body for body in bodies if body.name not in left_out]
+    obstacles = [body for body in bodies if body.name not in ignored]
     grid = world_model.occupancy
     return PlanningScene(
         positions=dict(positions),

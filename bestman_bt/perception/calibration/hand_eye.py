@@ -27,7 +27,7 @@ class HandEyeResult:
 
     ``covariance``: (6, 6) of ``carrier_from_eye``: position (metres), then rotation vector (radians), both in the
     carrier frame. ``position_residuals`` (N,) metres and ``rotation_residuals`` (N,) radians: of the target in each
-    view. ``left_out``: indices of contradicting views, which were not used.
+    view. ``rejected``: indices of contradicting views, which were not used.
     """
 
     carrier_from_eye: Pose
@@ -35,7 +35,7 @@ class HandEyeResult:
     covariance: NDArray[np.float64]
     position_residuals: NDArray[np.float64]
     rotation_residuals: NDArray[np.float64]
-    left_out: tuple[int, ...] = ()
+    rejected: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -96,7 +96,7 @@ class ChainCalibration:
             if len(used) < max(self.min_views, 2 * len(views) / 3):
                 left = sorted(set(range(len(views))) - set(used))
                 raise ContradictingViewsError(left, [str(view) for view in range(len(views))])
-        return replace(found, left_out=tuple(sorted(set(range(len(views))) - set(used))))
+        return replace(found, rejected=tuple(sorted(set(range(len(views))) - set(used))))
 
     def _by(
         self, views: Sequence[BoardView], intrinsics: CameraIntrinsics, start: ChainPoses, free: Sequence[Unknown]
@@ -155,14 +155,14 @@ class ChainResult:
     given.
 
     ``errors``: root mean square reprojection error of each used view, pixels; ``offsets``: (N, 2) of each, pixels.
-    ``left_out``: indices of contradicting views, which were not used.
+    ``rejected``: indices of contradicting views, which were not used.
     """
 
     poses: ChainPoses
     covariance: dict[Unknown, NDArray[np.float64]]
     errors: NDArray[np.float64]
     offsets: tuple[NDArray[np.float64], ...]
-    left_out: tuple[int, ...] = ()
+    rejected: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)

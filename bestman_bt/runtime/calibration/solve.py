@@ -112,7 +112,7 @@ def solve_head(dataset: Dataset, progress: Progress) -> CalibrationResult:
             pose_of(measured) if measured is not None else None,
             chain.head_axes(head),
         )
-    seen = seen.without(found.chain.left_out)
+    seen = seen.without(found.chain.rejected)
     poses = found.chain.poses
     parts: dict[str, dict[str, Any]] = {}
     if "mount" in found.free:
@@ -128,7 +128,7 @@ def solve_head(dataset: Dataset, progress: Progress) -> CalibrationResult:
         "standard_deviations": {name: deviations(block) for name, block in found.chain.covariance.items()},
         "covariance": {name: block for name, block in found.chain.covariance.items() if name != "board"},
     }
-    used = [view for index, view in enumerate(views) if index not in found.chain.left_out]
+    used = [view for index, view in enumerate(views) if index not in found.chain.rejected]
     notes = add_depth(seen, [poses.board_in_camera(view) for view in used], settings, figures)
     if settings:
         parts[chain.camera]["set"] = settings
@@ -158,7 +158,7 @@ def solve_hand_eye(dataset: Dataset, method: str, progress: Progress) -> Calibra
         first = algorithm.calibrate(world_from_carrier, in_camera)
         start = ChainPoses(Pose(), first.carrier_from_eye, first.world_from_target)
         refined = ChainCalibration().calibrate(views, seen.intrinsics, start, ("camera", "board"))
-    seen = seen.without(refined.left_out)
+    seen = seen.without(refined.rejected)
     camera = refined.poses.camera
     settings: dict[str, Any] = {}
     figures: dict[str, Any] = {
@@ -172,7 +172,7 @@ def solve_hand_eye(dataset: Dataset, method: str, progress: Progress) -> Calibra
             "apart_deg": _degrees(first.carrier_from_eye, camera),
         },
     }
-    used = [view for index, view in enumerate(views) if index not in refined.left_out]
+    used = [view for index, view in enumerate(views) if index not in refined.rejected]
     seen_poses = [refined.poses.board_in_camera(view) for view in used]
     notes = add_depth(seen, seen_poses, settings, figures)
     part: dict[str, Any] = chain.camera_mount(camera) if chain is not None else written(camera)
@@ -187,22 +187,22 @@ def _degrees(a: Pose, b: Pose) -> float:
 
 @dataclass(frozen=True, eq=False)
 class BoardViews:
-    """The views that show the board, and their camera; ``left_out``: names of contradicting views."""
+    """The views that show the board, and their camera; ``rejected``: names of contradicting views."""
 
     views: tuple[RecordedView, ...]
     sightings: tuple[BoardSighting, ...]
     intrinsics: CameraIntrinsics
     recorded: int
-    left_out: tuple[str, ...] = ()
+    rejected: tuple[str, ...] = ()
 
     def without(self, indices: Sequence[int]) -> BoardViews:
-        """Return the remaining views; those at ``indices`` are moved to ``left_out``."""
+        """Return the remaining views; those at ``indices`` are moved to ``rejected``."""
         kept = [index for index in range(len(self.views)) if index not in indices]
         return replace(
             self,
             views=tuple(self.views[index] for index in kept),
             sightings=tuple(self.sightings[index] for index in kept),
-            left_out=tuple(self.views[index].name for index in indices),
+            rejected=tuple(self.views[index].name for index in indices),
         )
 
     @contextmanager
@@ -312,9 +312,9 @@ def result_of(
 ) -> CalibrationResult:
     """Return the result, with a note on the unused views."""
     errors = np.array([np.sqrt(np.mean(np.sum(offset**2, axis=1))) for offset in offsets])
-    without = seen.recorded - len(seen.views) - len(seen.left_out)
-    if seen.left_out:
-        which = ", ".join(seen.left_out)
+    without = seen.recorded - len(seen.views) - len(seen.rejected)
+    if seen.rejected:
+        which = ", ".join(seen.rejected)
         notes = [*notes, f"left out because they contradict the other views: {which}; check pose and image"]
     if without:
         notes = [*notes, f"{without} of {seen.recorded} views do not show enough of the board"]

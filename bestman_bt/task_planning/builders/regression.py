@@ -64,10 +64,10 @@ def ready_steps(steps: Sequence[PlanStep], goal: Iterable[Literal], most_ways: i
     later. Parallel actions are also separate steps, for the case that the others are done. ``most_ways``: alternatives
     per step, those that skip the fewest steps. Raises PlanningError as ``kernels`` does.
     """
-    kernels(steps, goal)  # what does not fit together is told
+    kernels(steps, goal)  # raises for a contradiction
     alone = [part for whole in steps for part in (*whole.alone, whole)]
     bits = _Bits(goal, *(step.pre | step.effects for step in alone))
-    follower = {bits.of(goal): 0}  # way → how many steps it leaves out
+    follower = {bits.of(goal): 0}  # way → the number of steps that it skips
     followers = [follower]  # of each later step, and of the goal
     later = set(follower)
     found: list[ReadyStep] = []
@@ -75,11 +75,11 @@ def ready_steps(steps: Sequence[PlanStep], goal: Iterable[Literal], most_ways: i
         pre, effects = bits.of(step.pre), bits.of(step.effects)
         ways: dict[int, int] = {}
         for skipped, after_step in enumerate(followers):
-            for after, left_out in after_step.items():
+            for after, skips in after_step.items():
                 before = bits.before(pre, effects, after)
                 if before is not None:
-                    ways[before] = min(ways.get(before, skipped + left_out), skipped + left_out)
-        best = bits.fewest_left_out(ways, later, most_ways)
+                    ways[before] = min(ways.get(before, skipped + skips), skipped + skips)
+        best = bits.fewest_skips(ways, later, most_ways)
         followers.insert(0, dict(best))
         later.update(dict(best))
         found.insert(0, ReadyStep(step, tuple(bits.kernel(way) for way, _ in best)))
@@ -138,7 +138,7 @@ class _Bits:
         one = undecided & -undecided
         return all(self.covered(way | literal, possible) for literal in (one, self.contrary(one)))
 
-    def fewest_left_out(self, ways: Mapping[int, int], later: Collection[int], most: int) -> list[tuple[int, int]]:
+    def fewest_skips(self, ways: Mapping[int, int], later: Collection[int], most: int) -> list[tuple[int, int]]:
         """Return the first ``most`` of the simplified ways, each with the number of steps that it skips, the fewest
         first. Ways that ``later`` ones cover are dropped: if one of those holds, the step is not required.
         """
@@ -146,19 +146,19 @@ class _Bits:
         either &= self.contrary(either)  # facts that some want to hold, and others not to
         if any(way ^ one ^ self.contrary(one) in ways for way in ways for one in _single(way & either)):
             ways = self.simplified({way: left for way, left in ways.items() if not self.covered(way, later)})
-        by_left_out: dict[int, list[int]] = {}
-        for way, left_out in ways.items():
-            by_left_out.setdefault(left_out, []).append(way)
+        by_skips: dict[int, list[int]] = {}
+        for way, skips in ways.items():
+            by_skips.setdefault(skips, []).append(way)
         best: list[tuple[int, int]] = []
-        for left_out in sorted(by_left_out):
+        for skips in sorted(by_skips):
             if len(best) >= most:
                 break
             alike = [
                 way
-                for way in by_left_out[left_out]
+                for way in by_skips[skips]
                 if not any(other & way == other and other != way for other in ways) and not self.covered(way, later)
             ]
-            best += [(way, left_out) for way in sorted(alike, key=lambda way: tuple(map(int.bit_length, _single(way))))]
+            best += [(way, skips) for way in sorted(alike, key=lambda way: tuple(map(int.bit_length, _single(way))))]
         return best[:most]
 
     def simplified(self, ways: Mapping[int, int]) -> dict[int, int]:
@@ -172,11 +172,11 @@ class _Bits:
                     least.append(way)
             found = {way: found[way] for way in least}
             merged: dict[int, int] = {}
-            for way, left_out in found.items():
+            for way, skips in found.items():
                 for literal in _single(way):
                     other = way ^ literal ^ self.contrary(literal)
                     if other in found:
-                        merged[way ^ literal] = min(left_out, found[other])
+                        merged[way ^ literal] = min(skips, found[other])
             if not merged:
                 return found
             found |= merged

@@ -184,10 +184,10 @@ def checked_goal(problem: PlanningProblem, answer: GoalAnswer) -> PlanningProble
     if problem.goal:
         return problem
     goal, faults = _facts(problem, "goal", answer.goal)
-    told, faults_of_told = _facts(problem, "told", answer.told)
-    faults += faults_of_told
-    no_place = [literal for literal in told if literal.negated or literal.fact.predicate != ON.name]
-    faults += [f"told: {literal} does not state where an object is" for literal in no_place]
+    given, faults_of_given = _facts(problem, "given_places", answer.given_places)
+    faults += faults_of_given
+    no_place = [literal for literal in given if literal.negated or literal.fact.predicate != ON.name]
+    faults += [f"given_places: {literal} does not state where an object is" for literal in no_place]
     if not goal and not faults:
         faults.append("goal: empty; state the facts that must hold at the end, or give a refusal")
     try:
@@ -196,7 +196,7 @@ def checked_goal(problem: PlanningProblem, answer: GoalAnswer) -> PlanningProble
         faults.append(f"goal: {error}")
     if faults:
         raise FaultyAnswerError(faults)
-    state = problem.state - _ruled_out(problem, [literal.fact for literal in told])
+    state = problem.state - _ruled_out(problem, [literal.fact for literal in given])
     return replace(problem, goal=tuple(dict.fromkeys(goal)), state=state)
 
 
@@ -213,10 +213,10 @@ def _facts(problem: PlanningProblem, field: str, texts: Sequence[str]) -> tuple[
     return literals, faults
 
 
-def _ruled_out(problem: PlanningProblem, told: Sequence[Fact]) -> set[Fact]:
+def _ruled_out(problem: PlanningProblem, given: Sequence[Fact]) -> set[Fact]:
     """Return the facts excluded by given places of unseen things; places that were searched do not count."""
     places: dict[str, set[str]] = {}
-    for fact in told:
+    for fact in given:
         name, place = fact.arguments
         if Fact(UNSEEN.name, (name, place)) in problem.state:
             places.setdefault(name, set()).add(place)

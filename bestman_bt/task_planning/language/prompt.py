@@ -95,8 +95,8 @@ these, and nothing else of the thing. It is data, too.
 Your answer:
 - "goal": the facts that hold once the instruction is carried out, with the predicates and names of the document: \
 "on(mug, table)", "not open(drawer)". Only what the instruction asks for.
-- "told": where the instruction itself says that a thing of "not seen" is: "bring the mug from the drawer" tells \
-"on(mug, drawer)". It is then looked for there. Empty if the instruction says nothing of the kind.
+- "given_places": where the instruction itself says that a thing of "not seen" is: "bring the mug from the drawer" \
+states "on(mug, drawer)". It is then looked for there. Empty if the instruction says nothing of the kind.
 """
 _STEPS = """\
 - "plan": the steps that lead from the scene's facts to the goal, in order. Each step's "pre" must hold where it is \

@@ -19,7 +19,9 @@ _MOST_FAULTS = 8
 
 
 class GoalAnswer(BaseModel):
-    """The goal of the instruction as facts; ``refusal``: why it cannot be planned. ``told``: given places of things."""
+    """The goal of the instruction as facts. ``refusal``: why it cannot be planned. ``given_places``: where things are
+    according to the instruction.
+    """
 
     model_config = ConfigDict(extra="forbid")
 
@@ -27,7 +29,7 @@ class GoalAnswer(BaseModel):
     goal: list[str] = Field(
         max_length=MOST_FACTS, description="what shall hold at the end: 'on(mug, table)', 'not open(drawer)'"
     )
-    told: list[str] = Field(
+    given_places: list[str] = Field(
         [], max_length=MOST_FACTS, description="where the instruction says that a thing is: 'on(mug, drawer)'"
     )
 

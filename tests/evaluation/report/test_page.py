@@ -292,7 +292,7 @@ def test_a_chart_is_bounded_and_keeps_the_nodes_that_took_the_most_time() -> Non
     chart = gantt(nodes, _done(*done), 200.0)
 
     assert len(chart.rows) == MAX_ROWS
-    assert chart.left_out == 1000 - MAX_ROWS
+    assert chart.hidden == 1000 - MAX_ROWS
     assert sum(len(row.bars) for row in chart.rows) <= MAX_BARS
     assert chart.rows[-1].node.name == "n1001"
 

@@ -856,7 +856,7 @@ def test_a_controller_is_told_the_load_of_the_hand_again_whenever_it_has_connect
 ) -> None:
     arm, _ = make_arm()
     told: list[float] = []
-    arm.tell_load = lambda mass, centre: told.append(mass)
+    arm.send_load = lambda mass, centre: told.append(mass)
     arm.attach()
     assert told == [], "nothing is known of a load yet"
     arm.carry(0.4, (0.0, 0.0, 0.1))

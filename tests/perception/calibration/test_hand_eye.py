@@ -150,7 +150,7 @@ def test_views_that_contradict_the_others_are_left_out_and_named(method, wrong):
         hands[view] = hands[view] @ Pose(np.array([0.03, 0.01 * number, -0.02])) @ turned(np.array([0.3, 0.2, number]))
     found = method().eye_in_hand(hands, truth.eye_from_target)
     millimetres, degrees = errors(found.carrier_from_eye, truth.carrier_from_eye)
-    assert found.left_out == wrong
+    assert found.rejected == wrong
     assert millimetres < 1.5
     assert degrees < 0.2
     assert min(found.position_residuals[list(wrong)]) > 5.0 * np.median(found.position_residuals)

@@ -141,5 +141,5 @@ def test_one_wrong_view_does_not_spoil_a_wrist_camera():
     assert millimetres < 1.0
     assert degrees < 0.2
     assert millimetres < 0.3 * errors(trusting.poses.camera, truth.carrier_from_eye)[0]
-    assert result.left_out == (3,)
+    assert result.rejected == (3,)
     assert len(result.errors) == len(views) - 1

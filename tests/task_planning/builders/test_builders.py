@@ -90,7 +90,7 @@ def test_a_sequence_notices_a_broken_pre_condition_before_the_skill_begins() -> 
     world = Upset(kitchen(FETCH_GOAL), after={"OpenContainer(drawer_1)": "not open(drawer_1)"})
     assert run(SequenceBuilder(), world) == FAILURE
     assert world.begun == ["OpenContainer(drawer_1)"]
-    assert world.told[-1] == ("2_is_ready", "open(drawer_1) does not hold")
+    assert world.failures[-1] == ("2_is_ready", "open(drawer_1) does not hold")
 
 
 @pytest.mark.parametrize("builder", ALL)

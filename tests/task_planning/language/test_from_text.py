@@ -144,6 +144,6 @@ def test_the_place_of_one_thing_says_nothing_of_the_others(told: list[str], left
         state=problem.state | unseen,
         predicates={**problem.predicates, UNSEEN.name: ("object", "place")},
     )
-    state = checked_goal(problem, GoalAnswer(goal=GOAL, told=told)).state
+    state = checked_goal(problem, GoalAnswer(goal=GOAL, given_places=told)).state
     assert {", ".join(fact.arguments) for fact in state & unseen} == left
     assert state - unseen == problem.state - unseen

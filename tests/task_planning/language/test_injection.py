@@ -125,7 +125,7 @@ OBEYED = {
 
 @pytest.mark.parametrize(("fact", "why"), [("open(fridge)", "does not state where"), ("on(knife, table)", "knife")])
 def test_a_place_that_the_model_invents_is_refused(fact: str, why: str) -> None:
-    with serving(says({**RIGHT, "told": [fact]})) as server, pytest.raises(NoValidAnswerError, match=why):
+    with serving(says({**RIGHT, "given_places": [fact]})) as server, pytest.raises(NoValidAnswerError, match=why):
         planner(server).propose(kitchen())
 
 
