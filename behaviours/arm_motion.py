@@ -216,7 +216,7 @@ def approach_object(
 def timed_path(
     skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0
 ) -> SkillCoroutine[JointTrajectory]:
-    """Return the checked motion of ``follow_path``. Raises MotionPlanningError if it would collide."""
+    """Return the timed motion along ``path`` (N, n), radians. Raises MotionPlanningError if it would collide."""
     skills = skill.skills
     waypoints = np.vstack([skills.arm_positions(), path[1:]])
     parameters = skills.parameters.arm_motion

@@ -90,8 +90,9 @@ class Opening:
         return abs(float(self.handle.axis @ axis)) > PARALLEL
 
     def held_at(self, grasp: Pose) -> NDArray[np.float64]:
-        """Return the point of the tool frame where the hand at ``grasp`` (map frame) holds a bar, on its axis; else the
-        origin.
+        """Return the grasped point of a turning bar, on its axis, in the tool frame, metres; otherwise the origin.
+
+        ``grasp``: tool pose in the map frame.
         """
         if not self.bar_turns:
             return np.zeros(3)

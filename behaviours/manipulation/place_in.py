@@ -48,7 +48,7 @@ class FindRoomIn(InstantSkill):
         self._given = np.zeros((0, 2))
 
     def act(self) -> None:
-        """Read the belief, without an image."""
+        """Choose a place by the believed objects; take no image. Raises SkillFailure if none is free."""
         world = self.skills.world
         name: str = self.object
         held = next((one for one in world.hands.values() if one.name == name), None)

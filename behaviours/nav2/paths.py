@@ -129,7 +129,7 @@ class GetPoseFromPath(InstantSkill):
     pose = Out(Pose2D, "the pose; it faces along the path")
 
     def act(self) -> None:
-        """Look up the pose."""
+        """Write the pose at ``index`` of the path."""
         path = needed(self.path_)
         count = len(path.points)
         at = self.index + count if self.index < 0 else self.index
@@ -155,7 +155,7 @@ class PathExpiringTimer(SkillCondition):
         self._path: Path2D | None = None
 
     def check(self) -> tuple[str, str] | None:
-        """Check the clock."""
+        """Compare the time since the last success with the period."""
         now, path = self.clock.now(), self.path_
         if self._since is None or path is not self._path:
             self._since, self._path = now, path
@@ -208,7 +208,7 @@ class IsPathValid(SkillCondition):
     FAILS: ClassVar = {**NO_PATH, "path_blocked": "ComputePathToPose again"}
 
     def check(self) -> tuple[str, str] | None:
-        """Check the costmap."""
+        """Check the footprint along the remaining path on the costmap."""
         from bestman_bt.navigation.path_pieces import nearest_along, piece
 
         path = needed(self.path_)
@@ -250,7 +250,7 @@ class IsGoalNearby(SkillCondition):
         self._progress = PlaceOnPath()
 
     def check(self) -> tuple[str, str] | None:
-        """Check the localisation."""
+        """Compare the length of the remaining path with the threshold."""
         path: Path2D | None = self.path_
         if path is None:
             return "no_path", "there is no path yet"

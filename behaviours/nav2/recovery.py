@@ -91,7 +91,7 @@ class AreErrorCodesPresent(SkillCondition):
     FAILS: ClassVar = {"other_code": "the failure has another code; this is a valid result"}
 
     def check(self) -> tuple[str, str] | None:
-        """Compare the code."""
+        """Return None if the error code is one of those to check."""
         code = self.error_code
         if code in (self.error_codes_to_check or self.CODES):
             return None
@@ -135,7 +135,7 @@ class IsStuck(SkillCondition):
     FAILS: ClassVar = {"not_stuck": "nothing is wrong"}
 
     def check(self) -> tuple[str, str] | None:
-        """Check the base's controller."""
+        """Return None if the base's controller reports a stalled base."""
         if self.skills.base.stuck:
             return None
         return "not_stuck", "the base moves as commanded"

@@ -98,7 +98,7 @@ class InitialPoseReceived(SkillCondition):
     }
 
     def check(self) -> tuple[str, str] | None:
-        """Check the localisation."""
+        """Compare the standard deviations of the localisation with the limits."""
         believed, limit = self.skills.world.base, self.max_position_std
         if believed.position_std > limit:
             return "no_pose", f"the believed base position is uncertain by ±{believed.position_std:.1f} m"

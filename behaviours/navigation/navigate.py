@@ -251,7 +251,7 @@ class At(SkillCondition):
     FAILS: ClassVar = {"not_at_goal": "NavigateTo"}
 
     def check(self) -> tuple[str, str] | None:
-        """Check the localisation."""
+        """Compare the believed base pose with the given one."""
         goal: Pose2D = self.goal
         pose = self.skills.world.base.pose
         distance = pose.distance_to(goal)

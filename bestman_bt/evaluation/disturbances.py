@@ -35,7 +35,7 @@ TRIES = 200
 
 @dataclass(frozen=True)
 class Relocation:
-    """``surface``: ``furniture/name``. ``pose``: of the object in the map frame."""
+    """A new place of an object: ``surface`` (``furniture/name``) and ``pose`` in the map frame."""
 
     surface: str
     pose: Pose

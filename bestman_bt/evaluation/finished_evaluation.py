@@ -16,7 +16,7 @@ from bestman_bt.registry import suggestion
 
 @dataclass(frozen=True)
 class FinishedEntry:
-    """``settings``: overrides of its task. ``results``: in the order of their seeds."""
+    """One entry of an evaluation. ``settings``: overrides of its task. ``results``: in the order of their seeds."""
 
     name: str
     task: str

@@ -48,8 +48,8 @@ class PartTrace:
 
 @dataclass(frozen=True, eq=False)
 class BlackBox:
-    """``stopped_at``: seconds of the robot's clock when it stopped or a motion failed; ``reason``: why; ``parts``: by
-    name.
+    """The last seconds before a stop or a failed motion. ``stopped_at``: its time by the robot's clock, seconds.
+    ``reason``: why; ``parts``: by name.
     """
 
     stopped_at: float

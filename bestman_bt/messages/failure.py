@@ -73,7 +73,7 @@ class MotionObstacle:
 
 @dataclass(frozen=True)
 class Failure:
-    """``code``: for programs, a MotionErrorCode or a code that a skill declares; ``text``: for people.
+    """A failure. ``code``: for programs, a MotionErrorCode or a code that a skill declares; ``text``: for people.
 
     ``part``: the name of the robot's part, or empty. ``vendor_code``: the vendor's own code, such as ``C31``.
     ``obstacle``: the cause of a failed motion, if known.

@@ -200,7 +200,7 @@ MAX_LOADED = 6
 
 
 class RunList:
-    """``version`` grows with each change of the list; ``watchers`` are woken then."""
+    """The known runs. Each change increases ``version`` and wakes ``watchers``."""
 
     def __init__(self, folders: Iterable[Path] = ()) -> None:
         self.version = 0

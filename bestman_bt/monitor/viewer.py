@@ -102,7 +102,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class Viewer:
-    """``send`` and ``receive`` move texts. ``run`` returns when either side has gone."""
+    """A connected page. ``send`` and ``receive`` exchange texts; ``run`` returns when either side has disconnected."""
 
     def __init__(
         self,

@@ -62,7 +62,7 @@ class DifferentialBase(Chassis):
 
 @dataclass(frozen=True)
 class SteeredBase(Chassis):
-    """Four driven wheels, each below a vertical steering axis: ``track`` apart across, ``wheelbase`` along."""
+    """Four driven wheels with vertical steering axes. ``track``, ``wheelbase``: their distances along y and x."""
 
     wheelbase: PositiveLength
     fork_mass: Mass

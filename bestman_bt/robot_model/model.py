@@ -201,7 +201,7 @@ class BaseModel:
 
 @dataclass(frozen=True)
 class WheeledBaseModel(BaseModel):
-    """``wheel_places``: (x, y) of each of ``part.wheel_joints`` in the base frame, metres."""
+    """A base on wheels. ``wheel_places``: (x, y) of each of ``part.wheel_joints`` in the base frame, metres."""
 
     part: BasePart
     wheel_places: tuple[tuple[float, float], ...] = ()
@@ -209,7 +209,7 @@ class WheeledBaseModel(BaseModel):
 
 @dataclass(frozen=True)
 class LeggedBaseModel(BaseModel):
-    """``legs``: front right, front left, rear right, rear left."""
+    """A base on legs. ``legs``: front right, front left, rear right, rear left."""
 
     part: LeggedBasePart
     legs: tuple[LegModel, ...] = ()

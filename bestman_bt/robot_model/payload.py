@@ -18,7 +18,7 @@ from bestman_bt.robot_model.urdf_elements import joints_to, parent_of
 
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """``mass`` kg; ``centre``: (3,) metres, of mass, in the frame of the link that carries it."""
+    """``mass``, kg, and ``centre`` of mass (3,), metres, in the frame of the link that carries it."""
 
     mass: float
     centre: NDArray[np.float64]

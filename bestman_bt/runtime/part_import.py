@@ -46,7 +46,7 @@ class PartRequest:
 
 @dataclass(frozen=True)
 class ImportedPart:
-    """``description``: its YAML text; ``robot``: the part alone; ``notes``: properties that could not be inferred."""
+    """An imported part. ``description``: YAML text; ``robot``: the part alone; ``notes``: properties not inferred."""
 
     name: str
     kind: str

@@ -25,7 +25,7 @@ _HEADER = "# What the robot believed at the end of a run; bestman-bt plan --worl
 
 @dataclass(frozen=True)
 class WorldFile:
-    """``scene``, ``seed``, ``scene_settings``: the world of the beliefs; ``robot``: their owner."""
+    """Saved beliefs, with the world (``scene``, ``seed``, ``scene_settings``) and the ``robot`` that they belong to."""
 
     scene: str
     robot: str = "diff_panda"

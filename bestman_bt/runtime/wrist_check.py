@@ -25,8 +25,8 @@ AGREEMENT = 0.5
 
 @dataclass(frozen=True)
 class WristCheck:
-    """``joint``: the joint that turned the hand. ``expected``, ``felt``: change of the weight along the expected
-    direction, newtons.
+    """The result of the check. ``joint``: the joint that turned the hand. ``expected``, ``felt``: change of the weight
+    along the expected direction, newtons.
     """
 
     joint: str

@@ -32,7 +32,8 @@ _TURNS = {
 
 @dataclass(frozen=True)
 class MeshConfig:
-    """``file``: beside the YAML, or ``package://python_package/path``. ``scale``: metres per unit of the file.
+    """A mesh ``file``, relative to the YAML or ``package://python_package/path``. ``scale``: metres per unit of the
+    file.
 
     ``up``: the axis of the file that points up when the object is upright.
     """

@@ -152,7 +152,7 @@ class GraspEntry:
 
 @dataclass(frozen=True)
 class GraspsFile:
-    """``gripper``: description of the gripper that they are for. ``grasps``: in the object's frame, best first."""
+    """Grasps of an object for one ``gripper`` (its description). ``grasps``: in the object's frame, best first."""
 
     gripper: str
     grasps: tuple[GraspEntry, ...]

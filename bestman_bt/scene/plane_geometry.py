@@ -35,7 +35,7 @@ def depth_inside(polygon: Points, point: Points) -> float:
 
 
 def distance_to_polygon(polygon: Points, point: Points) -> float:
-    """Return the distance of a point to a convex counter-clockwise polygon; 0 inside."""
+    """Return the distance of a point to a convex counter-clockwise polygon, metres; 0 inside."""
     if depth_inside(polygon, point) >= 0.0:
         return 0.0
     edges = np.roll(polygon, -1, axis=0) - polygon

@@ -11,9 +11,11 @@ from bestman_bt.messages import Box, Handle, JointKind, ObjectModel, PlacedShape
 
 @dataclass(frozen=True)
 class MovingDoor:
-    """``articulation``: ``furniture/name``. It moves to the opening ``to``, radians, when the robot is within
-    ``within`` metres of the middle of its frame. ``speed``: rad/s. ``torque``: largest pushing torque beyond the
-    friction of its hinge, N m.
+    """A door that moves to the opening ``to``, radians, when the robot is within ``within`` metres of its frame's
+    middle.
+
+    ``articulation``: ``furniture/name``. ``speed``: rad/s. ``torque``: largest pushing torque beyond the friction of
+    the hinge, N m.
     """
 
     articulation: str
@@ -25,7 +27,7 @@ class MovingDoor:
 
 @dataclass(frozen=True)
 class Walker:
-    """``route``: closed polygon of points in the map frame, metres, walked without end from the first one.
+    """A person that walks along ``route``, a closed polygon in the map frame, metres, from its first point, endlessly.
 
     ``radius``, ``height`` in metres, ``mass`` in kilograms, ``speed`` in m/s. ``considerate``: it stops for the robot
     and other walkers; otherwise it walks on.

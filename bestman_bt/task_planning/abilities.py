@@ -28,7 +28,7 @@ class DeclarationError(PlanningError, InputError):
 
 @dataclass(frozen=True)
 class Ability:
-    """``is_subtree``: whether trees call it as ``<SubTree ID=…>``. ``description``: for people."""
+    """A skill or tree that planners can use. ``is_subtree``: whether trees call it as ``<SubTree ID=…>``."""
 
     operator: Operator
     is_subtree: bool

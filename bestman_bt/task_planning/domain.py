@@ -34,7 +34,7 @@ _NUMBER = re.compile(r"_\d+$")
 
 @dataclass(frozen=True)
 class Domain:
-    """``abilities``: for planners. ``predicates``: declared ones; others hold once they are achieved."""
+    """The ``abilities`` of planners and the declared ``predicates``; others hold once an ability has achieved them."""
 
     abilities: tuple[Ability, ...]
     predicates: Mapping[str, Predicate] = field(default_factory=known_predicates)

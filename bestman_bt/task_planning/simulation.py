@@ -96,7 +96,7 @@ class SimulatedAbility(StatefulAction):
 
 
 class SimulatedHolds(Condition):
-    """``Holds`` for a ``SymbolicWorld``."""
+    """The condition ``Holds`` on a ``SymbolicWorld``."""
 
     fact = In(str, "facts, joined by 'and'")
 
@@ -115,7 +115,9 @@ class SimulatedHolds(Condition):
 
 @dataclass(frozen=True)
 class DryRun:
-    """``status``: of the tree; RUNNING if it did not end. ``why``: (node, reason), the last failures, latest last."""
+    """The result of a simulation. ``status``: that of the tree; RUNNING if it did not end. ``why``: the last failures
+    as (node, reason), latest last.
+    """
 
     status: int
     reached: bool

@@ -42,7 +42,7 @@ RINGS = (0.0, 1.0, 2.0, 3.5, 5.0, 8.0)
 
 @dataclass(frozen=True)
 class Label:
-    """``anchor``: the pixel that it names; ``size``: width and height of its box, pixels."""
+    """A label. ``anchor``: the pixel that it names; ``size``: width and height of its box, pixels."""
 
     anchor: tuple[float, float]
     size: tuple[float, float]

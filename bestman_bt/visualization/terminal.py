@@ -84,7 +84,7 @@ def _hidden_in(tree: NodeList, top: DescribedNode, folded: set[int], hidden_belo
 
 @dataclass(frozen=True)
 class NodeEvent:
-    """``node`` changed to ``state`` at ``time`` seconds; ``message``: the reason."""
+    """A state change: ``node`` changed to ``state`` at ``time``, seconds; ``message``: the reason."""
 
     time: float
     node: DescribedNode

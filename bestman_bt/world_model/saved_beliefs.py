@@ -52,7 +52,7 @@ class SavedPose:
 
 @dataclass(frozen=True)
 class SavedModel:
-    """``model``: a model of the scene, by name; or ``size``: metres, the box of an unknown object."""
+    """The shape of an object: a ``model`` of the scene, by name, or the ``size`` of an unknown object's box, metres."""
 
     model: str | None = None
     size: Size3 | None = None

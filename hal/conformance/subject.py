@@ -181,7 +181,7 @@ def set_moving(robot: Robot) -> list[Motion[None]]:
 
 
 def keep_velocity(robot: Robot, group: JointGroup, velocities: NDArray[np.float64], duration: float) -> None:
-    """Command a velocity, repeated before it expires, for ``duration`` seconds."""
+    """Command ``velocities`` (n,), m/s or rad/s, repeated before they expire, for ``duration`` seconds."""
     end = robot.clock.now() + duration
     while (left := end - robot.clock.now()) > 1e-6:
         group.command(velocities=velocities)

@@ -142,7 +142,9 @@ class JointReading:
 
 @dataclass(frozen=True)
 class GripperReading:
-    """``width``: metres. ``object_held``: whether the gripper itself detects an object, or None if it cannot."""
+    """The reading of a gripper. ``width``: metres. ``object_held``: whether the gripper itself detects an object, or
+    None if it cannot.
+    """
 
     width: float
     object_held: bool | None = None

@@ -36,7 +36,8 @@ class Arrival:
 
 @dataclass(frozen=True)
 class BaseTiming:
-    """``command_timeout``: seconds after which ``set_velocity`` expires; a stop brakes within ``stop_time`` seconds.
+    """Times of a base. ``command_timeout``: seconds until ``set_velocity`` expires. ``stop_time``: longest braking,
+    seconds.
 
     ``rest_repeats``: number of zero velocities sent after the base has come to rest.
     """

@@ -126,7 +126,7 @@ class Trapezoid(Setpoints):
         self._time = 0.0
 
     def advance(self, dt: float) -> tuple[Array, Array]:
-        """Return the next set-point on the line."""
+        """Return position and velocity (n,) of the next set-point on the line, ``dt`` seconds later."""
         self._time = min(self._time + dt, self.duration)
         self.finished = self._time >= self.duration
         t, left = self._time, self.duration - self._time

@@ -1,4 +1,4 @@
-"""ROS messages, as rosbridge writes them in JSON, to ours; malformed ones raise KeyError, TypeError or ValueError."""
+"""Decodes ROS messages from rosbridge's JSON; malformed ones raise KeyError, TypeError or ValueError."""
 
 from __future__ import annotations
 

@@ -58,10 +58,10 @@ class Drive(ABC):
 
 @dataclass(frozen=True)
 class SideDrive(Drive):
-    """A drive with alternating wheels: left, right, left, right; metres.
+    """A differential or skid-steered drive; wheels in the order left, right, left, right. Lengths in metres.
 
-    The radii may differ (calibration errors). ``track``: of two wheels, the distance between them; wheels that are
-    dragged over the floor in turns (skid steering) behave as if it were larger.
+    The radii may differ (calibration errors). ``track``: effective distance between left and right wheels; skid
+    steering makes it larger than the distance of the wheels.
     """
 
     left_radius: float

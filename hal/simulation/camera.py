@@ -128,8 +128,8 @@ class SimulatedCamera(SimulatedSensor[Exposure], Camera):
 
 
 def spoil_depth(depth: NDArray[np.float64], model: CameraPart, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Add systematic error, noise that grows with the squared distance, holes at edges and at random, and
-    quantisation.
+    """Return depth (H, W), metres, with systematic error, noise that grows with the squared distance, holes at edges
+    and at random, and quantisation.
     """
     deviation = model.noise_base + model.noise_quadratic * np.clip(depth - 0.4, 0.0, None) ** 2
     noisy = model.depth_scale * depth + model.depth_offset + rng.standard_normal(depth.shape) * deviation

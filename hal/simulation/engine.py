@@ -53,7 +53,10 @@ class Engine(ABC):
 
     @abstractmethod
     def approach(self, joint: int, position: float, speed: float, effort: float) -> None:
-        """Move a joint of the robot to ``position`` and hold it there, within the given speed and effort."""
+        """Move a joint of the robot to ``position`` and hold it there.
+
+        ``position``: m or rad. ``speed``, ``effort``: limits, m/s or rad/s, N or N m.
+        """
 
     @abstractmethod
     def turn(self, body: int, joints: Sequence[int], speeds: Sequence[float], efforts: Sequence[float]) -> None:

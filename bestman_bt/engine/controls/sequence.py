@@ -15,8 +15,11 @@ from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 
 class Indexed(Control):
-    """``CONTINUE_ON``: the child status after which the next child is ticked. ``RETURN_ON``: the child status that ends
-    the node and is returned."""
+    """Base of controls that tick one child after the other.
+
+    ``CONTINUE_ON``: the child status after which the next child is ticked. ``RETURN_ON``: the child status that ends
+    the node and is returned.
+    """
 
     CONTINUE_ON: ClassVar[int]
     RETURN_ON: ClassVar[int]

@@ -38,7 +38,7 @@ class Transition:
 
 
 class Transitions(Sequence[Transition]):
-    """``times`` (N,) float64 in seconds, ``uids`` (N,) and ``statuses`` (N,) uint8; in the order of the log."""
+    """State changes in the order of the log: ``times`` (N,), seconds; ``uids`` (N,); ``statuses`` (N,) uint8."""
 
     def __init__(
         self, times: npt.NDArray[np.float64], uids: npt.NDArray[np.unsignedinteger], statuses: npt.NDArray[np.uint8]

@@ -30,7 +30,7 @@ class FilmError(InputError):
 
 @dataclass(frozen=True, eq=False)
 class FilmedRun:
-    """``subjects``: objects, doors and drawers of the task. ``doings``: start time (s) and leaf."""
+    """A run to render. ``subjects``: objects, doors and drawers of the task. ``doings``: start time (s) and leaf."""
 
     config: RunConfig
     robot_model: RobotModel

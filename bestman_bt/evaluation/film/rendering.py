@@ -266,8 +266,8 @@ KEY_MOMENTS = 10
 
 @dataclass(frozen=True)
 class Shot:
-    """``times``: of the frames, seconds of the run. ``targets``: (N, 3), points to look at. ``speed``: playback speed
-    factor.
+    """Frames of a film at ``times``, seconds of the run. ``targets``: (N, 3), points to look at. ``speed``: playback
+    speed factor.
     """
 
     times: tuple[float, ...]

@@ -177,7 +177,7 @@ _WEIGHT = np.argsort(_BY_WEIGHT)
 
 @dataclass(frozen=True)
 class Bar:
-    """``x`` and ``width``: units of the picture; ``words``: its text, for tooltips and screen readers."""
+    """A bar of the chart. ``x``, ``width``: units of the picture; ``words``: text for tooltips and screen readers."""
 
     x: float
     width: float
@@ -197,7 +197,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Gantt:
-    """``ticks``: x and label. ``hidden``: number of nodes without a row."""
+    """The chart of a run. ``ticks``: x and label. ``hidden``: number of nodes without a row."""
 
     rows: tuple[Row, ...]
     ticks: tuple[tuple[float, str], ...]

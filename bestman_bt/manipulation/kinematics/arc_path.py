@@ -161,7 +161,7 @@ class ArcSearch:
 
 @dataclass(frozen=True, eq=False)
 class ArcPath:
-    """``path``: (N, n) radians, one row per reached station. ``options``: the chosen pose of each station.
+    """A joint path ``path`` (N, n), radians, one row per reached station. ``options``: the chosen pose of each station.
 
     ``stations``: their number. ``failure``: why it ended early; empty if complete. ``margin``: smallest distance of a
     joint from its limits, as a fraction of half its range.

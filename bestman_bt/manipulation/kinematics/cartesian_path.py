@@ -16,7 +16,8 @@ from bestman_bt.messages import Pose
 
 @dataclass(frozen=True, eq=False)
 class CartesianPath:
-    """``path``: (N, n) radians, as far as possible. ``fraction``: reached fraction of the line, 1.0 if complete.
+    """A joint path ``path`` (N, n), radians, as far as possible. ``fraction``: reached fraction of the line, 1 if
+    complete.
 
     ``failure``: why it ended early; empty if complete.
     """

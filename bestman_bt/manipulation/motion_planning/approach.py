@@ -16,7 +16,8 @@ from bestman_bt.messages import Pose
 
 @dataclass(frozen=True, eq=False)
 class Approach:
-    """``pre``: (n,) radians, end of the free motion. ``into`` and ``out``: (N, n), straight tool motions.
+    """Joint positions of an approach. ``pre``: (n,) radians, end of the free motion. ``into``, ``out``: (N, n),
+    straight tool motions.
 
     ``into`` goes from ``pre`` to the contact pose, ``out`` starts there. ``cost``: radians, distance of ``pre`` from
     the reference.

@@ -128,7 +128,7 @@ def _refusal(origin: NDArray[np.float64], world: CollisionWorld, why: str) -> Mo
 
 @dataclass(frozen=True, eq=False)
 class TimedPlan:
-    """``trajectory``: checked, ready to follow. ``plan``: the path behind it. ``attempts``: number of plans needed."""
+    """A checked ``trajectory`` and the ``plan`` behind it. ``attempts``: number of plans needed."""
 
     trajectory: JointTrajectory
     plan: MotionPlan

@@ -161,7 +161,7 @@ class Groot2Hooks:
             self._changed.notify_all()
 
     def dump(self) -> bytes:
-        """Return all hooks as JSON, those before nodes first."""
+        """Return all hooks as JSON, pre-tick hooks first."""
         with self._changed:
             standing = sorted(self._hooks.values(), key=lambda hook: (hook.position, hook.uid))
             return json.dumps([hook.document() for hook in standing], separators=(",", ":")).encode()

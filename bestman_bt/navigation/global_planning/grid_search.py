@@ -69,7 +69,10 @@ def search_in_corridor(
 
 
 def cheapest_cells(cost: NDArray[np.float64], source: Cell, target: Cell) -> NDArray[np.intp] | None:
-    """Return the cheapest path from cell to neighbouring cell, as a ``Search``."""
+    """Return the cheapest path as cells (N, 2), row and column, or None; a ``Search``.
+
+    ``cost``: (rows, columns), infinite in blocked cells.
+    """
     graph, free, number = _graph(cost)
     first, last = (int(number[cell]) for cell in (source, target))
     reached, previous = dijkstra(graph, directed=False, indices=first, return_predecessors=True)

@@ -22,7 +22,7 @@ from bestman_bt.messages.shapes import Count, NonNegative, Positive
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """``relative``: pose of node ``second`` in the frame of node ``first``, as measured.
+    """A measured pose ``relative`` of node ``second`` in the frame of node ``first``.
 
     ``information``: (3, 3) inverse covariance of x, y, theta in the frame of ``second``. ``doubtful``: whether it may
     be completely wrong, like a loop closure.
@@ -175,7 +175,7 @@ class ConstraintArrays:
         return np.column_stack([position, (angle + np.pi) % (2.0 * np.pi) - np.pi])
 
     def chi_squares(self, errors: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the squared Mahalanobis norms (M,) of errors."""
+        """Return the squared Mahalanobis norms (M,) of errors (M, 3): x, y, theta."""
         squares: NDArray[np.float64] = np.einsum("ni,nij,nj->n", errors, self.information, errors)
         return squares
 

@@ -32,7 +32,7 @@ class Keyframe:
 
 @dataclass(eq=False)
 class Submap:
-    """``keyframes``: the first is its frame. ``cell``: metres within which points are merged."""
+    """A local map of ``keyframes``, in the frame of the first. ``cell``: metres within which points are merged."""
 
     line: PointToLine
     correlative: LikelihoodPyramid

@@ -23,7 +23,7 @@ LARGEST_ANGLE = math.radians(170.0)
 
 @dataclass(frozen=True, eq=False)
 class HandEyeResult:
-    """``carrier_from_eye``: pose of the camera on its carrier; ``world_from_target``: pose of the target.
+    """The solution: poses ``carrier_from_eye`` of the camera and ``world_from_target`` of the target.
 
     ``covariance``: (6, 6) of ``carrier_from_eye``: position (metres), then rotation vector (radians), both in the
     carrier frame. ``position_residuals`` (N,) metres and ``rotation_residuals`` (N,) radians: of the target in each

@@ -42,7 +42,7 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class BoardConfig:
-    """``columns`` × ``rows`` squares of edge ``square``; ChArUco boards have markers of edge ``marker``."""
+    """A board of ``columns`` × ``rows`` squares of edge ``square``; ChArUco boards have markers of edge ``marker``."""
 
     kind: Literal["charuco", "checkerboard"]
     columns: WholeNumber
@@ -54,7 +54,7 @@ class BoardConfig:
 
 @dataclass(frozen=True)
 class PoseConfig:
-    """``xyz``: metres; ``rpy`` (URDF, radians) or ``quaternion`` (xyzw)."""
+    """A pose: ``xyz``, metres, and ``rpy`` (URDF, radians) or ``quaternion`` (xyzw)."""
 
     xyz: Lengths3
     rpy: Angles3 | None = None
@@ -72,7 +72,7 @@ class LensConfig:
 
 @dataclass(frozen=True)
 class ViewConfig:
-    """``image``: colour, ``depth``: 16 bits, both relative to this file. ``joints``: joint → position during the view.
+    """One view. ``image``: colour, ``depth``: 16 bits; paths relative to this file. ``joints``: joint → position.
 
     ``hand``: the pose of the hand in the base, if no robot model can compute it from ``joints``.
     """
@@ -85,8 +85,8 @@ class ViewConfig:
 
 @dataclass(frozen=True)
 class DatasetConfig:
-    """``robot``: the robot that ``joints`` of the views refer to; without one, ``setup`` says whether the hand carries
-    camera or board.
+    """Views of a board by one camera. ``robot``: the robot that their ``joints`` refer to; without one, ``setup``
+    states whether the hand carries camera or board.
 
     ``camera``: its name in the robot. ``board_on``: the robot's link that carries the board; without it the board is
     fixed, at ``board_pose`` in the robot's base if measured. ``depth_unit``: metres per unit of depth.

@@ -294,7 +294,7 @@ POSITION_ERROR, ROTATION_ERROR = 0.006, math.radians(1.5)
 
 @dataclass(frozen=True)
 class Simulated:
-    """``robot``: its name; ``camera``: the calibrated one; ``built``: the robot as simulated."""
+    """A simulated recording. ``robot``: its name; ``camera``: the calibrated one; ``built``: the simulated robot."""
 
     robot: str
     settings: Mapping[str, Any]

@@ -66,7 +66,7 @@ class Doorway:
 
 @dataclass(frozen=True)
 class FloorPlan:
-    """``walls``: the ends of centre lines, interrupted by the doorways."""
+    """A floor plan. ``walls``: the ends of their centre lines, interrupted by doorways."""
 
     rooms: tuple[Room, ...]
     doorways: tuple[Doorway, ...]

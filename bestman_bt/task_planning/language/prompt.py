@@ -52,7 +52,7 @@ class PlainNames:
         return cls(in_prompt)
 
     def renamed(self, problem: PlanningProblem) -> PlanningProblem:
-        """Return the problem with the names of the prompt."""
+        """Return the problem with all names replaced by those of the prompt."""
         return replace(
             problem,
             objects={self.in_prompt[name]: kind for name, kind in problem.objects.items()},

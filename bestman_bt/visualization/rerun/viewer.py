@@ -183,7 +183,7 @@ class RerunViewer:
     def pipe(self) -> IO[bytes]:
         """Return the pipe that receives a recording. Raises ViewerError if the viewer is not ``fed``."""
         if self._process.stdin is None:
-            raise ViewerError("the viewer was not started to be fed")
+            raise ViewerError("this viewer was started to show files and accepts no data")
         return self._process.stdin
 
     @property
