@@ -47,7 +47,7 @@ class DepthCalibration:
         if np.ptp(true) < self.min_range:
             raise DegenerateMotionError(
                 f"all views are from {true.min():.2f} to {true.max():.2f} m: scale and offset of the depth cannot be "
-                f"told apart; record views at least {self.min_range:g} m nearer and farther"
+                f"distinguished; record views at least {self.min_range:g} m nearer and farther"
             )
         solved = least_squares(
             lambda x: x[0] * true + x[1] - measured, [1.0, 0.0], loss="soft_l1", f_scale=self.outlier

@@ -67,7 +67,7 @@ def test_one_view_with_something_before_the_board_does_not_matter():
 
 def test_one_distance_does_not_tell_scale_from_offset():
     rng = np.random.default_rng(3)
-    with pytest.raises(DegenerateMotionError, match="cannot be told apart"):
+    with pytest.raises(DegenerateMotionError, match="cannot be distinguished"):
         DepthCalibration().calibrate([view(0.5, rng) for _ in range(5)], LENS)
 
 
