@@ -79,7 +79,7 @@ LEFT = {
     "go on": (0, 1),
     "is asked for": (0, 0),
     "let go": (1, 0),
-    "what is": (7, 22),
+    "what is": (8, 21),
     "is no": (81, 14),
     "by itself": (2, 3),
     "of its own": (7, 3),

@@ -249,9 +249,7 @@ def spread(model: ObjectModel, max_width: float, parameters: PushParameters) -> 
 def push_tool_poses(
     model: ObjectModel, frame_from_object: Pose, direction: NDArray[np.float64], parameters: PushParameters
 ) -> Iterator[Pose]:
-    """Yield tool poses behind an object to be pushed in ``direction`` (3,), leaning back, with either side of the hand
-    up.
-    """
+    """Yield tool poses behind an object to be pushed in ``direction`` (3,): the hand tilted back, either side up."""
     from scipy.spatial.transform import Rotation
 
     radius = float(np.linalg.norm(model.size[:2])) / 2

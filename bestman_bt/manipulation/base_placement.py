@@ -365,7 +365,7 @@ class PathPlacements(PathPlacementPlanner):
         is_free: IsFreeAt | None,
         arc: ArcSearch,
     ) -> ArcPath | None:
-        """Return the path that starts at solutions for the middle station, the one farthest from both ends of the arc."""
+        """Return the path from solutions for the middle station, the one farthest from both ends of the arc."""
         middle = len(stations) // 2
         options = sorted(set(np.linspace(0, len(stations[middle]) - 1, self.options).round().astype(int).tolist()))
         is_valid = None if is_free is None else lambda q: is_free(q, middle)

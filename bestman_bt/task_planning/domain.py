@@ -214,7 +214,7 @@ def full_name(problem: PlanningProblem, name: str, kind: str) -> str:
     elif len(parts) == 1:
         found = parts[0]
     elif of_furniture or parts:
-        raise GoalError(f"which {name!r}? {', '.join(of_furniture or parts)} are known")
+        raise GoalError(f"{name!r} is ambiguous; name one of {', '.join(of_furniture or parts)}")
     elif numbered:
         found = numbered[0]
     else:

@@ -343,7 +343,7 @@ class MujocoEngine(Engine):
         return self._renderer.view(viewpoint, width, height)
 
     def segments(self, viewpoint: Viewpoint, width: int, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Render with OpenGL."""
+        """Return body and link of each pixel, (H, W) each, by OpenGL."""
         return self._bodies(self._renderer.view(viewpoint, width, height, segments=True))
 
     def _bodies(self, colors: NDArray[np.uint8]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -206,7 +206,7 @@ class PyBulletEngine(Engine):
         return photo(self._free, viewpoint, width, height)
 
     def segments(self, viewpoint: Viewpoint, width: int, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Render with the software renderer."""
+        """Return body and link of each pixel, (H, W) each, by the software renderer."""
         image = self._free.getCameraImage(
             width,
             height,

@@ -230,7 +230,7 @@ def _picture(folder: Path, name: str, caption: str, notes: list[str]) -> ReportP
             raise ValueError(f"it is not a picture of at most {MAX_FILE} bytes")
         with Image.open(path, formats=("PNG", "JPEG")) as image:
             if image.width * image.height > MAX_PIXELS:
-                raise ValueError(f"it has {image.width} × {image.height} pixels; that is too much")
+                raise ValueError(f"it has {image.width} × {image.height} pixels; at most {MAX_PIXELS} are read")
             small = image.convert("RGB")
             small.thumbnail((WIDTH, WIDTH))
     except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError) as error:

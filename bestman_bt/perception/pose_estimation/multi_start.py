@@ -278,7 +278,7 @@ class SurfaceStore:
 def covariance_in_frame(planar: NDArray[np.float64], frame_from_plane: Pose) -> NDArray[np.float64]:
     """Return the covariance (6, 6) of a PoseHypothesis from that of x, y, yaw (3, 3) on a plane.
 
-    Height and tilt of the plane are at least as accurate as ``PLANE_HEIGHT_STD`` and ``PLANE_TILT_STD``.
+    Height and tilt have the standard deviations ``PLANE_HEIGHT_STD`` and ``PLANE_TILT_STD``.
     """
     covariance = np.zeros((6, 6))
     free = np.ix_((0, 1, 5), (0, 1, 5))

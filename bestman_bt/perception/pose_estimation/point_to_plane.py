@@ -115,7 +115,7 @@ class YawObservability:
         return largest
 
     def shift(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the shifts (n, 2) of the turns nearest to ``angle`` (n,) radians."""
+        """Return the shifts (n, 2), metres, of the rotations that are nearest to ``angle`` (n,), radians."""
         return self.shifts[self.nearest_angle(angle)]
 
     def nearest_angle(self, angle: NDArray[np.float64]) -> NDArray[np.intp]:

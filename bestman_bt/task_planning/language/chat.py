@@ -173,7 +173,7 @@ class ReplayEndpoint(ChatEndpoint):
         try:
             return TypeAdapter(_Exchange).validate_json(line)
         except ValidationError as error:
-            raise self._error(f"no line of a transcript: {_first_of(error)}") from None
+            raise self._error(f"not a line of a transcript: {_first_of(error)}") from None
 
     def _compare(self, recorded: dict[str, Any], asked: dict[str, Any]) -> None:
         asked = json.loads(json.dumps(asked))

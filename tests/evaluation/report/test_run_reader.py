@@ -117,7 +117,7 @@ def test_a_picture_is_unfolded_up_to_a_size(
 
     assert (story.failures[0].picture is not None) is fits
     assert story.notes == (
-        () if fits else ("picture left out: 'pictures/1.jpg': it has 32 × 24 pixels; that is too much",)
+        () if fits else (f"picture left out: 'pictures/1.jpg': it has 32 × 24 pixels; at most {pixels} are read",)
     )
 
 

@@ -71,10 +71,10 @@ def test_more_questions_than_were_recorded_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("no JSON\n", "no line of a transcript: it is not JSON"),
-        ("{}\n", "no line of a transcript: request: Field required"),
-        ('{"request": {}, "reply": {"text": 3}}\n', "no line of a transcript: reply.text: "),
-        ("[" * 9999 + "\n", "no line of a transcript: it is not JSON"),
+        ("no JSON\n", "not a line of a transcript: it is not JSON"),
+        ("{}\n", "not a line of a transcript: request: Field required"),
+        ('{"request": {}, "reply": {"text": 3}}\n', "not a line of a transcript: reply.text: "),
+        ("[" * 9999 + "\n", "not a line of a transcript: it is not JSON"),
     ],
 )
 def test_a_damaged_transcript_is_refused_with_file_and_line(tmp_path: Path, content: str, words: str) -> None:
