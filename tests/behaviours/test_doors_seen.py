@@ -44,13 +44,13 @@ def door_and_handle(name: str, part: str, position: float) -> tuple[FurnitureArt
 
 @pytest.mark.parametrize("part", ["upper_door", "lower_door"])
 @pytest.mark.parametrize("degrees", [10.0, 30.0, 55.0, 90.0])
-def test_a_door_tells_by_the_direction_that_its_handle_faces(part: str, degrees: float) -> None:
+def test_the_opening_of_a_door_follows_from_the_direction_of_its_handle(part: str, degrees: float) -> None:
     door, handle = door_and_handle("fridge", part, math.radians(degrees))
     assert opening_seen(door, handle) == pytest.approx(math.radians(degrees), abs=math.radians(2.0))
 
 
 @pytest.mark.parametrize("position", [0.10, 0.22, 0.30])
-def test_a_drawer_tells_by_how_far_its_handle_stands_out(position: float) -> None:
+def test_the_opening_of_a_drawer_follows_from_its_handle(position: float) -> None:
     door, handle = door_and_handle("drawer_chest", "drawer_2", position)
     assert opening_seen(door, handle) == pytest.approx(position, abs=0.045)
 
@@ -61,7 +61,7 @@ def test_what_the_error_of_the_map_explains_counts_as_shut(name: str, part: str)
     assert opening_seen(door, handle) == 0.0
 
 
-def test_a_handle_of_another_door_tells_nothing() -> None:
+def test_a_handle_of_another_door_gives_no_opening() -> None:
     upper, _ = door_and_handle("fridge", "upper_door", 0.0)
     _, lower_handle = door_and_handle("fridge", "lower_door", 0.5)
     assert opening_seen(upper, lower_handle) is None

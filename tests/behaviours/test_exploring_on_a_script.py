@@ -71,7 +71,7 @@ def test_the_next_metres_of_the_path_from_where_the_base_is_have_to_stay_free(
     tree.halt()
 
 
-def test_where_the_base_is_afterwards_is_as_unsure_as_where_it_was_told_to_begin(skills: Any) -> None:
+def test_the_final_base_pose_is_as_uncertain_as_the_given_start_pose(skills: Any) -> None:
     skills.world.base = BasePose(START, 0.03, 0.02, 0.0)
     tree = load(skills, "<ExploreAndMap/>")
     follow = skills.base._begin

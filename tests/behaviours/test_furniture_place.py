@@ -69,7 +69,7 @@ def test_the_piece_is_believed_to_stand_where_its_front_was_seen(believed) -> No
     ],
     ids=["no borders seen", "another size", "another height"],
 )
-def test_what_is_no_front_of_the_map_tells_nothing(believed, change) -> None:
+def test_a_handle_that_fits_no_mapped_front_leaves_the_belief_unchanged(believed, change) -> None:
     before = believed.map.furniture["drawer_chest"]
     believe_place(believed, "drawer_chest", handle_on(before.pose @ OFF, **change))
     assert believed.map.furniture["drawer_chest"] is before

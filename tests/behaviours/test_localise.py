@@ -56,7 +56,7 @@ def look_out(
     monkeypatch.setattr(lidar, "scan", changed)
 
 
-def test_a_robot_that_nobody_told_where_it_is_finds_itself_and_drives_on(anywhere) -> None:
+def test_a_robot_without_a_start_pose_localises_itself_and_drives_on(anywhere) -> None:
     session, truth = anywhere()
     assert why_not(session, "<InitialPoseReceived/>")[0] == "no_pose"
     assert error(session, truth)[0] > 0.5

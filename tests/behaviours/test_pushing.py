@@ -109,7 +109,7 @@ def test_a_resistance_is_reported_after_the_hand_is_back_and_how_far_it_went_is_
     assert np.linalg.norm(moved) == pytest.approx(0.05)
 
 
-def test_what_is_believed_more_vaguely_than_a_push_tells_stays_so(skills: Any) -> None:
+def test_a_belief_less_certain_than_the_push_keeps_its_uncertainty(skills: Any) -> None:
     vague = skills.world.objects["cup"]
     object.__setattr__(vague, "position_std", 0.05)
     skills.arm.ends["move_until"] = [outcome(GAP + DISTANCE)]

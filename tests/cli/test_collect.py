@@ -252,7 +252,7 @@ def test_a_folder_that_cannot_be_made_is_refused_before_anything_starts(bestman_
     assert "episodes" not in answer.out
 
 
-def test_seeds_without_a_result_are_told_and_end_with_130(
+def test_seeds_without_a_result_are_listed_and_the_exit_code_is_130(
     bestman_bt: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Collection, "collect", lambda *_: ["pick_bench: no result for seed 7"])

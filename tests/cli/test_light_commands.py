@@ -76,7 +76,7 @@ def test_a_report_is_written_without_the_simulator_and_without_algorithms(tmp_pa
 
 
 @pytest.mark.slow
-def test_pybullet_tells_nothing_of_itself_when_a_command_imports_it(tmp_path: Path) -> None:
+def test_pybullet_prints_nothing_when_a_command_imports_it(tmp_path: Path) -> None:
     program = "import hal.pybullet.robot, sys; sys.exit('pybullet' not in sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

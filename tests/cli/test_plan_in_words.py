@@ -38,7 +38,7 @@ def at(monkeypatch: pytest.MonkeyPatch) -> Callable[[Server], None]:
 
 
 @pytest.mark.slow
-def test_words_become_a_checked_tree_with_cost_and_goal_told_and_the_key_nowhere(
+def test_an_instruction_becomes_a_checked_tree_and_cost_and_goal_are_printed_but_never_the_key(
     bestman_bt: Callable[..., Answer], folder: Path, at: Callable[[Server], None]
 ) -> None:
     with serving(says("I will fetch the cup!"), says(FETCH)) as server:

@@ -123,7 +123,7 @@ def test_watchers_see_each_write_with_the_value_before_it(tree: Tree) -> None:
     assert len(seen) == 2
 
 
-def test_who_begins_to_watch_all_keys_within_a_tick_sees_the_next_write_of_that_tick() -> None:
+def test_a_watcher_of_all_keys_added_within_a_tick_sees_the_next_write_of_that_tick() -> None:
     seen: list[tuple[str, object]] = []
 
     class Watch(SyncAction):

@@ -225,7 +225,7 @@ def test_details_come_in_the_order_of_time_and_calls_first_and_no_more_than_a_pa
     assert document["collision_details"][0]["pair"] == ["panda_hand", "cup"]
 
 
-def test_times_are_told_from_the_begin_of_the_run_on() -> None:
+def test_times_are_reported_relative_to_the_start_of_the_run() -> None:
     record = replace(NOTHING, jumps=findings(1.5), contacts=(CONTACT,), events=(PUT,), disturbances=findings(1.0))
     judged = audit(record, script=(PUT,), began=0.5)
     assert judged.findings == ("1.00 s: seen at 1.5",)

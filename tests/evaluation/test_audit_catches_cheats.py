@@ -346,7 +346,7 @@ def test_motors_driven_past_the_robotics_api_are_counted(robot, server, judge) -
     assert judge().tampering == 1
 
 
-def test_who_uses_pybullet_beside_the_robot_or_after_it_is_not_counted(robot, judge) -> None:
+def test_pybullet_calls_beside_or_after_the_robot_are_not_counted(robot, judge) -> None:
     other = pybullet.connect(pybullet.DIRECT)
     try:
         pybullet.setGravity(0.0, 0.0, -1.0, physicsClientId=other)

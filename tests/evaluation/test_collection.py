@@ -321,7 +321,7 @@ def test_a_damaged_list_of_attempts_is_named(config: RunConfig, tmp_path: Path) 
         collect(config, tmp_path, MadeUp())
 
 
-def test_a_full_disk_is_told_and_what_was_written_before_is_kept(
+def test_a_full_disk_is_reported_and_what_was_written_before_is_kept(
     config: RunConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     collection = collect(config, tmp_path, MadeUp(), episodes=1)

@@ -65,7 +65,7 @@ def room_for(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def test_a_full_disk_is_told_and_keeps_what_is_in_the_journal(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_and_the_journal_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "episodes.jsonl"
     others = [EpisodeKey("c0ffee", seed, "abc") for seed in (8, 9)]
     with Journal(path) as journal:
@@ -111,7 +111,7 @@ def test_a_second_writer_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", [b"\xff\xfe\x00", b"", b'{"seed": 7}'])
-def test_a_line_damaged_in_the_middle_is_left_out_and_the_file_as_it_was_is_kept(tmp_path: Path, damage: bytes) -> None:
+def test_a_line_damaged_in_the_middle_is_skipped_and_the_original_file_is_kept(tmp_path: Path, damage: bytes) -> None:
     path = tmp_path / "episodes.jsonl"
     others = [EpisodeKey("c0ffee", seed, "abc") for seed in (8, 9)]
     with Journal(path) as journal:

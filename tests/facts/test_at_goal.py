@@ -118,7 +118,7 @@ def test_the_seed_chooses_the_goal(setups: list[ResolvedConfig]) -> None:
 
 
 @pytest.mark.slow
-def test_where_no_goal_can_be_drawn_it_is_told_of_which_kind_and_why(tmp_path: Path) -> None:
+def test_a_goal_that_cannot_be_drawn_is_reported_with_kind_and_reason(tmp_path: Path) -> None:
     scene = tmp_path / "hall.yaml"
     scene.write_text(
         "walls: {height: 2 m, thickness: 10 cm, lines: [[[-1, -2], [5, -2]], [[5, -2], [5, 2]], [[5, 2], [-1, 2]],\n"

@@ -105,9 +105,7 @@ def test_no_foreign_page_and_nobody_without_the_token_controls_a_run(
         assert http.post(f"/api/runs/{ID}/stop", headers=known).status_code == 200
 
 
-def test_a_monitor_that_only_shows_tells_and_controls_nothing(
-    executor: FakeExecutor, start_monitor: StartMonitor
-) -> None:
+def test_a_read_only_monitor_controls_nothing(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
     with listed(start_monitor(read_only=True)).http() as http:
         assert http.get(f"/api/runs/{ID}").status_code == 200
         assert http.post(f"/api/runs/{ID}/stop").status_code == 403

@@ -91,7 +91,7 @@ def test_uv_takes_its_places_from_the_configuration_that_pip_reports(
     assert settings["SSL_CERT_FILE"] == os.environ.get("PIP_CERT", "/etc/company.pem")
 
 
-def test_what_the_user_tells_uv_himself_stays(install: ModuleType) -> None:
+def test_uv_settings_of_the_user_are_kept(install: ModuleType) -> None:
     listed = "global.index-url='https://pip.example/simple'\n"
     assert "UV_DEFAULT_INDEX" not in install.uv_settings(listed, {"UV_DEFAULT_INDEX": "https://uv.example/simple"})
 

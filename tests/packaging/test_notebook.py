@@ -47,7 +47,7 @@ def test_the_notebook_is_stored_without_outputs() -> None:
     assert all(not cell.get("outputs") for cell in cells)
 
 
-def test_what_a_run_tells_is_text_and_no_markup() -> None:
+def test_texts_of_a_run_are_escaped_in_the_page() -> None:
     failure = NodeFailure("pull", "tree_failed", "it said <b>no</b>")
     run = RunResult("open", 3, False, Outcome.FAILURE, "FAILURE", None, failure, {}, {"error_mm": 3.14159}, 2.0, 1.0)
     table = run._repr_html_()

@@ -42,7 +42,7 @@ TREE = """
 """
 
 
-def test_a_log_tells_of_its_nodes_what_the_tree_that_ran_tells() -> None:
+def test_a_log_describes_its_nodes_as_the_executed_tree_does() -> None:
     tree = load_tree(TREE)
 
     logged, ran = describe_xml(full_tree_xml(tree)), describe_tree(tree)

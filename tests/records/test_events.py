@@ -81,6 +81,6 @@ def test_what_is_no_event_is_refused_and_reports_where(line: bytes, words: str) 
     assert words in str(error.value)
 
 
-def test_what_everybody_is_told_has_no_topic() -> None:
+def test_events_for_all_subscribers_have_no_topic() -> None:
     assert topic_of(from_line('{"event": "resumed", "time": 1.5}')) is None
     assert topic_of(from_line('{"event": "path", "time": 1.5, "planned": []}')) == "robot"

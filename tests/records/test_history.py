@@ -246,7 +246,7 @@ def test_a_run_that_ends_while_it_is_paused_is_not_paused_any_more() -> None:
     assert delta["paused"] is None
 
 
-def test_who_looks_at_an_earlier_time_is_not_told_that_the_run_is_paused_now() -> None:
+def test_a_page_at_an_earlier_time_does_not_show_the_present_pause() -> None:
     history = history_of((1.0, LOOK, RUNNING), (2.0, LOOK, SUCCESS))
     history.take(PausedEvent(3.0, "asked"))
     updates = Updates(SimpleNamespace(id="run", history=history, is_live=True))

@@ -29,7 +29,7 @@ def test_the_base_frame_moves_and_all_that_is_on_the_base_stays() -> None:
         assert was - now == pytest.approx([0.1, 0.0, 0.0], abs=1e-6)
 
 
-def test_who_wanders_in_turns_needs_more_room_for_them() -> None:
+def test_a_base_that_drifts_while_turning_needs_more_clearance() -> None:
     model = husky("0 cm").of(BaseModel)["base"]
     assert model.part.turning_drift == pytest.approx(0.12)
     footprint = Footprint.of(model)

@@ -235,7 +235,7 @@ def test_a_condition_on_an_entry_that_is_not_there_does_not_hold(debugged: Debug
     debugged.goes_on_from(debugged.ask("resume")["ticks"])
 
 
-def test_who_watches_is_told_where_it_holds_and_the_tick_of_each_step(debugged: Debugged) -> None:
+def test_watchers_receive_the_node_of_a_pause_and_the_tick_of_each_step(debugged: Debugged) -> None:
     with socket.socket(socket.AF_UNIX) as connection:
         connection.connect(str((debugged.folder / "control.sock").resolve()))
         connection.sendall(b'{"do": "subscribe", "topics": ["states"]}\n')
@@ -377,7 +377,7 @@ def test_a_forced_result_outlives_the_breakpoints_of_its_node() -> None:
     assert (scripted.done, scripted.executor.ticks) == ([], 1)
 
 
-def test_who_goes_on_from_a_breakpoint_within_a_step_is_not_stopped_after_it() -> None:
+def test_resuming_from_a_breakpoint_within_a_step_does_not_pause_after_it() -> None:
     scripted = counting(ticks=6)
     scripted.breakpoints.add("work", "before", once=True)
     scripted.executor.pause()

@@ -533,7 +533,7 @@ def test_an_executor_that_is_too_busy_to_answer_keeps_its_socket() -> None:
         assert path.exists()
 
 
-def test_who_floods_the_channel_with_requests_leaves_the_executor_its_time(served: Served) -> None:
+def test_a_flood_of_requests_does_not_slow_the_executor(served: Served) -> None:
     with connect(served.socket) as connection:
         connection.setblocking(False)
         flood = b'{"do": "set", "key": "speed", "value": 3}\n' * 2000
@@ -557,7 +557,7 @@ def test_what_was_refused_because_the_tree_did_not_tick_is_not_done_later(monkey
     assert "n" not in executor.tree.blackboard
 
 
-def test_who_has_gone_is_reported_nothing_more(served: Served) -> None:
+def test_a_disconnected_subscriber_receives_no_further_events(served: Served) -> None:
     telemetry = served.telemetry
     with connect(served.socket) as connection:
         connection.sendall(b'{"do": "subscribe", "topics": []}\n')

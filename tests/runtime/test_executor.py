@@ -378,7 +378,7 @@ def test_what_is_asked_for_is_done_between_ticks_also_while_paused() -> None:
         assert executor.tree.blackboard.get("speed") == 3
 
 
-def test_what_goes_wrong_there_is_told_to_the_one_who_asked_and_hurts_nobody_else() -> None:
+def test_an_error_there_is_reported_to_its_caller_only() -> None:
     with InThread() as executor:
         executor.between_ticks(lambda: executor.tree.blackboard.set("speed", 3)).result(2.0)
         wrong = executor.between_ticks(lambda: executor.tree.blackboard.set("speed", "fast"))

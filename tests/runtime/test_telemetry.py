@@ -187,7 +187,7 @@ def test_an_execution_that_nobody_watches_is_not_listened_to() -> None:
     assert not any(listened)
 
 
-def test_who_reads_too_slowly_is_told_what_was_dropped_and_then_how_all_stands() -> None:
+def test_a_slow_reader_receives_the_number_of_dropped_events_and_then_the_current_state() -> None:
     ours, theirs = socket.socketpair()
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1)
     tree = load_tree(INNER, clock=ManualClock())

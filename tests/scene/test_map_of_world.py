@@ -59,7 +59,7 @@ def test_the_map_has_no_face_that_a_lidar_could_not_see(world: World) -> None:
             np.testing.assert_allclose(pieces[0], segment.reshape(2, 2))
 
 
-def test_furniture_is_told_where_it_should_stand_not_where_it_does(world: World) -> None:
+def test_the_map_has_the_nominal_poses_of_furniture_not_the_true_ones(world: World) -> None:
     told = semantic_map(world).furniture
     for piece in world.furniture:
         assert told[piece.name].pose == piece.nominal

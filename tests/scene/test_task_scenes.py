@@ -95,7 +95,7 @@ def thickness_at(plate: ObjectModel, z: float) -> float:
     return thickness
 
 
-def test_what_lies_in_a_drawer_that_is_open_at_the_start_has_gone_out_with_it_and_the_map_tells_nothing() -> None:
+def test_objects_in_an_open_drawer_have_moved_with_it_and_the_map_does_not_show_it() -> None:
     closed = draw_world(load_scene("cup_in_drawer"), 3)
     pulled = draw_world(load_scene("cup_in_drawer", {"furniture.drawer_chest.open": {"drawer_3": "20 cm"}}), 3)
     way = pulled.objects[0].pose.position - closed.objects[0].pose.position

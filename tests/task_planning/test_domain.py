@@ -212,7 +212,7 @@ def test_what_is_in_the_hand_is_a_thing_though_nobody_described_it(world):
     assert things(world)["mug"] == "object"
 
 
-def test_what_is_short_for_others_is_no_fact_of_a_state_and_told_to_no_planner(world, domain):
+def test_an_abbreviating_predicate_is_not_part_of_a_state_nor_of_a_planning_problem(world, domain):
     problem = domain.problem(Beliefs(world))
     assert "accessible" not in problem.predicates
     assert not [fact for fact in problem.state if fact.predicate == "accessible"]

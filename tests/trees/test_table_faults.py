@@ -28,7 +28,7 @@ def bring_the_cup() -> SubTree:
 
 
 @pytest.mark.slow
-def test_a_cup_that_is_lost_on_the_way_is_found_and_brought_all_the_same(tmp_path) -> None:
+def test_a_cup_lost_during_transport_is_found_and_delivered(tmp_path) -> None:
     """Someone takes it out of the hand and puts it back onto the table."""
     with known_world(table_with(tmp_path, seed=3, heading=0.0, cup=("cup", -0.2, 0.0, 0.0))) as (session, truth):
         tree = session.load(bring_the_cup())

@@ -118,7 +118,7 @@ def test_the_drive_along_the_last_path_decides(skills: Any) -> None:
     assert codes(skills) == ["blocked"]
 
 
-def test_who_follows_is_asked_by_name_and_may_be_changed_on_the_way(skills: Any) -> None:
+def test_the_follower_is_chosen_by_name_and_can_change_during_a_drive(skills: Any) -> None:
     skills.followers = lambda name, folders: f"follower {name}"
     skills.base.ends["follow"] = [UNDER_WAY, UNDER_WAY]
     tree = load(skills, FOLLOW, path=path_to(2.0), controller="")

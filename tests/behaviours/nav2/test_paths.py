@@ -29,7 +29,7 @@ def test_a_path_leads_from_the_base_to_the_goal(driver) -> None:
     assert path.goal == GOAL
 
 
-def test_without_a_path_the_old_one_is_cleared_and_the_code_told(driver) -> None:
+def test_without_a_path_the_old_one_is_cleared_and_the_code_reported(driver) -> None:
     tree = driver.load(tree_of(PLAN))
     tree.blackboard.set("goal", GOAL)
     assert tick(tree, 20) == SUCCESS

@@ -30,7 +30,7 @@ def moved(handle: Handle, shift: np.ndarray) -> Handle:
 
 
 @pytest.mark.slow
-def test_the_truth_itself_scores_full_marks(scenes: list[HandleView]) -> None:
+def test_ground_truth_scores_the_maximum(scenes: list[HandleView]) -> None:
     report = tallied(scenes, lambda scene: tuple(moved(true.handle, np.zeros(3)) for true in scene.handles))
     assert report["handles"] == sum(true.counted for scene in scenes for true in scene.handles)
     assert report["handle_recall"] == report["handle_joint_rate"] == 1.0

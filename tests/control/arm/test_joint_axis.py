@@ -26,7 +26,7 @@ def learn(way: np.ndarray, hint=None, direction=(1.0, 0.0, 0.0)) -> JointAxisEst
 
 
 @pytest.mark.parametrize("radius", [0.2, 0.35, 0.6])
-def test_a_door_is_told_from_a_tenth_of_its_way(radius):
+def test_the_axis_of_a_door_is_learned_from_the_beginning_of_its_motion(radius):
     axis = learn(arc(radius, 0.5, noise=0.0001)).axis
     assert axis.kind == "revolute"
     assert axis.radius == pytest.approx(radius, rel=0.05)

@@ -151,7 +151,7 @@ def test_an_uncertain_estimate_is_none_to_drive_by(std: float, knows: bool) -> N
     assert ("pose of the base is too uncertain" in base.cycle.lost_reason) is not knows
 
 
-def test_where_no_scan_has_ever_fitted_what_was_told_is_doubted() -> None:
+def test_a_given_start_pose_is_doubted_if_no_scan_has_ever_matched() -> None:
     base = Cycle()
     assert "no scan fits at the given pose of the base (odometry alone)" in base.cycle.lost_reason
     base.localizer.fits = False

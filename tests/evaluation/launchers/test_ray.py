@@ -153,7 +153,7 @@ def test_without_an_address_it_starts_a_ray_of_its_own_beside_one_that_runs(
         assert evaluation.run(RayTasks(LaunchOptions(1)))["met"]
 
 
-def test_without_a_head_the_driver_tells_so_and_a_new_one_goes_on(suite: Suite, tmp_path: Path) -> None:
+def test_without_a_cluster_head_the_driver_reports_it_and_a_new_head_continues(suite: Suite, tmp_path: Path) -> None:
     with RayCluster() as lost:
         driver = command(lost.address, tmp_path / "out")
         wait_for_an_episode(tmp_path / "out", driver)

@@ -70,14 +70,14 @@ def test_an_episode_on_another_machine_is_seen_here_from_its_tree_to_its_end(
     assert told == "this execution is only watched: 'stop' has to be requested from its own process"
 
 
-def test_who_does_not_know_the_key_is_not_listened_to(receiver: EventReceiver) -> None:
+def test_a_client_without_the_key_is_ignored(receiver: EventReceiver) -> None:
     where = (receiver.address.host, receiver.address.port)
     with pytest.raises(AuthenticationError):
         Client(where, authkey=b"guessed")
     Client(where, authkey=receiver.address.key).close()
 
 
-def test_who_connects_and_says_nothing_keeps_nobody_out_and_is_not_waited_for(
+def test_a_silent_client_blocks_no_other_and_is_not_waited_for(
     receiver: EventReceiver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(remote_events, "HANDSHAKE", 1)

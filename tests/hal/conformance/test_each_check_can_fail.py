@@ -124,7 +124,7 @@ def test_what_is_declared_missing_is_not_asked_for(make: Make) -> None:
     parts.run(robot)
 
 
-def test_a_robot_that_only_tells_owes_no_motions(make: Make) -> None:
+def test_a_robot_with_sensors_only_needs_no_motions(make: Make) -> None:
     robot = make()
     changed(robot, unsupported=property(lambda self: {"commands": "this is a recording"}))
     asked = {check.name for check in CHECKS if check.why_not(robot) is None}

@@ -107,7 +107,7 @@ def test_a_stop_that_the_other_process_has_latched_outlives_it(
     assert robot.stopped is stopped
 
 
-def test_a_stop_without_a_connection_latches_and_is_told_to_the_other_process_as_soon_as_there_is_one(
+def test_a_stop_without_a_connection_latches_and_is_sent_to_the_other_process_once_connected(
     robot: IsolatedRobot, process: ScriptedProcess
 ) -> None:
     robot.connect()

@@ -143,9 +143,7 @@ def test_a_fault_of_one_controller_fails_its_motions_and_stops_all_others(robot:
     assert robot.diagnostics()["stopped"] == "yes: gripper: again"
 
 
-def test_who_stops_a_robot_that_is_stopped_reaches_each_controller_again(
-    robot: HardwareRobot, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_second_stop_reaches_each_controller_again(robot: HardwareRobot, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[str] = []
     monkeypatch.setattr(Controller, "stop", lambda self: told.append(self.name))
     robot.stop()

@@ -135,7 +135,7 @@ def test_a_single_late_message_is_none_and_counting_begins_anew() -> None:
     assert watch.late(0.1, 31.0) is None
 
 
-def test_who_waits_for_something_newer_gets_nothing_older(stream: TopicStream[int]) -> None:
+def test_waiting_for_a_newer_reading_never_returns_an_older_one(stream: TopicStream[int]) -> None:
     stream.take(message(7.0, 1), 100.0)
     assert stream.newer_than(99.9, time.monotonic()) == (1, 100.0)
     assert stream.newer_than(100.0, time.monotonic() + 0.01) is None

@@ -127,7 +127,7 @@ def test_a_teleport_right_after_somebody_moved_it_is_still_seen(robot_model, tab
         assert audit(robot.audit_record()).teleports == 1
 
 
-def test_who_comes_late_is_a_cheat_whatever_he_calls_himself(robot_model, table_worlds, operator) -> None:
+def test_an_injector_created_late_is_a_violation_under_any_name(robot_model, table_worlds, operator) -> None:
     with DefaultRobot(robot_model, table_worlds["can"], seed=3) as robot:
         place = Pose(GroundTruth(robot).object_pose("can").position + np.array(BESIDE))
         robot.clock.sleep(0.1)

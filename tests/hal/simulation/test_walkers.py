@@ -117,7 +117,7 @@ def test_a_considerate_walker_stops_before_the_robot_and_goes_back(
     assert ["stops before the robot" in event.text or "turns round" in event.text for event in record.disturbances[1:3]]
 
 
-def test_who_walks_into_a_robot_at_rest_is_distinguished_and_the_run_is_not_blamed(
+def test_a_person_walking_into_a_robot_at_rest_is_not_counted_against_the_run(
     model: RobotModel, world_with: Callable[..., World]
 ) -> None:
     with running(model, world_with(False)) as (robot, truth):

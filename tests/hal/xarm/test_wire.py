@@ -204,7 +204,7 @@ def test_a_command_that_has_to_succeed_reports_what_was_refused(wire: XArmWire, 
         wire.demand("the payload", lambda _: 1)
 
 
-def test_a_closed_wire_asks_and_tells_nothing(wire: XArmWire, arm: Arm) -> None:
+def test_a_closed_connection_neither_sends_nor_answers(wire: XArmWire, arm: Arm) -> None:
     wire.close()
     wire.close()
     assert arm.calls.count("disconnect") == 1

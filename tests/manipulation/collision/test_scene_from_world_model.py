@@ -114,7 +114,7 @@ def test_the_floor_begins_at_the_height_of_the_base(belief, diff_panda):
     assert floor.pose.position[2] + floor.shape.size[2] / 2 == pytest.approx(0.0)
 
 
-def test_what_is_near_is_told_from_the_base_by_the_nearest_point(belief, diff_panda):
+def test_nearness_is_the_distance_from_the_base_to_the_nearest_point(belief, diff_panda):
     """The table's edge is 0.4 m before the base, its middle 0.8 m; the cup 0.71 m, and 2.6 m from the map's origin."""
     for reach, expected in ((0.35, {"floor"}), (0.45, {"floor", "table"}), (0.72, {"floor", "table", "cup"})):
         scene = scene_of(belief, diff_panda, margins=SceneMargins(reach=reach, furniture_offset=0.0))

@@ -53,7 +53,7 @@ def test_a_mesh_in_millimetres_has_its_scale_once_and_no_inner_corners(tmp_path:
     assert corners.max(axis=0) == pytest.approx((1.05, 0.1, 0.15), abs=1e-6)
 
 
-def test_what_does_not_move_with_an_arm_is_told_between_two_heights_in_the_base_frame() -> None:
+def test_bodies_that_an_arm_does_not_move_are_returned_between_two_heights_in_the_base_frame() -> None:
     """The post is 0.1 by 0.3 m and 0.5 m high about the root, the base frame 0.3 m above its foot."""
     robot = two_arms()
     positions = dict.fromkeys(

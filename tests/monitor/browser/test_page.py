@@ -39,7 +39,7 @@ def _missing() -> str | None:
 
 @pytest.mark.skipif(_missing() is not None and not REQUIRED, reason=f"browser tests: {_missing()}")
 @pytest.mark.parametrize("story", STORIES, ids=lambda path: path.name.split(".")[0])
-def test_the_page_does_what_the_story_tells(story: Path) -> None:
+def test_the_page_passes_each_browser_test(story: Path) -> None:
     missing = _missing()
     if NODE is None or CHROMIUM is None or missing is not None:
         pytest.fail(f"BROWSER_TESTS=required, but {missing}")

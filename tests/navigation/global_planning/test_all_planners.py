@@ -207,7 +207,7 @@ def test_a_hallway_in_which_the_base_cannot_turn_is_driven_straight_on(planner: 
     assert path.length < 7.1
 
 
-def test_who_would_have_to_turn_in_such_a_hallway_is_told_that_there_is_no_path(planner: GlobalPlanner) -> None:
+def test_no_path_is_reported_if_the_base_would_have_to_turn_in_a_narrow_hallway(planner: GlobalPlanner) -> None:
     costmap = Costmap.from_map(walls(*room(4.0, 0.62)), LONG)
     failure = planner.plan(Pose2D(1.0, 0.31, 0.0), Pose2D(3.0, 0.31, math.pi), costmap)
     assert isinstance(failure, PlanningFailure)

@@ -63,7 +63,7 @@ def test_it_passes_who_walks_beside_its_way_with_the_margin_between_them(aside, 
     assert (share((2.0, y, -0.3, 0.0)) == 1.0) == passes
 
 
-def test_who_comes_after_the_seconds_that_are_foreseen_is_no_reason_yet():
+def test_a_person_arriving_beyond_the_prediction_horizon_does_not_slow_the_base():
     assert share((0.3 + 0.22 + 0.2 + 2.2 * 0.5 + 0.1, 0.0, 0.0, 0.0)) == 1.0
     assert share((0.3 + 0.22 + 0.2 + 1.8 * 0.5, 0.0, 0.0, 0.0)) < 1.0
 

@@ -63,7 +63,7 @@ def test_what_shakes_on_the_spot_or_is_too_large_does_not_walk():
 
 
 @pytest.mark.parametrize(("speed", "moves"), [(0.09, True), (0.04, False)])
-def test_who_slows_down_moves_on_to_half_the_speed_from_which_somebody_moves(speed, moves):
+def test_a_slowing_person_counts_as_moving_down_to_half_the_threshold_speed(speed, moves):
     tracks = MovingObstacles()
     now, _ = walk(tracks, (0.0, 0.3))
     walk(tracks, (0.0, speed), (2.0, -0.4), 4.0, begin=now)
@@ -71,7 +71,7 @@ def test_who_slows_down_moves_on_to_half_the_speed_from_which_somebody_moves(spe
     assert len(tracks.walkers) == 1
 
 
-def test_who_comes_to_stand_is_a_walker_that_does_not_move_and_walks_on():
+def test_a_person_that_stops_is_a_walker_at_rest_that_may_walk_on():
     tracks = MovingObstacles()
     now, _ = walk(tracks, (0.0, 0.5))
     now, standing = walk(tracks, (0.0, 0.0), (2.0, 0.0), 3.0, begin=now + 0.1)
@@ -83,7 +83,7 @@ def test_who_comes_to_stand_is_a_walker_that_does_not_move_and_walks_on():
 
 
 @pytest.mark.parametrize(("away", "speed", "forgotten"), [(2.0, 0.25, 0.8), (0.3, 0.2, 3.0)])
-def test_who_is_seen_no_more_is_foreseen_for_a_while_and_longer_where_the_lidar_is_blind(away, speed, forgotten):
+def test_a_lost_person_is_predicted_for_a_while_and_longer_in_blind_areas_of_the_lidar(away, speed, forgotten):
     """It walks across the view, and so stays about as far away."""
     tracks = MovingObstacles()
     now, _ = walk(tracks, (0.0, speed), (LIDAR[0] + away, LIDAR[1] - 2.0 * speed))

@@ -185,6 +185,6 @@ def test_a_path_without_a_costmap_is_driven_as_it_is(planner, footprint):
     assert pose.x == pytest.approx(-1.5, abs=0.01)
 
 
-def test_who_was_not_told_its_base_reports_it(costmap):
+def test_a_follower_without_a_configured_base_raises_an_error(costmap):
     with pytest.raises(RuntimeError, match="configure"):
         DWA().reset(Path2D([(0, 0), (1, 0)], Pose2D(1.0, 0.0, 0.0)), costmap)

@@ -89,7 +89,7 @@ def test_hits_far_away_mark_nothing(layer, kitchen):
     assert not len(layer.points)
 
 
-def test_who_has_walked_and_stands_now_counts_as_a_person_and_what_always_stood_does_not(layer, kitchen):
+def test_a_walker_at_rest_counts_as_a_person_and_a_static_obstacle_does_not(layer, kitchen):
     pose, noise = Pose2D(0.3, 0.2, 0.0), np.random.default_rng(4)
     for number in range(60):
         now = 0.1 * number

@@ -101,7 +101,7 @@ def test_from_any_pose_the_wheels_are_followed_backwards_sideways_and_round_the_
         assert before > 1e-4  # distances that slip are no more certain than that
 
 
-def test_who_turns_further_left_than_believed_drives_further_left():
+def test_a_base_that_has_turned_further_left_than_believed_drives_further_left():
     """Errors of heading and place belong together: by the covariances, on each of the four ways out."""
     for heading in (0.3, 1.9, -2.8, -1.2):
         ekf, wheels = OdometryEkf(), Pose2D(0.0, 0.0, heading)

@@ -44,7 +44,7 @@ def test_a_stand_is_moved_with_the_front() -> None:
     assert stand.theta == pytest.approx(wanted.theta, abs=math.radians(0.3))
 
 
-def test_too_little_of_a_front_tells_nothing() -> None:
+def test_too_few_hits_on_a_front_give_no_edge() -> None:
     assert front_edge(COUNTER, hits(0.0, 0.0, width=0.1)) is None
     assert front_edge(COUNTER, hits(0.5, 0.0)) is None
 

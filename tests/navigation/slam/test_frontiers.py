@@ -111,7 +111,7 @@ def test_table_tops_are_obstacles_for_planning_but_not_beside_walls():
     assert drawn.data[tuple(grid.to_cells([4.5, 2.5]))] == 0
 
 
-def test_a_costmap_of_a_grid_tells_distances_to_the_borders_of_occupied_and_unknown_cells(footprint):
+def test_a_costmap_of_a_grid_has_distances_to_the_borders_of_occupied_and_unknown_cells(footprint):
     grid = floor(6.0)
     costmap = Costmap.from_grid(grid, footprint)
     margin = costmap.rasterization.clearance

@@ -25,7 +25,7 @@ def test_beams_free_what_they_pass_and_their_end_is_occupied():
     assert value(grid, 1.88, 0.02) == 0
 
 
-def test_beams_without_a_hit_tell_nothing():
+def test_beams_without_a_hit_leave_the_grid_unchanged():
     drawing = LogOddsGrid()
     drawing.add(Pose2D(), scan_of([2.0, np.inf]))
     before = (drawing.grid().data != -1).sum()

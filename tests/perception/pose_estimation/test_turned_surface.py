@@ -38,7 +38,7 @@ def test_a_turned_mug_is_moved_until_its_body_is_where_it_was(mug: YawObservabil
     np.testing.assert_allclose(mug.shift(np.array([0.0]))[0], [0.0, 0.0], atol=1e-4)
 
 
-def test_a_body_of_revolution_tells_no_yaw() -> None:
+def test_the_yaw_of_a_body_of_revolution_is_unobservable() -> None:
     can = yaw_observability(model_surface(read_object("can"), Pose(), 0.003))
     assert can.largest_distances.max() < 0.005
 

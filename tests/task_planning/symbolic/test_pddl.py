@@ -424,7 +424,7 @@ def test_a_disjunction_within_another_follows_each_change(files):
     assert ground_problem.pre[finish] & ~state
 
 
-def test_what_keeps_a_goal_of_formulas_out_of_reach_is_told(files):
+def test_the_reason_for_an_unreachable_goal_of_formulas_is_reported(files):
     problem = read_pddl(*files(GRIPPERS, BALLS.replace("(robot start))\n", ")\n")))
     with pytest.raises(Unsolvable, match=re.escape("(forall b - ball: at(b, end)) and (lit(end) or robot(start))")):
         SymbolicPlanner().plan(problem)
