@@ -167,6 +167,42 @@ class IntegrityCheck:
         return (*position, *quaternion)
 
 
+class ContactsBetween:
+    """Contacts in each step until the next observation, of the moving objects on which the robot hardly presses.
+
+    A pushed object hops: it may touch nothing at each of several observations, and touch hand and table between them.
+    """
+
+    def __init__(self, simulation: Simulation, reader: Reader) -> None:
+        built = simulation.built
+        self._robot, self._contacts = built.robot, reader.contacts
+        self._weights = {body: GRAVITY * mass for body, mass in built.object_masses.items()}
+        self._steps = 0
+        self._forces: dict[int, float] = {}
+        self.touched: set[int] = set()
+
+    def begin(self, awake: Collection[int], robot_forces: Mapping[int, float]) -> None:
+        """Begin after an observation; ``robot_forces``: the robot's normal force on each body, newtons."""
+        weights = self._weights
+        loose = [body for body in awake if body in weights and robot_forces.get(body, 0.0) < weights[body]]
+        self._forces, self._steps = dict.fromkeys(loose, 0.0), 0
+        self.touched = set()
+
+    def watch_step(self) -> None:
+        """Process the contacts of one physics step."""
+        self._steps += 1
+        for body in self._forces:
+            for contact in self._contacts(body):
+                if contact.pressure > 0.0:
+                    self.touched.add(body)
+                    if contact.second == self._robot:
+                        self._forces[body] += contact.pressure
+
+    def mean_forces(self) -> dict[int, float]:
+        """Return the robot's mean normal forces on these objects where it touched them, newtons."""
+        return {body: force / self._steps for body, force in self._forces.items() if force > 0.0}
+
+
 FULL_CHECK_EVERY = 60
 PUT_THERE = (2e-3, 1e-2)
 """Largest deviation of an object from the pose set by an intervention, at the next observation, metres and radians."""
@@ -184,6 +220,7 @@ class AuditMonitor:
         reader = simulation.reader(ReadPurpose.MONITOR)
         self._observer = Observer(simulation, reader)
         self._contacts = ContactWatcher(simulation)
+        self._between = ContactsBetween(simulation, reader)
         self._motions = MotionWatcher(simulation, reader)
         self._doors = DoorWatcher(simulation, world, reader)
         self._open_hand = AttachmentCheck(simulation, reader)
@@ -236,6 +273,7 @@ class AuditMonitor:
     def _after_step(self) -> None:
         self._take_in_events()
         self._motions.integrate()
+        self._between.watch_step()
         self._doors.watch_step(self._forgiven("push", self._simulation.elapsed))
         self._steps += 1
 
@@ -245,8 +283,11 @@ class AuditMonitor:
         slipping = self._forgiven("slip", observation.stamp)
         contacts.watch(observation, slipping)
         put_down = self._put_down(observation)
-        motions.watch(observation, contacts.touched, contacts.robot_forces, put_down)
-        self._open_hand.watch(observation, contacts.robot_forces, put_down)
+        touched = contacts.touched | self._between.touched
+        robot_forces = contacts.robot_forces | self._between.mean_forces()
+        motions.watch(observation, touched, robot_forces, put_down)
+        self._open_hand.watch(observation, robot_forces, put_down)
+        self._between.begin(motions.awake, contacts.robot_forces)
         self._integrity.watch_constraints(observation.stamp)
         self._looks += 1
         if self._looks % FULL_CHECK_EVERY == 0:

@@ -89,8 +89,9 @@ class MotionWatcher:
     ) -> None:
         """Process one observation.
 
-        ``touched``: the bodies that have contacts now, except wheels on the floor. ``robot_forces``: the robot's normal
-        force on each body that it touches, newtons. ``put_down``: objects placed by a script.
+        ``touched``: the bodies that have contacts now, except wheels on the floor, and moving objects that had some
+        since the observation before. ``robot_forces``: the robot's normal force on each body that it touches, newtons.
+        ``put_down``: objects placed by a script.
         """
         self._robot_touches = self._robot in touched or self._robot in self._touched_before
         before = self._begin_anew(put_down, observation)

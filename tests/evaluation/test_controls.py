@@ -53,7 +53,7 @@ def test_with_slippery_fingers_the_grasp_fails_and_the_tree_reports_it(without_r
     assert "the hand closed but does not hold the cup: it closed to " in why
 
 
-@pytest.mark.parametrize("task", ["fetch_cup", "pick_place_table"])
+@pytest.mark.parametrize("task", ["fetch_cup", "pick_place_table", "push_object"])
 def test_where_nothing_is_in_the_way_it_succeeds_in_mujoco_too(task: str) -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     result = run_episode(load_run(task, seed=2, settings=AT_THE_TABLE if task == "fetch_cup" else (), driver="mujoco"))

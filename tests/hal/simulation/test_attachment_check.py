@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from types import SimpleNamespace
 
 import pytest
 
@@ -10,7 +11,7 @@ from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from hal.simulation.bodies import BodyState
-from hal.simulation.monitor import AttachmentCheck
+from hal.simulation.monitor import AttachmentCheck, ContactsBetween
 from hal.simulation.observation import SimulationState
 from hal.simulation.simulation import Simulation
 from tests.default_engine import DefaultRobot
@@ -91,3 +92,30 @@ def test_what_is_pressed_with_a_tenth_of_its_weight_in_the_mean_of_half_a_second
     simulation, pressed, suspect
 ) -> None:
     assert bool(findings(simulation, "body", 0.0, pressed)) == suspect
+
+
+def test_contacts_between_two_looks_count_for_moving_objects_that_the_robot_hardly_presses(simulation) -> None:
+    built = simulation.built
+    cup, can = built.objects["cup"], next(body for name, body in built.objects.items() if name != "cup")
+    weight = 9.81 * built.object_masses[cup]
+    steps: list[list[tuple[int, float]]] = []
+    reader = SimpleNamespace(
+        contacts=lambda body: [SimpleNamespace(second=other, pressure=force) for other, force in steps[-1]]
+    )
+    between = ContactsBetween(simulation, reader)
+    assert (between.touched, between.mean_forces()) == (set(), {})
+
+    between.begin([cup, built.robot], {cup: 0.5 * weight})
+    for touches in ([], [(built.floor, 2.0), (built.robot, 3.0)], [(built.robot, 1.0), (built.robot, 0.0)], []):
+        steps.append(touches)
+        between.watch_step()
+    assert between.touched == {cup}
+    assert between.mean_forces() == {cup: pytest.approx(1.0)}
+
+    between.begin([cup, can], {cup: 1.1 * weight})
+    steps.append([(built.floor, 0.0)])
+    between.watch_step()
+    assert (between.touched, between.mean_forces()) == (set(), {})
+    steps.append([(built.floor, 1.0)])
+    between.watch_step()
+    assert between.touched == {can}
