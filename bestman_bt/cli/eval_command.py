@@ -15,6 +15,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
+from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
@@ -61,13 +62,13 @@ class EvaluationView:
 
     def __enter__(self) -> EvaluationView:
         for note in self._evaluation.notes:
-            self._console.print(f"note: {note}", highlight=False, soft_wrap=True)
+            self._print(f"note: {note}")
         for entry in self._evaluation.suite.entries:
             if entry.settings:
                 changes = ", ".join(f"{key}={value}" for key, value in entry.settings.items())
                 self._print(f"{entry.name}: {entry.config.name} with {changes}")
         if self._finished_before:
-            self._console.print(f"{self._finished_before} episodes are finished already", highlight=False)
+            self._print(f"{self._finished_before} episodes are finished already")
         if self._console.is_terminal:
             self._live = Live(self._picture(), console=self._console, auto_refresh=False, vertical_overflow="visible")
             self._live.start()
@@ -122,14 +123,14 @@ def table(evaluation: Evaluation) -> Table:
         low, high = document["interval"]
         begun = document["episodes"] > 0
         shown.add_row(
-            f"{entry.name} [dim](control)" if entry.control else entry.name,
+            Text.assemble(entry.name, (" (control)", "dim") if entry.control else ""),
             f"{document['episodes']}/{document['asked_episodes']}",
             str(document["succeeded"]),
             f"{low:.0%}–{high:.0%}" if begun else "",
             str(document["false_successes"]),
             f"{document['real_time_factor']:.1f}" if begun else "",
             _standing(document) if begun else "",
-            accuracy_words(document["accuracy"]),
+            escape(accuracy_words(document["accuracy"])),
         )
     return shown
 
@@ -288,7 +289,7 @@ def _evaluate(
     ``merged``: folders of shards; nothing is run then. Raises JournalError if a file cannot be written.
     """
     with evaluation:
-        CONSOLE.print(f"kept in {folder}", highlight=False, soft_wrap=True)
+        CONSOLE.print(f"kept in {folder}", highlight=False, markup=False, soft_wrap=True)
         printed = 0 if merged else len(evaluation.notes)
         if merged:
             document = evaluation.merge(merged)
@@ -296,7 +297,7 @@ def _evaluate(
             with EvaluationView(evaluation, CONSOLE) as view:
                 document = evaluation.run(launcher, view.show_result)
         for note in evaluation.notes[printed:]:
-            CONSOLE.print(f"note: {note}", highlight=False, soft_wrap=True)
+            CONSOLE.print(f"note: {note}", highlight=False, markup=False, soft_wrap=True)
         compared = within(evaluation.finished_entries()) if compare and not document["interrupted"] else []
         document["comparisons"] = [one.document() for one in compared]
         try:
@@ -304,7 +305,7 @@ def _evaluate(
         except OSError as error:
             why = f"{error.filename or folder} cannot be written: {error.strerror}"
             raise JournalError(f"{why}; the episodes are kept: make room there and repeat the command") from error
-        CONSOLE.print(f"written: {folder / 'summary.md'}", highlight=False, soft_wrap=True)
+        CONSOLE.print(f"written: {folder / 'summary.md'}", highlight=False, markup=False, soft_wrap=True)
     return document
 
 
@@ -316,7 +317,8 @@ def _write_summary(
     if len(compared) > 1:
         lines += [*differences_table(compared), ""]
     lines += [line for one in compared for line in (*one.lines(), "")]
-    (folder / "summary.md").write_text(markdown(document) + ("\n".join(lines) if compared else ""), encoding="utf-8")
+    text = markdown(document) + ("\n".join(lines) if compared else "")
+    (folder / "summary.md").write_text(text, encoding="utf-8", errors="backslashreplace")
     for one in compared:
         one.draw(folder / re.sub(r"[^\w.=-]+", "_", f"{one.names[1]}_against_{one.names[0]}.svg"))
     if len(compared) > 1:

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
@@ -145,6 +146,8 @@ def main() -> None:
     # Products of small arrays are slower on several threads, and their last bits depend on how many there are.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # names of files need not be text
     verb = next((argument for argument in sys.argv[1:] if argument in VERBS), "")
     with input_errors(starts=verb in STARTING):
         app(prog_name="bestman-bt")
