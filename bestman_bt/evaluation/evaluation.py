@@ -199,6 +199,7 @@ class Evaluation:
         for entry, seed in self._missing():
             missing[entry.name].append(seed)
         entries = [{**self.entry_document(entry), "missing": missing[entry.name]} for entry in self.suite.entries]
+        names = {config: name for name, config in self._configs.items()}
         return {
             "evaluation": self.suite.name,
             "description": self.suite.description,
@@ -214,7 +215,7 @@ class Evaluation:
             "code": self._code,
             "commit": self._commit,
             "notes": list(self.notes),
-            "contradictions": [str(one) for one in self.contradictions],
+            "contradictions": [f"{names[one.key.config]}, {one}" for one in self.contradictions],
             "entries": entries,
             "versions": versions(),
         }

@@ -216,7 +216,7 @@ def test_a_shard_that_contradicts_another_is_an_error(suite: Suite, keys: Sequen
     write(tmp_path / "three", keys[:1], sim_time_s=99.0)
     document = merged(suite, tmp_path / "out", tmp_path / "one", tmp_path / "two", tmp_path / "three")
     paths = [tmp_path / name / "episodes.jsonl" for name in ("one", "three")]
-    assert document["contradictions"] == [f"seed {FIRST}: {paths[0]} and {paths[1]} differ in sim_time_s"]
+    assert document["contradictions"] == [f"plain, seed {FIRST}: {paths[0]} and {paths[1]} differ in sim_time_s"]
     assert not document["met"]
 
 
