@@ -202,7 +202,7 @@ class Executor:
                     self._looping = False
             except InputError:  # reported by the caller
                 raise
-            except Exception as error:  # a user's code may raise anything; it is reported and logged below
+            except (Exception, SystemExit) as error:  # a user's code may raise anything; reported and logged below
                 known = isinstance(error, (EngineError, RobotError))
                 if isinstance(error, NodeError):
                     logging.getLogger(__name__).error("the tick went through %s", " > ".join(error.backtrace))

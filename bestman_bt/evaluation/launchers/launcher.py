@@ -104,7 +104,7 @@ class EpisodeRequest:
                     setup = prepare_episode(self.config)
                 with forwarded_events(self.events):
                     return self.run_prepared(setup, run_folder)
-            except Exception as error:  # whatever a plug-in raises is the error of its episode
+            except (Exception, SystemExit) as error:  # whatever a plug-in raises is the error of its episode
                 if self.written is not None and _is_disk_full(error, self.written):
                     raise
                 result = self.failed_result(describe_error(error), time.perf_counter() - start)
@@ -253,7 +253,7 @@ def _lost(what: str, answer: EpisodeAnswer) -> LauncherLostError:
     )
 
 
-def _is_disk_full(error: Exception, folder: Path) -> bool:
+def _is_disk_full(error: BaseException, folder: Path) -> bool:
     """Return whether the disk of ``folder`` is full; inotify and shared memory answer ENOSPC, too."""
     if not isinstance(error, OSError) or error.errno not in NO_ROOM:
         return False

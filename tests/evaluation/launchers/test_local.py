@@ -49,6 +49,13 @@ class Hang(SyncAction):
         return FAILURE
 
 
+class Leave(SyncAction):
+    """Ends the program as a script does that went well."""
+
+    def on_tick(self) -> int:
+        raise SystemExit(0)
+
+
 class Killed(SyncAction):
     """Is ended by the kernel each time."""
 
@@ -93,6 +100,16 @@ def test_an_episode_that_kills_its_process_or_hangs_costs_only_itself(tmp_path: 
     told = [results[i].failure.why for i in (0, 2) if results[i].failure is not None]
     assert told[0] == "the process ended with code 3"
     assert re.match(r"given up after 1\d\b", told[1])
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_an_episode_that_ends_the_program_is_an_error_in_each_process(jobs: int, tmp_path: Path) -> None:
+    launcher = LocalProcesses(LaunchOptions(jobs))
+    launcher.submit([EpisodeRequest(config) for config in deadly(tmp_path, "Leave", "AlwaysFailure")])
+    results = dict(launcher.results())
+    assert [results[place].outcome for place in range(2)] == [Outcome.ERROR, Outcome.FAILURE]
+    assert results[0].failure is not None
+    assert re.match(r"SystemExit: 0 \(at .*/deadly.py:\d+\)$", results[0].failure.why)
 
 
 def test_an_episode_whose_worker_is_ended_from_outside_is_run_again(
