@@ -154,7 +154,7 @@ class GripperModel:
 
     @property
     def joint_range(self) -> tuple[float, float]:
-        """Lowest and highest position of each of ``part.joints``."""
+        """Lowest and highest position of each of ``part.joints``, radians or metres."""
         positions, _ = self._table
         return min(positions[0], positions[-1]), max(positions[0], positions[-1])
 

@@ -42,7 +42,7 @@ def tiny_inertial() -> ET.Element:
 
 
 def box_inertial(mass: float, size: Vector, xyz: Vector = ZERO) -> ET.Element:
-    """Return the inertial of a homogeneous box of extents ``size`` centred at ``xyz``."""
+    """Return the inertial of a homogeneous box: ``mass``, kg, extents ``size``, centred at ``xyz``, metres."""
     x, y, z = size
     return inertial(mass, (mass / 12 * (y * y + z * z), mass / 12 * (x * x + z * z), mass / 12 * (x * x + y * y)), xyz)
 

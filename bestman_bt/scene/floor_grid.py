@@ -25,7 +25,7 @@ class FloorGrid:
 
     @classmethod
     def of(cls, outlines: Iterable[Points], resolution: float = 0.025) -> FloorGrid:
-        """Return the floor between convex counter-clockwise polygons; the outside counts as occupied."""
+        """Return the floor between convex counter-clockwise polygons (M, 2), metres; the outside counts as occupied."""
         polygons = list(outlines)
         corners = np.concatenate(polygons)
         origin = corners.min(axis=0)
@@ -71,7 +71,7 @@ class FloorGrid:
         return FloorGrid(self.room[first::count, first::count], origin, count * self.resolution)
 
     def areas(self, radius: float) -> NDArray[np.intp]:
-        """Return the number of the connected area for the middle of a disc of this radius, (rows, columns); 0: none."""
+        """Return (rows, columns) the number of the connected area of a disc's centre; 0: none. ``radius``: metres."""
         labels, _ = ndimage.label(self.room > radius, structure=np.ones((3, 3)))
         return np.asarray(labels, dtype=np.intp)
 

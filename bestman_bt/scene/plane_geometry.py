@@ -14,7 +14,7 @@ Points = NDArray[np.float64]
 
 
 def rectangle(pose: Pose2D, size: tuple[float, float]) -> Points:
-    """Return the corners (4, 2) of a rectangle centred at ``pose``, counter-clockwise."""
+    """Return the corners (4, 2), metres, of a rectangle centred at ``pose``, counter-clockwise."""
     x, y = size[0] / 2, size[1] / 2
     return pose.apply(np.array([[-x, -y], [x, -y], [x, y], [-x, y]]))
 

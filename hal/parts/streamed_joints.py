@@ -220,8 +220,8 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         velocities: ArrayLike | None = None,
         efforts: ArrayLike | None = None,
     ) -> None:
-        """Set one kind of set-point; positions and velocities are approached within the limits, efforts act
-        immediately.
+        """Set one kind of set-point, (n,); positions and velocities are approached within the limits, efforts act
+        immediately. Raises CommandRefusedError.
 
         After efforts, positions and velocities start from the measured ones. Velocities expire after
         ``velocity_timeout`` unless they are repeated.

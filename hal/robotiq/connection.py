@@ -163,7 +163,10 @@ class RobotiqChannel(GripperChannel):
         return Failure(MotionErrorCode.TIMEOUT, f"answers take {late:.2f} s") if late is not None else None
 
     def read(self) -> GripperReading:
-        """Return the width, metres, and whether an object stopped the fingers before their last target."""
+        """Return the width, metres, and whether an object stopped the fingers before their last target.
+
+        Raises NoDataError before the first report.
+        """
         status = self._status
         if status is None:
             raise NoDataError(f"{self._name}: the Robotiq gripper has not reported anything yet", self._name)

@@ -209,8 +209,10 @@ class GroundProblem:
 
 
 def ground(problem: PlanningProblem) -> GroundProblem:
-    """Return the relevant ground actions. Raises Unsolvable if the goal is unreachable even under the delete
-    relaxation.
+    """Return the relevant ground actions.
+
+    Raises Unsolvable if the goal is unreachable even under the delete relaxation, GoalError if it is contradictory, and
+    PlanningError if the problem is ``unsound``.
     """
     problem.refuse_contradictory_goal()
     if problem.unsound:

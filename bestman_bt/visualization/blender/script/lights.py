@@ -50,7 +50,7 @@ def sky() -> None:
 
 
 def lamp(name: str, place: Vector, target: Vector, watts: float, size: float, color: tuple[float, ...]) -> None:
-    """Add an area light aimed at ``target``."""
+    """Add a square area light of edge ``size``, metres, aimed at ``target``."""
     data = bpy.data.lights.new(name, "AREA")
     data.energy, data.size, data.color = watts, size, color
     data.spread = math.radians(150.0)
