@@ -366,6 +366,9 @@ def _broad_phase(
 
 
 def _placed(shapes: Sequence[PlacedShape], name: str) -> list[Placed]:
+    for placed in shapes:
+        if not np.isfinite(placed.pose.position).all():
+            raise ManipulationError(f"pose of {name!r} should be finite but is {placed.pose}")
     return [(_coal_shape(placed.shape, name), to_se3(placed.pose)) for placed in shapes]
 
 

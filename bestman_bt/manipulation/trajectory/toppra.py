@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     import toppra
 
 
+_SAME = 1e-4
+"""Radians; waypoints that are nearer to each other count as one."""
+
+
 @dataclass(frozen=True)
 class Toppra(TimeParametrization):
     """A cubic spline along the path, as fast as velocity and acceleration limits allow.
@@ -100,11 +104,16 @@ class Toppra(TimeParametrization):
 
 
 def _densified(path: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """Return the path with points at most ``spacing`` rad apart and no repeated ones (toppra refuses those)."""
+    """Return the path with points at most ``spacing`` rad apart.
+
+    Repeated points are left out, because toppra refuses them, and ones that are nearly the same, because a spline turns
+    sharply between them. The two ends stay.
+    """
     points = [path[0]]
-    for waypoint in path[1:]:
+    for index, waypoint in enumerate(path[1:], start=2):
         gap = float(np.linalg.norm(waypoint - points[-1]))
-        if gap < 1e-6:
+        only_motion = index == len(path) and len(points) == 1
+        if gap < (1e-6 if only_motion else _SAME):
             continue
         count = math.ceil(gap / spacing)
         start = points[-1]
