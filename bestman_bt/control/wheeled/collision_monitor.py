@@ -35,6 +35,10 @@ EDGE = 0.03
 """Metres beyond the minimum range within which noise may hide a hit."""
 NEAR = 1.0
 """Metres around an arm within which the heights of obstacles are checked."""
+IN_STEP = 0.05
+"""Seconds of acceleration by which a command may be ahead of the measured velocity while the motion has to follow the
+commanded curve.
+"""
 MEMORY = 30.0
 """Seconds for which points too close to be seen are remembered, so that a passing person does not block the base
 permanently.
@@ -168,6 +172,9 @@ class CollisionMonitor:
             return MonitoredCommand(
                 Twist2D(), MonitorAction.BUMPED, True, f"{self._words(pressed)} presses on the bumper"
             )
+        in_step, beside = self._in_step(looks, velocity, wanted)
+        if in_step < share:
+            share, what = in_step, beside
         if share < 1.0 and share * max(math.hypot(wanted.vx, wanted.vy), abs(wanted.wz)) < CREEP:
             return MonitoredCommand(Twist2D(), MonitorAction.STOP, False, f"{what} is in the way")
         if share < 1.0:
@@ -214,6 +221,29 @@ class CollisionMonitor:
             if sooner < time:
                 time, what = sooner, f"furniture of the map {_side(outline[index])}"
         return time, what, safe_share(time, reaction, braking)
+
+    def _in_step(
+        self, looks: tuple[list[_Look], list[_Entry]], velocity: Twist2D, wanted: Twist2D
+    ) -> tuple[float, str]:
+        """Return the fraction of ``wanted`` at which the base stays on its curve while it accelerates, and the obstacle
+        beside the curve; 1 without such an obstacle.
+
+        A base reaches its speed of turning sooner than its speed of driving, so at first it turns more than it was
+        commanded: an arm ahead of a base that backs away from a wall would swing into it.
+        """
+        limits = self.base.part
+        rates = np.array([limits.max_acceleration, limits.max_acceleration, limits.max_angular_acceleration])
+        now = np.array([velocity.vx, velocity.vy, velocity.wz])
+        then = np.array([wanted.vx, wanted.vy, wanted.wz])
+        soon = now + np.clip(then - now, -rates * self.reaction, rates * self.reaction)
+        if soon @ then > 0.999 * np.linalg.norm(soon) * np.linalg.norm(then):
+            return 1.0, ""
+        _, what, share = self._contact(looks, Twist2D(*soon.tolist()))
+        if share == 1.0:
+            return 1.0, ""
+        asked = then != 0.0
+        reached = np.sign(then[asked]) * now[asked] + rates[asked] * IN_STEP
+        return float(np.clip((reached / np.abs(then[asked])).min(initial=1.0), 0.0, 1.0)), what
 
     def _braking(self, twist: Twist2D) -> float:
         limits = self.base.part

@@ -231,13 +231,13 @@ class CellLayer(CostmapLayer):
 
 def _to_squares(cells: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return the distance, in cells, from the centre of each cell to the nearest square of ``cells`` (rows, columns);
-    exact.
+    exact. Without any, it is larger than the grid, and finite, because distances are interpolated.
 
     The point of a square that is nearest to the centre of another cell is a corner, or the middle of an edge: a node of
     the grid of half the spacing.
     """
     if not cells.any():
-        return np.full(cells.shape, np.inf)
+        return np.full(cells.shape, float(sum(cells.shape)))
     rows, columns = cells.shape
     nodes = np.zeros((2 * rows + 1, 2 * columns + 1), dtype=bool)
     for row in range(3):

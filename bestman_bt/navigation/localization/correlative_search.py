@@ -121,6 +121,8 @@ class CorrelativeSearch(GlobalLocalizer):
         """
         if not scans:
             raise ValueError("locate needs at least one scan")
+        if not len(map_lines(planar_map, 0.0, 0.0).segments):
+            return ()
         search = _Search(planar_map, self, base_from_lidar)
         latest = scans[-1]
         found: list[tuple[float, float, LocalizationEstimate]] = []

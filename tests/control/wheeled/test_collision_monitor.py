@@ -115,6 +115,23 @@ def test_an_arm_that_stands_out_is_kept_from_what_is_tall_and_passes_over_what_i
         assert clearance(poses, posts) > 0.0
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_an_arm_does_not_swing_into_a_wall_while_the_base_begins_to_back_away_from_it(side):
+    """The base turns faster sooner than it drives faster; again and again from rest, it would creep to the wall."""
+    arm = np.array([(-0.28, -0.22), (0.28, -0.22), (0.98, -0.05), (0.98, 0.05), (0.28, 0.22), (-0.28, 0.22)])
+    outline, heading = FootprintMotion(arm, 0.0), side * math.radians(65.0)
+    from_tip = np.linspace(-1.5, 1.5, 301)
+    tip = arm @ np.array([[math.cos(heading), math.sin(heading)], [-math.sin(heading), math.cos(heading)]])
+    wall = np.column_stack([from_tip, np.full(301, side * (np.abs(tip[:, 1]).max() + 0.002))])
+    wall = Pose2D(theta=heading).inverse().apply(wall)
+    monitor = CollisionMonitor(BASE)
+    monitor.use_footprint(Footprint(np.array(CORNERS), overhang=Overhang(arm, 0.9, 0.7)))
+    away = Twist2D(-0.6, 0.0, side * 0.34)
+    poses, velocity, *_ = drive(monitor, away, wall, 1.5, are_tall=lambda points: np.full(len(points), True))
+    assert min(outline.distance(pose.inverse().apply(wall)).min() for pose in poses) > 0.001
+    assert velocity[0] < -0.3
+
+
 def test_a_noisy_wall_is_approached_to_a_finger_and_not_touched():
     wall = wall_ahead(1.5)
     poses, _, actions, _ = drive(CollisionMonitor(BASE), Twist2D(0.5), wall, noise=np.random.default_rng(1))
