@@ -66,7 +66,8 @@ class BasePlacementPlanner(ABC):
         """Return base poses along ``furniture``, facing it, at ``target`` (x, y) in the map frame or slightly sideways.
 
         ``base_front``: metres from the base's origin to its front. ``sides``: of ``front`` (-x of the furniture),
-        ``back``, ``left`` (+y) and ``right``. Raises ManipulationError for another side.
+        ``back``, ``left`` (+y) and ``right``. Raises ManipulationError for another side, and for a
+        ``target`` that is not finite.
         """
 
     @abstractmethod
@@ -110,7 +111,10 @@ class BasePlacements(BasePlacementPlanner):
     def beside(
         self, furniture: MapFurniture, target: ArrayLike, base_front: float, sides: Sequence[str] = ("front",)
     ) -> tuple[Pose2D, ...]:
-        x, y = furniture.pose.inverse().apply(np.asarray(target, dtype=float)[:2])
+        place = np.asarray(target, dtype=float)[:2]
+        if not np.isfinite(place).all():
+            raise ManipulationError(f"target should be finite but is {place}")
+        x, y = furniture.pose.inverse().apply(place)
         half_x, half_y = furniture.footprint[0] / 2, furniture.footprint[1] / 2
         stands = []
         for side in sides:

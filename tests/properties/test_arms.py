@@ -249,3 +249,63 @@ def test_a_path_that_is_no_path_is_not_timed(path, joint, value):
     for empty in (path[:0], path[:, :2], path[0]):
         with pytest.raises(ManipulationError, match="should have shape"):
             Toppra().parametrize(empty, limits)
+
+
+poses_2d = st.builds(Pose2D, st.floats(-20, 20), st.floats(-20, 20), st.floats(-3, 3))
+TABLE = MapFurniture("table", Pose2D(0.9, 0.1, 0.3), (0.6, 1.0), 0.4, (), False)
+
+
+@examples(40)
+@given(poses_2d, st.floats(-1, 1), st.floats(-1, 1), st.sampled_from(["front", "back", "left", "right"]))
+def test_stands_beside_furniture_are_the_same_wherever_the_world_lies(world, x, y, side):
+    target = TABLE.pose.apply(np.array([x, y]))
+    there = MapFurniture("table", world @ TABLE.pose, TABLE.footprint, TABLE.height, (), False)
+    one = BasePlacements().beside(TABLE, target, 0.3, (side,))
+    other = BasePlacements().beside(there, world.apply(target), 0.3, (side,))
+    assert len(one) == len(other) > 0
+    for stand, moved in zip(one, other, strict=True):
+        assert (world @ stand).distance_to(moved) < 1e-6
+        assert math.cos((world @ stand).theta - moved.theta) > 1.0 - 1e-9
+    for wrong in ((math.nan, y), (x, math.inf)):
+        with pytest.raises(ManipulationError, match="target should be finite"):
+            BasePlacements().beside(TABLE, wrong, 0.3)
+
+
+@pytest.mark.parametrize("planner", [BasePlacements(enough=100), PathPlacements(enough=100, most=100)])
+@examples(6)
+@given(poses_2d, shares, st.randoms(), st.booleans())
+def test_placements_are_the_same_wherever_the_world_lies_and_in_any_order(planner, world, share, random, known):
+    arm, kinematics, _ = panda()
+    tool = kinematics.tool_pose(within(share * 0.5 + 0.25))
+    nowhere = Pose(np.array([0.5, math.nan, 0.5]))
+    stands = [Pose2D(x, y, turn) for x in (-0.2, 0.1) for y in (-0.3, 0.2) for turn in (-0.4, 0.5)]
+    ways = [Pose(tool.position + np.array([0.0, 0.0, rise]), tool.quaternion) for rise in (0.1, 0.05, 0.0)]
+
+    def ranked(candidates, frame):
+        reaching = ReachingArm(kinematics, arm, within(np.full(7, 0.5)), np.random.default_rng(1))
+        poses = [frame.to_pose() @ pose for pose in ways]
+        asked = [poses] if isinstance(planner, BasePlacements) else [[pose] for pose in poses]
+        current = frame @ Pose2D(0.5, 0.5, 0.0) if known else None
+        return planner.rank([frame @ stand for stand in candidates], asked, reaching, current=current)
+
+    with pytest.raises(ManipulationError, match="should be finite"):
+        planner.rank(
+            stands, [[nowhere]], ReachingArm(kinematics, arm, within(np.full(7, 0.5)), np.random.default_rng(1))
+        )
+    here, there, mixed = (
+        ranked(candidates, frame)
+        for candidates, frame in (
+            (stands, Pose2D()),
+            (stands, world),
+            (random.sample(stands, len(stands)), Pose2D()),
+        )
+    )
+    for frame, other in ((world, there), (Pose2D(), mixed)):
+        # Searches for joint positions are random: one on the edge of reach may fail.
+        found = [sum((frame @ a.pose).distance_to(b.pose) < 1e-6 for b in other) for a in here]
+        assert len(here) == pytest.approx(len(other), abs=1)
+        assert sum(count == 0 for count in found) <= 1
+    for placement in there:
+        first = placement.positions if isinstance(planner, BasePlacements) else placement.arc.path[0]
+        reached = placement.pose.to_pose() @ kinematics.tool_pose(first)
+        np.testing.assert_allclose(reached.position, (world.to_pose() @ ways[0]).position, atol=1e-3)

@@ -43,14 +43,10 @@ PLANNERS = [GridAStar(), ThetaStar(), pytest.param(HybridAStar(), marks=pytest.m
 def costmap_of(solids, world=None, resolution=0.05):
     world = world or Pose2D()
     ends = np.array(ROOM, dtype=float).reshape(-1, 2)
-    obstacles = [
-        Obstacle(
-            f"box_{number}",
-            (PlacedShape(Box((wide, deep, 1.0)), (world @ Pose2D(x, y, turn)).to_pose() @ Pose(np.array([0, 0, 0.5]))),),
-            0.0,
-        )
-        for number, (x, y, wide, deep, turn) in enumerate(solids)
-    ]
+    obstacles = []
+    for number, (x, y, wide, deep, turn) in enumerate(solids):
+        pose = (world @ Pose2D(x, y, turn)).to_pose() @ Pose(np.array([0.0, 0.0, 0.5]))
+        obstacles.append(Obstacle(f"box_{number}", (PlacedShape(Box((wide, deep, 1.0)), pose),), 0.0))
     room = SemanticMap(world.apply(ends).reshape(-1, 4), {})
     return Costmap.from_map(room, BASE, obstacles, Rasterization(resolution=resolution))
 
@@ -85,7 +81,8 @@ def test_a_path_is_free_and_found_where_there_is_room_wherever_the_world_lies(pl
         assert isinstance(found, Path2D)
         np.testing.assert_allclose(found.points[[0, -1]], [one.xy, other.xy], atol=1e-6)
         assert np.isfinite(found.points).all()
-        along = np.concatenate([np.linspace(a, b, 20) for a, b in itertools.pairwise((*found.points, found.points[-1]))])
+        corners = itertools.pairwise((*found.points, found.points[-1]))
+        along = np.concatenate([np.linspace(a, b, 20) for a, b in corners])
         assert costmap.distance_at(along).min() > BASE.inscribed_radius - 0.02
 
 
@@ -99,12 +96,11 @@ def _connected(costmap, start, goal):
 @given(st.integers(1, 4), st.integers(1, 4), st.sampled_from([FREE, OCCUPIED, UNKNOWN]))
 def test_the_smallest_grids_make_a_costmap_or_are_refused_by_name(rows, columns, value):
     grid = OccupancyGrid(np.full((rows, columns), value, dtype=np.int8), 0.05, np.zeros(2))
-    try:
-        costmap = LayeredCostmap().of_grid(grid, BASE)
-    except ValueError as error:
-        assert min(rows, columns) < 2, error
-        assert "should have 2 rows and columns or more" in str(error)
+    if min(rows, columns) < 2:
+        with pytest.raises(ValueError, match="should have 2 rows and columns or more"):
+            LayeredCostmap().of_grid(grid, BASE)
         return
+    costmap = LayeredCostmap().of_grid(grid, BASE)
     assert np.isfinite(costmap.distance_at(costmap.grid_points(np.argwhere(grid.data == value)))).all()
     for planner in (GridAStar(), ThetaStar(), HybridAStar()):
         assert isinstance(planner.plan(Pose2D(0.01, 0.01, 0.0), Pose2D(0.02, 0.02, 0.0), costmap), PlanningFailure)

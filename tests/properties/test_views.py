@@ -1,4 +1,4 @@
-"""What holds for each algorithm that looks at views: in any world frame, in any order, and where pixels know nothing."""
+"""What holds for each algorithm that looks at views: in any frame, in any order, and where pixels know nothing."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.rendering import render_view
 from bestman_bt.messages import VOXEL_OCCUPIED, Box, CameraIntrinsics, Handle, PlacedShape, Pose, RGBDImage, YawSet
 from bestman_bt.perception.affordance.front_handles import FrontHandles
 from bestman_bt.perception.detection.color_shape import ColorShape
@@ -28,6 +29,7 @@ from bestman_bt.perception.segmentation.support_surfaces import SupportSurfaces
 from bestman_bt.perception.tracking import GlobalNearestNeighbour
 from bestman_bt.perception.view import View
 from bestman_bt.perception.view_planning import ExpectedYaw
+from bestman_bt.scene.furniture_generator.generate import generate_furniture
 from tests.perception.affordance.conftest import camera_before, shapes_of
 from tests.perception.grasp_pose.test_antipodal_cloud import GRIPPER
 from tests.perception.grasp_pose.test_handle_grasp import handle
@@ -112,11 +114,9 @@ def test_a_view_of_next_to_nothing_shows_no_surface(find, value, share, seed):
     depth = np.full((240, 320), value, dtype=np.float32)
     depth[np.random.default_rng(seed).random(depth.shape) < share] = 1.3
     view = with_depth(seen([]), depth)
+    rng = np.random.default_rng(0)
     with pytest.raises(NoSurfaceError):
-        if isinstance(find, SupportSurfaces):
-            find.find(view, np.random.default_rng(0))
-        else:
-            find.segment(view, AROUND, np.random.default_rng(0))
+        find.find(view, rng) if isinstance(find, SupportSurfaces) else find.segment(view, AROUND, rng)
 
 
 @examples(8)
@@ -127,7 +127,8 @@ def test_surfaces_are_found_at_the_same_places_in_any_frame(seed, world, value):
     there = SupportSurfaces().find(view.seen_from(world), np.random.default_rng(0))
     assert len(here) == len(there) >= 1
     for one, other in zip(here, there, strict=True):
-        np.testing.assert_allclose(world.apply(one.frame_from_plane.position), other.frame_from_plane.position, atol=0.01)
+        moved = world.apply(one.frame_from_plane.position)
+        np.testing.assert_allclose(moved, other.frame_from_plane.position, atol=0.01)
         np.testing.assert_allclose(one.size, other.size, atol=0.01)
     assert min(abs(plane.frame_from_plane.position[2] - 0.75) for plane in here) < 0.004
 
@@ -138,7 +139,7 @@ def test_surfaces_are_found_at_the_same_places_in_any_frame(seed, world, value):
 def test_a_pose_is_estimated_alike_in_any_frame_and_in_any_order_of_points_models_and_views(name, yaw, world, seed):
     item = standing(shipped(name), -0.1, 0.0, yaw)
     models = [shipped(name), shipped("duck")]
-    beside = looking_at(item.pose.position + (0.25, 0.3, 0.35), item.pose.position)
+    beside = looking_at(item.pose.position + np.array([0.25, 0.3, 0.35]), item.pose.position)
     views = [photographed([item], MAST), photographed([item], beside, seed=1)]
     observed = [ViewObservation(cluster_of(view, item), view) for view in views]
     rng = np.random.default_rng(seed)
@@ -183,22 +184,22 @@ def test_known_objects_are_detected_alike_in_any_frame_and_any_order_of_the_mode
         assert sorted(found.name for found in scene.detections) == sorted(names)
         for name, item in zip(names, items, strict=True):
             at = scene.find(name).pose.position
-            np.testing.assert_allclose(at, frame.apply(item.pose.position), atol=0.01)
+            # The handle of the mug may be hidden: its place is then open to 1.5 cm.
+            np.testing.assert_allclose(at, frame.apply(item.pose.position), atol=0.02)
 
 
 @pytest.mark.slow
 @examples(3)
 @given(st.sampled_from(["drawer_chest", "cupboard"]), st.integers(1, 4), worlds, st.floats(15, 35))
 def test_handles_are_found_at_the_same_places_in_any_frame(kind, seed, world, aside):
-    from benchmarks.rendering import render_view
-    from bestman_bt.scene.furniture_generator.generate import generate_furniture
-
-    model = generate_furniture(kind, seed=seed)
-    middle = np.mean([one.pose.position for one in model.handles()], axis=0) if hasattr(model, "handles") else (0, 0, 0.5)
-    view = render_view(shapes_of(model), camera_before(np.asarray(middle), 1.3, aside, 15.0), np.random.default_rng(1))
+    rng = np.random.default_rng(seed)
+    model = generate_furniture(kind, rng)
+    true = [articulation.handle for articulation in model.articulations]
+    eye = camera_before(np.mean([one.pose.position for one in true], axis=0), 1.2, aside, 15.0)
+    view = render_view(shapes_of(model), eye, rng)
     here = FrontHandles().detect(view, np.random.default_rng(0)).handles
     there = FrontHandles().detect(view.seen_from(world), np.random.default_rng(0)).handles
-    assert len(here) == len(there)
+    assert len(here) == len(there) == len(true)
     for one in here:
         at = world.apply(one.pose.position)
         other = min(there, key=lambda handle: float(np.linalg.norm(handle.pose.position - at)))

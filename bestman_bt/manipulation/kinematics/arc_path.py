@@ -194,9 +194,12 @@ class _Node:
 
 
 def check_stations(stations: Stations) -> None:
-    """Raise ManipulationError if there is no station, or a station without poses."""
+    """Raise ManipulationError if there is no station, a station without poses, or a pose that is not finite."""
     if not stations or any(len(poses) == 0 for poses in stations):
         raise ManipulationError("stations should hold at least one station, each with at least one tool pose")
+    finite = np.isfinite([pose.position for poses in stations for pose in poses]).all()
+    if not finite:
+        raise ManipulationError("stations should be finite but hold NaN or infinity")
 
 
 def joint_margin(positions: NDArray[np.float64], limits: JointLimits) -> float:

@@ -5,10 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from bestman_bt.engine import XmlElement
+from bestman_bt.engine.xml.elements import MAX_DEPTH
 from bestman_bt.task_planning.builders.base import TreeBuilder
 from bestman_bt.task_planning.builders.plan_tree import Writer, parallel_steps, sequential_steps
 from bestman_bt.task_planning.builders.regression import ready_steps
-from bestman_bt.task_planning.symbolic.problem import Literal, TaskPlan
+from bestman_bt.task_planning.symbolic.problem import Literal, PlanningError, TaskPlan
+
+MAX_STEPS = 233
+"""Largest number of steps, one level each, so that a tree with shipped abilities has at most ``MAX_DEPTH`` levels."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,11 @@ class ReactiveBuilder(TreeBuilder):
     def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
         """Return retries around rounds; a round is a chain of IfThenElse nodes that checks the last step first."""
         steps = parallel_steps(plan) if self.parallel else sequential_steps(plan)
+        if len(steps) > MAX_STEPS:
+            raise PlanningError(
+                f"the plan has {len(steps)} steps, but a tree has at most {MAX_DEPTH} levels and 'reactive' needs one "
+                f"per step, for at most {MAX_STEPS}; use the builder 'sequence', which nests none"
+            )
         otherwise = writer.node("AlwaysFailure", "no_step_is_ready")
         for number, (step, ways) in enumerate(ready_steps(steps, goal, self.most_ways), 1):
             if ways:

@@ -419,6 +419,14 @@ def test_back_chaining_nests_as_many_actions_as_can_be_loaded_and_refuses_more()
             BackchainBuilder().build(chained(count), [Literal(Fact(f"f{count - 1}"))], ["AlwaysSuccess"])
 
 
+def test_a_reactive_tree_has_as_many_steps_as_can_be_loaded_and_more_are_refused() -> None:
+    goal = [Literal(Fact("f232"))]
+    made = ReactiveBuilder().build(chained(233), goal, ["AlwaysSuccess"])
+    assert with_replanning(made, goal, "symbolic", "reactive", node_registry()).count('_AlwaysSuccess"') == 232
+    with pytest.raises(PlanningError, match="the plan has 234 steps, but a tree has at most 256 levels"):
+        ReactiveBuilder().build(chained(234), [Literal(Fact("f233"))], ["AlwaysSuccess"])
+
+
 def test_back_chaining_names_the_condition_that_no_order_of_the_tree_keeps(monkeypatch: pytest.MonkeyPatch) -> None:
     """It finds an order for each plan that the kernels accept, so an empty kernel stands in for such a plan."""
     monkeypatch.setattr("bestman_bt.task_planning.builders.backchain.kernels", lambda *_: (frozenset(),))
