@@ -25,6 +25,8 @@ from tests.manipulation.table_and_shelf import FINGERS, fixed_panda
 from tests.properties.profile import examples
 from tests.robot_models import joint_group_model
 
+pytestmark = pytest.mark.slow
+
 NONSENSE = st.sampled_from([math.nan, math.inf, -math.inf])
 shares = st.lists(st.floats(0.03, 0.97), min_size=7, max_size=7).map(np.array)
 seeds = st.integers(0, 2**32 - 1)
@@ -199,7 +201,7 @@ waypoints = st.lists(st.tuples(small, small, small), min_size=2, max_size=6).map
 steps = st.sampled_from([0.0, 1e-9, 1e-7, 1e-5, 4e-5])
 
 
-@examples(30)
+@examples(8)
 @given(waypoints, st.permutations(range(3)), st.floats(0.1, 1.0), st.floats(0.1, 1.0), steps, seeds)
 def test_a_timed_path_stays_within_the_limits_and_on_the_path_in_any_order_of_the_joints(
     path, order, speed, rate, step, seed
@@ -235,7 +237,7 @@ def test_a_timed_path_stays_within_the_limits_and_on_the_path_in_any_order_of_th
     np.testing.assert_allclose(durations, durations[0], rtol=0.15, atol=0.05)
 
 
-@examples(20)
+@examples(8)
 @given(waypoints, st.integers(0, 2), NONSENSE)
 def test_a_path_that_is_no_path_is_not_timed(path, joint, value):
     limits = joint_group_model(tuple("abc"))

@@ -28,6 +28,8 @@ from bestman_bt.world_model.world_model import Obstacle
 from tests.properties.profile import examples
 from tests.properties.test_estimators import WALLS, scan_at
 
+pytestmark = pytest.mark.slow
+
 BASE = Footprint(np.array([[-0.28, -0.2], [0.28, -0.2], [0.28, 0.2], [-0.28, 0.2]]))
 ROOM = [(0, 0, 5, 0), (5, 0, 5, 4), (5, 4, 0, 4), (0, 4, 0, 0)]
 CLEAR = math.hypot(0.28, 0.2) + 0.1
@@ -37,7 +39,7 @@ boxes = st.lists(
 )
 worlds = st.builds(Pose2D, st.floats(-40, 40), st.floats(-40, 40), st.floats(-3, 3))
 places = st.builds(Pose2D, st.floats(0.6, 4.4), st.floats(0.6, 3.4), st.floats(-3, 3))
-PLANNERS = [GridAStar(), ThetaStar(), pytest.param(HybridAStar(), marks=pytest.mark.slow)]
+PLANNERS = [GridAStar(), ThetaStar(), HybridAStar()]
 
 
 def costmap_of(solids, world=None, resolution=0.05):

@@ -38,6 +38,8 @@ from tests.perception.seen_boxes import looking_at, view_of
 from tests.perception.tracking.test_global_nearest_neighbour import BOX, CAN, sighted
 from tests.properties.profile import examples
 
+pytestmark = pytest.mark.slow
+
 K = CameraIntrinsics(320, 240, 216.0, 216.0, 159.5, 119.5)
 worlds = st.builds(
     lambda x, y, z, yaw: Pose.from_xyz_rpy((x, y, z), (0.0, 0.0, yaw)),
@@ -133,8 +135,7 @@ def test_surfaces_are_found_at_the_same_places_in_any_frame(seed, world, value):
     assert min(abs(plane.frame_from_plane.position[2] - 0.75) for plane in here) < 0.004
 
 
-@pytest.mark.slow
-@examples(4)
+@examples(2)
 @given(st.sampled_from(["mug", "can", "box", "bowl"]), st.floats(-3, 3), worlds, seeds)
 def test_a_pose_is_estimated_alike_in_any_frame_and_in_any_order_of_points_models_and_views(name, yaw, world, seed):
     item = standing(shipped(name), -0.1, 0.0, yaw)
@@ -164,8 +165,7 @@ def test_a_pose_is_estimated_alike_in_any_frame_and_in_any_order_of_points_model
             assert hypotheses[0].confidence == pytest.approx(here.confidence, abs=0.1)
 
 
-@pytest.mark.slow
-@examples(3)
+@examples(2)
 @given(st.lists(st.sampled_from(["mug", "can", "box", "bowl"]), min_size=1, max_size=3, unique=True), worlds, NOTHING)
 def test_known_objects_are_detected_alike_in_any_frame_and_any_order_of_the_models(names, world, value):
     items = [standing(shipped(name), -0.15, 0.35 * (index - 1), 0.7) for index, name in enumerate(names)]
@@ -188,7 +188,6 @@ def test_known_objects_are_detected_alike_in_any_frame_and_any_order_of_the_mode
             np.testing.assert_allclose(at, frame.apply(item.pose.position), atol=0.02)
 
 
-@pytest.mark.slow
 @examples(3)
 @given(st.sampled_from(["drawer_chest", "cupboard"]), st.integers(1, 4), worlds, st.floats(15, 35))
 def test_handles_are_found_at_the_same_places_in_any_frame(kind, seed, world, aside):
@@ -216,7 +215,7 @@ def test_a_view_without_depth_has_no_handles(value):
         FrontHandles().detect(view, np.random.default_rng(0))
 
 
-@examples(20)
+@examples(6)
 @given(st.sampled_from(["bar", "knob", "edge"]), worlds, st.floats(0.003, 0.03), st.floats(0.03, 0.3))
 def test_a_handle_is_grasped_alike_in_any_frame(kind, world, radius, length):
     here: Handle = handle(kind, radius=radius, length=length)
@@ -292,7 +291,6 @@ def test_identities_do_not_depend_on_the_frame_or_the_order_of_sightings_and_bel
     assert names(now, dict(random.sample(list(before.items()), len(before))), Pose()) == plain
 
 
-@pytest.mark.slow
 @examples(5)
 @given(st.floats(-3, 3), st.floats(0.2, 1.5), worlds, st.randoms())
 def test_views_are_ranked_alike_in_any_frame_and_in_any_order(yaw, half, world, random):

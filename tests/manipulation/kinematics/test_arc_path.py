@@ -102,7 +102,7 @@ def test_bad_requests_are_refused_by_name(panda, kinematics, arm, door, grasped)
         ArcSearch().path(kinematics, door, grasped[:6], arm)
     with pytest.raises(ManipulationError, match="start of an arc should be finite"):
         ArcSearch().path(DampedLeastSquares(panda), door, grasped * np.nan, arm)
-    with pytest.raises(ManipulationError, match="base_from_tool should be finite"):
+    with pytest.raises(ManipulationError, match="stations should be finite"):
         ArcSearch().path(kinematics, [[Pose(np.array([np.nan, 0, 0]))]], grasped, arm)
 
 
