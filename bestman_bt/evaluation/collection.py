@@ -65,8 +65,8 @@ class Collection:
         setup = prepare_episode(config)
         task, model = config.task, setup.robot_model
         problems = []
-        if not (task.predicates or task.goals):
-            problems.append(config.problem((), "has no goals: its episodes are not judged"))
+        if not task.predicates:
+            problems.append(config.problem((), "names no predicate: its episodes are not judged"))
         if task.tick_rate != int(task.tick_rate):
             problems.append(config.problem(("tick_rate",), f"should be whole for a dataset, got {task.tick_rate:g} Hz"))
         lenses = {name: camera.intrinsics for name, camera in model.of(CameraPart).items()}
