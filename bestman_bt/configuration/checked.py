@@ -162,7 +162,9 @@ class _Salvaging:
         known, read, lacking, count = _field_types(kind), dict[str, Any](), False, len(self.problems)
         for name, written in data.items():
             if name not in known:
-                self._add((*path, str(name)), f"unknown field; {suggestion(str(name), list(known))}")
+                now = next((field.name for field in dataclasses.fields(kind) if field.metadata.get("was") == name), "")
+                hint = f"it is called {now!r} now" if now else suggestion(str(name), list(known))
+                self._add((*path, str(name)), f"unknown field; {hint}")
             elif (value := self._value(written, known[name], (*path, name))) is not _UNREAD:
                 read[name] = value
         for field in dataclasses.fields(kind):

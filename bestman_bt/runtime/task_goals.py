@@ -30,7 +30,7 @@ class FactsFields:
     """
 
     goal: str
-    given_places: Mapping[str, str] = field(default_factory=dict)
+    given_places: Mapping[str, str] = field(default_factory=dict, metadata={"was": "told"})
     planner: str = "symbolic"
     builder: str = "reactive"
     limits: str = ""

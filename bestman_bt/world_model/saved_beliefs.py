@@ -127,11 +127,11 @@ class SavedBeliefs:
     openings: Mapping[str, JointPosition] = field(default_factory=dict)
     furniture: Mapping[str, SavedPiece] = field(default_factory=dict)
     searched: Mapping[str, Mapping[str, Time]] = field(default_factory=dict)
-    given_places: Mapping[str, str] = field(default_factory=dict)
+    given_places: Mapping[str, str] = field(default_factory=dict, metadata={"was": "told"})
     locked: tuple[str, ...] = ()
     blocked: tuple[str, ...] = ()
     in_the_way: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    achieved_effects: tuple[str, ...] = ()
+    achieved_effects: tuple[str, ...] = field(default=(), metadata={"was": "brought_about"})
 
 
 def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:

@@ -108,6 +108,8 @@ def test_measurements_stay_out_of_the_file(setup: ResolvedConfig, world: WorldMo
         ("objects: {a: {what: {size: [1, 1, 0]}, pose: {position: [0, 0, 0]}}}", "size"),
         ("base: {x: 0, y: 0}", "base.theta: is missing"),
         ("objets: {}", "unknown field; did you mean 'objects'"),
+        ("told: {mug: table}", "told: unknown field; it is called 'given_places' now"),
+        ("brought_about: []", "brought_about: unknown field; it is called 'achieved_effects' now"),
     ],
 )
 def test_what_is_wrong_in_a_file_is_reported_with_its_line(
