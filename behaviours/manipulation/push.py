@@ -39,6 +39,8 @@ TILTS = tuple(math.radians(tilt) for tilt in (45.0, 35.0, 55.0, 65.0))
 """Angles by which the hand leans back from the object, so that the fingertips touch it before the palm does."""
 FINE = 0.002
 """Distance between two waypoints of the approach, metres; it ends before the first one in contact."""
+ALONG = 0.05
+"""Largest distance between two poses of the hand along a push at which a base placement is checked, metres."""
 DETOUR = 0.12
 """Metres by which an object is pushed aside if it cannot be pushed straight to its goal."""
 BESIDE = tuple(math.radians(bearing) for bearing in (45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0))
@@ -348,12 +350,14 @@ class FindPushStand(FindStandAtFurniture):
         return [self.object or ""]
 
     def _straight(self, model: ObjectModel, start: NDArray[np.float64], end: NDArray[np.float64]) -> _PushTarget:
-        """Return the tool poses before and after a push from ``start`` to ``end``, (3,) each, map frame."""
+        """Return the tool poses along a push from ``start`` to ``end``, (3,) each, map frame, and behind it before."""
         parameters = self.skills.parameters.push
         direction = (end - start) / max(float(np.linalg.norm(end - start)), 1e-6)
         further = end - start + parameters.standoff * direction
+        shares = np.linspace(0.0, 1.0, 1 + math.ceil(float(np.linalg.norm(further)) / ALONG))
         hands = push_tool_poses(model, Pose(start), direction, parameters)
-        return _PushTarget([(hand, Pose(hand.position + further, hand.quaternion)) for hand in hands], start[:2], end)
+        ways = [tuple(Pose(hand.position + share * further, hand.quaternion) for share in shares) for hand in hands]
+        return _PushTarget(ways, start[:2], end)
 
     def _beside_the_object(self, belief: ObjectBelief, goal: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
         """Yield places (3,) on the surface from which the goal may be reached where straight on it is not."""

@@ -100,3 +100,11 @@ def test_an_object_that_is_at_its_goal_needs_no_other_stand() -> None:
     assert run(skills, tree) == SUCCESS
     assert tree.blackboard.get("stand") == skills.world.base.pose
     np.testing.assert_allclose(tree.blackboard.get("towards").position, skills.world.objects["can"].pose.position)
+
+
+@pytest.mark.slow
+def test_an_object_is_not_pushed_straight_where_the_hand_would_hit_another_one_half_way() -> None:
+    goal = (0.05, 0.0)
+    assert first_way(table_with(can=(-0.27, 0.0)), goal) == pytest.approx(goal, abs=1e-9)
+    first = first_way(table_with(can=(-0.27, 0.0), box=(-0.14, -0.115)), goal)
+    assert np.linalg.norm(first - goal) > 0.05
