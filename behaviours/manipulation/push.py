@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -41,8 +42,8 @@ FINE = 0.002
 """Distance between two waypoints of the approach, metres; it ends before the first one in contact."""
 ALONG = 0.05
 """Largest distance between two poses of the hand along a push at which a base placement is checked, metres."""
-DETOUR = 0.12
-"""Metres by which an object is pushed aside if it cannot be pushed straight to its goal."""
+DETOURS = (0.12, 0.2)
+"""Metres by which an object is pushed aside if it cannot be pushed straight to its goal, the shortest possible."""
 BESIDE = tuple(math.radians(bearing) for bearing in (45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0))
 """Directions to push it aside, relative to the direction of its goal."""
 
@@ -321,7 +322,7 @@ class FindPushStand(FindStandAtFurniture):
         others = [other for other in objects if other is not belief and _overlap_in_height(belief, other)]
         self._between = [other.name for other in others if not _passes(belief, other, here, there)]
         round_about = (
-            replace(self._straight(model, here, via), onward=self._straight(model, via, there))
+            replace(self._straight(model, here, via), onward=self._straight(model, via, there, ends_only=True))
             for via in (self._beside_the_object(belief, there) if self.attributes.get("towards") else ())
             if all(_passes(belief, other, *leg) for other in others for leg in ((here, via), (via, there)))
         )
@@ -349,12 +350,15 @@ class FindPushStand(FindStandAtFurniture):
     def _ignored(self) -> list[str]:
         return [self.object or ""]
 
-    def _straight(self, model: ObjectModel, start: NDArray[np.float64], end: NDArray[np.float64]) -> _PushTarget:
-        """Return the tool poses along a push from ``start`` to ``end``, (3,) each, map frame, and behind it before."""
+    def _straight(
+        self, model: ObjectModel, start: NDArray[np.float64], end: NDArray[np.float64], ends_only: bool = False
+    ) -> _PushTarget:
+        """Return the tool poses along a push from ``start`` to ``end``, (3,) each, map frame; or the first and last."""
         parameters = self.skills.parameters.push
         direction = (end - start) / max(float(np.linalg.norm(end - start)), 1e-6)
         further = end - start + parameters.standoff * direction
-        shares = np.linspace(0.0, 1.0, 1 + math.ceil(float(np.linalg.norm(further)) / ALONG))
+        steps = 1 if ends_only else math.ceil(float(np.linalg.norm(further)) / ALONG)
+        shares = np.linspace(0.0, 1.0, 1 + steps)
         hands = push_tool_poses(model, Pose(start), direction, parameters)
         ways = [tuple(Pose(hand.position + share * further, hand.quaternion) for share in shares) for hand in hands]
         return _PushTarget(ways, start[:2], end)
@@ -363,8 +367,8 @@ class FindPushStand(FindStandAtFurniture):
         """Yield places (3,) on the surface from which the goal may be reached where straight on it is not."""
         here = belief.pose.position
         ahead = math.atan2(*(goal - here)[1::-1])
-        for bearing in BESIDE:
-            via = here + DETOUR * np.array([math.cos(ahead + bearing), math.sin(ahead + bearing), 0.0])
+        for detour, bearing in product(DETOURS, BESIDE):
+            via = here + detour * np.array([math.cos(ahead + bearing), math.sin(ahead + bearing), 0.0])
             if edge_room(self.skills, belief, via) >= self.skills.parameters.push.edge_margin:
                 yield via
 
