@@ -11,7 +11,7 @@ PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 # Where it is set, each of the many processes that tests start compiles every module that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help install demo test test-quick test-all test-cluster test-lerobot properties mutants comparisons eval eval-full gallery lint style types contracts format docs lock page page-packages dist release clean
+.PHONY: help install demo test test-quick test-all test-alone test-beside test-cluster test-lerobot properties mutants comparisons eval eval-full gallery lint style types contracts format docs lock page page-packages dist release clean
 
 help:
 	@echo "make demo      install, then watch the robot fetch a cup"
@@ -61,7 +61,7 @@ test-alone: install
 	$(BIN)/python -m pytest --durations 30 -m "$(if $(REST),slow and )alone" $(REAL_TIME)
 
 # These tests wait for other processes a quarter of their time, so one more than there are cores is run.
-IDLE := $(if $(shell command -v chrt),chrt --idle 0,nice -n 19)
+IDLE := $(if $(shell chrt --idle 0 true 2>&1 || echo no),nice -n 19,chrt --idle 0)
 test-beside: install
 	@mkdir -p build && echo "Tests without a clock: output in build/test-beside.log"
 	@$(IDLE) $(PYTEST) -n $(shell expr $(JOBS) + 1) --timeout 900 --durations 30 -m "$(if $(REST),slow and )not real_time" \

@@ -113,7 +113,7 @@ def aim(camera: Any, frame: dict[str, Any]) -> None:
 
 
 def prepare_cycles(job: dict[str, Any]) -> None:
-    """Renders the frames of a run in Blender: few light paths and a denoiser, seconds per frame on a CPU."""
+    """Configure few light paths and a denoiser, for seconds per frame on a CPU."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.cycles.device = "CPU"
