@@ -31,6 +31,8 @@ results.
 """
 PAUSE_POLL = 0.05
 """Seconds between checks of a paused executor for cancellation and tasks."""
+_KNOWN = (EngineError, RobotError)
+"""Errors whose message says what is wrong."""
 
 
 class TerminationReason(StrEnum):
@@ -203,22 +205,20 @@ class Executor:
             except InputError:  # reported by the caller
                 raise
             except (Exception, SystemExit) as error:  # a user's code may raise anything; reported and logged below
-                known = isinstance(error, (EngineError, RobotError))
                 if isinstance(error, NodeError):
                     logging.getLogger(__name__).error("the tick went through %s", " > ".join(error.backtrace))
-                ending, why = TerminationReason.ERROR, str(error) if known else describe_error(error)
+                ending, why = TerminationReason.ERROR, _described(error)
                 if self._cancel_reason:
                     ending, why = TerminationReason.CANCELLED, self._cancel_reason
-                elif not known or error.__cause__ is not None:
+                elif not isinstance(error, _KNOWN) or error.__cause__ is not None:
                     logging.getLogger(__name__).error("the execution ended in an error", exc_info=error)
             except KeyboardInterrupt:  # in the middle of a tick
                 if not self._cancel_reason:
                     raise
                 ending, why = TerminationReason.CANCELLED, self._cancel_reason
             finally:
-                if status == IDLE:
-                    self.tree.halt()
-                    self.tree.wait_until_stopped(self.period)
+                if status == IDLE and (fault := self._halt()) and ending is TerminationReason.TIMEOUT:
+                    ending, why = TerminationReason.ERROR, fault
                 self._shut_down()
                 while self._tasks:
                     self._tasks.popleft()[1].cancel()
@@ -226,6 +226,16 @@ class Executor:
                 self._over = True
         elapsed = self.clock.now() - start
         return Execution(ending, status_name(status), self.ticks, elapsed, time.perf_counter() - wall_start, why)
+
+    def _halt(self) -> str:
+        """Halt the tree and wait until it has stopped; log and return the failure of a node that could not be."""
+        try:
+            self.tree.halt()
+            self.tree.wait_until_stopped(self.period)
+        except (Exception, SystemExit) as error:  # as in a tick
+            logging.getLogger(__name__).error("the tree was not halted properly", exc_info=error)
+            return _described(error)
+        return ""
 
     def _shut_down(self) -> None:
         """Shut native py_trees behaviours down; a failure is logged, since the tree has its result already."""
@@ -335,3 +345,7 @@ class Executor:
         if self._interrupted_at is None:
             self._interrupted_at = time.monotonic()
         return time.monotonic() - self._interrupted_at > WRAP_UP_TIME
+
+
+def _described(error: BaseException) -> str:
+    return str(error) if isinstance(error, _KNOWN) else describe_error(error)

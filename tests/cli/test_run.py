@@ -132,6 +132,24 @@ def test_a_node_that_raises_is_an_error_in_the_result(bestman_bt: Command, folde
     assert "Traceback" not in answer.err
 
 
+@pytest.mark.slow
+def test_a_tree_that_ends_the_program_when_it_is_halted_is_an_error_in_the_result(
+    bestman_bt: Command, folder: Path
+) -> None:
+    (folder / "leave.py").write_text(
+        "import sys\nfrom bestman_bt.engine import RUNNING, StatefulAction\n\n\n"
+        "class Leave(StatefulAction):\n    def on_start(self):\n        return RUNNING\n\n"
+        "    def on_running(self):\n        return RUNNING\n\n"
+        "    def on_halted(self):\n        sys.exit(0)\n\n\n"
+        "def build():\n    return Leave()\n"
+    )
+    answer = bestman_bt("run", "leave.py", "--set", "time_limit=0.2 s", "--json")
+    assert answer.code == 1
+    assert answer.document["outcome"] == "error"
+    assert "[Leave]: SystemExit: 0 (at " in answer.document["failure"]["why"]
+    assert answer.document == json.loads((only_folder(folder / "runs") / "result.json").read_text())
+
+
 SAVE = '''
 from pathlib import Path
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -23,6 +24,7 @@ from bestman_bt.engine import (
     AlwaysSuccess,
     BlackboardError,
     Fallback,
+    In,
     ManualClock,
     NodeRegistry,
     Sequence,
@@ -65,6 +67,25 @@ class Break(StatefulAction):
         return RUNNING
 
 
+class Exits(StatefulAction):
+    """Ends the program, as a script does, in its method ``when``; its halts are noted."""
+
+    when = In(str)
+
+    def on_start(self) -> int:
+        return RUNNING
+
+    def on_running(self) -> int:
+        if self.when == "on_running":
+            sys.exit(0)
+        return RUNNING
+
+    def on_halted(self) -> None:
+        HALTED.append(self.path)
+        if self.when == "on_halted":
+            sys.exit(0)
+
+
 @pytest.fixture(autouse=True)
 def nobody_halted_yet() -> None:
     HALTED.clear()
@@ -74,6 +95,7 @@ def tree_of(body: str, clock: ManualClock | None = None) -> Tree:
     registry = NodeRegistry()
     registry.register(Work)
     registry.register(Break)
+    registry.register(Exits)
     text = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>'
     return load_tree(text, registry, clock=clock or ManualClock())
 
@@ -146,6 +168,32 @@ def test_a_node_that_raises_ends_the_execution_with_an_error_and_halts_the_other
     assert "node 'gear' [Break]" in execution.why
     assert "the gear is stripped" in execution.why
     assert HALTED == ["work"]
+
+
+@pytest.mark.parametrize("above", ["Sequence", "Fallback", "ReactiveSequence", "Inverter", "Parallel"])
+def test_a_node_that_ends_the_program_is_named_like_one_that_raises(
+    above: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    execution = executor_of(f'<{above} name="above"><Exits name="door" when="on_running"/></{above}>').run()
+    assert (execution.ending, execution.why) == (TerminationReason.ERROR, "node 'door' [Exits]: SystemExit: 0")
+    assert f"the tick went through above [{above}] > door [Exits]" in caplog.text
+
+
+def test_a_node_that_cannot_be_halted_is_named_and_the_others_are_halted_once() -> None:
+    nodes = '<Exits name="a" when=""/><Exits name="b" when="on_halted"/><Exits name="c" when=""/><Work name="work"/>'
+    body = f'<Parallel success_count="4">{nodes}</Parallel>'
+    execution = executor_of(body, time_limit=1.0).run()
+    assert (execution.ending, execution.tree_status) == (TerminationReason.ERROR, "IDLE")
+    assert execution.why == "node 'b' [Exits]: SystemExit: 0"
+    assert HALTED == ["a", "b", "c", "work"]
+
+
+def test_the_first_error_stays_the_reason_if_a_node_cannot_be_halted_either() -> None:
+    body = '<Parallel success_count="2"><Exits name="door" when="on_halted"/><Break name="gear"/></Parallel>'
+    assert "the gear is stripped" in executor_of(body).run().why
+    assert len(HALTED) == 1
+    cancelled = at_tick(2, lambda e: e.cancel("lunch"), '<Exits name="door" when="on_halted"/>').run()
+    assert (cancelled.ending, cancelled.why) == (TerminationReason.CANCELLED, "lunch")
 
 
 def test_a_robot_that_raises_between_ticks_is_an_error_too() -> None:

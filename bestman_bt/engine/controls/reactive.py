@@ -58,7 +58,7 @@ def _reactive_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C9
         except NodeError:
             self.keep_results(child, skipped)
             raise
-        except Exception as error:  # a user's node may raise anything
+        except (Exception, SystemExit) as error:  # a user's node may raise anything
             self.keep_results(child, skipped)
             raise wrapped(error, child) from error
         runner = self.runner
@@ -117,7 +117,7 @@ def _reactive_tick_traced(go: int, stop: int) -> Callable[[Any], int]:  # noqa: 
         except NodeError:
             self.keep_results(child, self.children_at(skipped))
             raise
-        except Exception as error:  # a user's node may raise anything
+        except (Exception, SystemExit) as error:  # a user's node may raise anything
             self.keep_results(child, self.children_at(skipped))
             raise wrapped(error, child) from error
         if skipped is None:

@@ -117,7 +117,7 @@ def indexed_tick_bare(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C901
                     raise invalid_status_error(status, child)
         except NodeError:
             raise
-        except Exception as error:  # a user's node may raise anything
+        except (Exception, SystemExit) as error:  # a user's node may raise anything
             raise wrapped(error, child) from error
         all_skipped = self.skipped == count
         self.rest_children()
@@ -162,7 +162,7 @@ def indexed_tick_traced(go: int, stop: int) -> Callable[[Any], int]:  # noqa: C9
                     raise invalid_status_error(status, child)
         except NodeError:
             raise
-        except Exception as error:  # a user's node may raise anything
+        except (Exception, SystemExit) as error:  # a user's node may raise anything
             raise wrapped(error, child) from error
         all_skipped = self.skipped == count
         self.rest_children()

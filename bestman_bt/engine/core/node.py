@@ -52,7 +52,7 @@ def describe_bad_status(status: object) -> str:
     return f"its tick returned {status!r}; one of {', '.join(STATUS_NAMES[1:])} is accepted"
 
 
-def wrapped(error: Exception, node: Node) -> NodeError:
+def wrapped(error: BaseException, node: Node) -> NodeError:
     """Return a ``NodeError`` that names the node in which ``error`` was raised."""
     if type(error).__module__.startswith("bestman_bt.engine"):
         return node.error(str(error) or type(error).__name__)
@@ -391,7 +391,7 @@ class Node(PyTreesAdapter):
             status = self.run()
         except NodeError:
             raise
-        except Exception as error:  # a user's node may raise anything
+        except (Exception, SystemExit) as error:  # a user's node may raise anything
             raise wrapped(error, self) from error
         if status != SKIPPED:
             if status == RUNNING and self.SYNCHRONOUS:
@@ -412,7 +412,10 @@ class Node(PyTreesAdapter):
         self._s = RUNNING
 
     def halt_node(self) -> None:
-        """Halt the node, then run its ``_onHalted`` script."""
+        """Halt the node, then run its ``_onHalted`` script.
+
+        Raises NodeError naming the node, which is idle then, if one of them raises.
+        """
         order = self.order
         if order is not None:
             order.withheld = None
@@ -420,9 +423,15 @@ class Node(PyTreesAdapter):
                 order.waiting = False
                 self.reset_status()
                 return
-        self.halt()
-        if self.conditions is not None and self.conditions.on_halted is not None:
-            self.conditions.on_halted()
+        try:
+            self.halt()
+            if self.conditions is not None and self.conditions.on_halted is not None:
+                self.conditions.on_halted()
+        except NodeError:
+            raise
+        except (Exception, SystemExit) as error:  # a user's node may raise anything
+            self.reset_status()
+            raise wrapped(error, self) from error
 
     def halt_child(self, child: Node) -> None:
         """Halt a child if it is running, and make it idle."""

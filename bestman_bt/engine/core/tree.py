@@ -343,7 +343,7 @@ class Tree:
                 root.reset_status()
         except NodeError:
             raise
-        except Exception as error:  # a user's node may raise anything
+        except (Exception, SystemExit) as error:  # a user's node may raise anything
             raise wrapped(error, root) from error
         finally:
             if self._log:
@@ -362,22 +362,29 @@ class Tree:
         return _MEMBERS[status]
 
     def halt(self) -> None:
-        """Halt everything that is running, deepest first, and run the ``_onHalted`` scripts."""
+        """Halt everything that is running, deepest first, and run the ``_onHalted`` scripts.
+
+        Raises NodeError, after the others are halted, if a node could not be.
+        """
         if not self._bound:
             self._bind()
         self._begin()
+        failures = []
         try:
-            root = self.root
-            root.halt_node()
-            for node in self.nodes:
-                node.halt_node()
-            root.reset_status()
+            for node in (self.root, *self.nodes):
+                try:
+                    node.halt_node()
+                except NodeError as error:
+                    failures.append(error)
+            self.root.reset_status()
         finally:
             if self._log:
                 self.publish()
         for node in self.nodes:
             node._s = IDLE
         self._status = IDLE
+        if failures:
+            raise failures[0]
 
     def wait_until_stopped(self, period: float = 0.05) -> None:
         """Wait, after a halt, until no action is stopping, or until its time limit has passed."""

@@ -34,7 +34,7 @@ def mapping_tick_bare(on_success: int, on_failure: int, *, keeps: bool = False) 
             if keeps and code > RUNNING:
                 self._s = code
             raise
-        except Exception as error:  # a user's node may raise anything
+        except (Exception, SystemExit) as error:  # a user's node may raise anything
             raise wrapped(error, child) from error
         if status == RUNNING:
             if child._s != RUNNING:
@@ -65,7 +65,7 @@ def mapping_tick_traced(on_success: int, on_failure: int) -> Callable[[Any], int
             status = run()
         except NodeError:
             raise
-        except Exception as error:  # a user's node may raise anything
+        except (Exception, SystemExit) as error:  # a user's node may raise anything
             raise wrapped(error, child) from error
         if status == RUNNING:
             if child._s != RUNNING:

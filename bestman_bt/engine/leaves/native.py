@@ -69,7 +69,7 @@ class PyTreesBehaviour(Node, Behaviour):
             offered = {name: value for name, value in offered.items() if name in taken}
         try:
             self.behaviour.setup(**(offered | kwargs))
-        except Exception as error:  # a user's behaviour may raise anything
+        except (Exception, SystemExit) as error:  # a user's behaviour may raise anything
             raise self.error(f"its setup() failed: {error or type(error).__name__}") from error
         self.is_set_up = True
 
@@ -83,7 +83,7 @@ class PyTreesBehaviour(Node, Behaviour):
             self.is_set_up = False
             try:
                 self.behaviour.shutdown()
-            except Exception as error:  # a user's behaviour may raise anything
+            except (Exception, SystemExit) as error:  # a user's behaviour may raise anything
                 raise self.error(f"its shutdown() failed: {error or type(error).__name__}") from error
 
     def on_tick(self) -> int:

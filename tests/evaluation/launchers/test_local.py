@@ -109,7 +109,7 @@ def test_an_episode_that_ends_the_program_is_an_error_in_each_process(jobs: int,
     results = dict(launcher.results())
     assert [results[place].outcome for place in range(2)] == [Outcome.ERROR, Outcome.FAILURE]
     assert results[0].failure is not None
-    assert re.match(r"SystemExit: 0 \(at .*/deadly.py:\d+\)$", results[0].failure.why)
+    assert re.search(r"\[Leave\]: SystemExit: 0 \(at .*/deadly.py:\d+\)$", results[0].failure.why)
 
 
 def test_an_episode_whose_worker_is_ended_from_outside_is_run_again(
