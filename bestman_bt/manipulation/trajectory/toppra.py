@@ -119,6 +119,8 @@ def _densified(path: NDArray[np.float64], spacing: float) -> NDArray[np.float64]
         start = points[-1]
         points += [start + (i / count) * (waypoint - start) for i in range(1, count + 1)]
     if len(points) > 1:
+        while len(points) > 2 and np.linalg.norm(path[-1] - points[-2]) < _SAME:
+            points.pop()
         points[-1] = path[-1]
     return np.array(points)
 
