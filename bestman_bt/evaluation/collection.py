@@ -17,6 +17,7 @@ from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunConfig
 from bestman_bt.evaluation.code_version import code_fingerprint, config_fingerprint
 from bestman_bt.evaluation.episode import prepare_episode
+from bestman_bt.evaluation.judge import success_predicates
 from bestman_bt.evaluation.launchers.launcher import Launcher
 from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
@@ -66,7 +67,9 @@ class Collection:
         task, model = config.task, setup.robot_model
         problems = []
         if not task.predicates:
-            problems.append(config.problem((), "names no predicate: its episodes are not judged"))
+            known = ", ".join(sorted(success_predicates()))
+            why = f"should name what judges the episodes of a dataset, got none; known: {known}"
+            problems.append(config.problem(("predicate",), why))
         if task.tick_rate != int(task.tick_rate):
             problems.append(config.problem(("tick_rate",), f"should be whole for a dataset, got {task.tick_rate:g} Hz"))
         lenses = {name: camera.intrinsics for name, camera in model.of(CameraPart).items()}

@@ -65,13 +65,13 @@ class StoredEpisodes(Mapping[EpisodeKey, RunResult]):
 
     def codes(self, config: str, seed: int) -> list[str]:
         """Return the fingerprints of the codes that ran an episode, in the order of time; those whose lines have none,
-        of older versions, are first, in the order of their lines.
+        of older versions, or a damaged one are first, in the order of their lines.
         """
         found = {code: seeds[seed] for (of, code), seeds in self._places.items() if of == config and seed in seeds}
         keys = [EpisodeKey(config, seed, code) for code in sorted(found, key=found.__getitem__)]
         if len(keys) > 1:
-            ended = {key: str(json.loads(line).get("ended", "")) for key, line in self.lines(keys)}
-            keys.sort(key=ended.__getitem__)
+            ended = {key: json.loads(line).get("ended") for key, line in self.lines(keys)}
+            keys.sort(key=lambda key: at if isinstance(at := ended[key], str) else "")
         return [key.code for key in keys]
 
     def read(self, keys: Iterable[EpisodeKey] | None = None) -> Iterator[tuple[EpisodeKey, RunResult]]:

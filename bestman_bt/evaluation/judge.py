@@ -44,10 +44,15 @@ def judge_session(session: RobotSession, truth: Truth, clock: Clock | None, driv
     return joined(judged(setup.asked, predicate, evidence) for predicate in setup.config.task.predicates)
 
 
-def _problems(config: RunConfig, goals_wrong: bool) -> Iterator[Problem]:
+def success_predicates() -> dict[str, str]:
+    """Return the kind of goal that each known success predicate judges."""
     kinds: dict[str, type[Goal[Any]]] = {name: GOALS.resolve(name) for name in GOALS}
-    judges = {predicate: name for name, kind in kinds.items() for predicate in kind.measures}
-    goals_wrong = goals_wrong or any(len(goal) != 1 or not kinds.keys() >= goal.keys() for goal in config.task.goals)
+    return {predicate: name for name, kind in kinds.items() for predicate in kind.measures}
+
+
+def _problems(config: RunConfig, goals_wrong: bool) -> Iterator[Problem]:
+    judges, kinds = success_predicates(), set(GOALS)
+    goals_wrong = goals_wrong or any(len(goal) != 1 or not kinds >= goal.keys() for goal in config.task.goals)
     for index, predicate in enumerate(config.task.predicates):
         path = ("predicate",) if isinstance(config.task.predicate, str) else ("predicate", index)
         if predicate not in judges:

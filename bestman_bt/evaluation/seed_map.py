@@ -9,6 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
+LIMIT = 2**63
+"""Seeds and numbers are below it, and not below its negative."""
 WAITING = 1 / 16
 """Seeds that may wait to be sorted in, as a fraction of the others."""
 
@@ -17,7 +19,7 @@ class SeedMap(Mapping[int, int]):
     """Takes 16 bytes for each seed, and about 25 if they are set in another than ascending order. Iteration is in
     ascending order.
 
-    Seeds and numbers are below 2⁶³; others raise OverflowError.
+    Seeds and numbers are from -2⁶³ to 2⁶³ - 1; others raise OverflowError.
     """
 
     def __init__(self, seeds: Iterable[int] = (), numbers: Iterable[int] = ()) -> None:
@@ -33,6 +35,8 @@ class SeedMap(Mapping[int, int]):
         return self._waiting[seed] if place is None else self._numbers[place]
 
     def __setitem__(self, seed: int, number: int) -> None:
+        if not (-LIMIT <= seed < LIMIT and -LIMIT <= number < LIMIT):
+            raise OverflowError(f"the seed {seed} or its number {number} has more than 64 bits")
         place = self._place(seed)
         if place is not None:
             self._numbers[place] = number

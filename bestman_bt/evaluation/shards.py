@@ -117,8 +117,8 @@ def find_journals(folders: Iterable[Path]) -> list[Path]:
 
 
 def merge_journals(journal: Journal, others: Mapping[Path, StoredEpisodes]) -> list[ConflictingResults]:
-    """Add the episodes of other journals to ``journal``, one result of each; return the conflicting results. Which one
-    is kept does not depend on the order of the journals.
+    """Add the episodes of other journals to ``journal``, one result of each; return the conflicting results. A result
+    that ``journal`` already has is kept; which of the others is added does not depend on their order in ``others``.
 
     Raises JournalError if they cannot be written.
     """

@@ -217,7 +217,10 @@ def test_an_episode_that_two_workers_have_run_is_that_of_the_first(tmp_path: Pat
     [
         (("pick_bench", "--camera", "moon"), "'moon' is not a camera of bench_arm"),
         (("pick_bench", "--set", "tick_rate=12.5 Hz"), "should be whole for a dataset, got 12.5 Hz"),
-        (("pick_bench", "--set", "predicate=[]"), "names no predicate: its episodes are not judged"),
+        (
+            ("pick_bench", "--set", "predicate=[]"),
+            "predicate: should name what judges the episodes of a dataset, got none; known: ",
+        ),
         (("no_such_task",), "no_such_task"),
         (("pick_bench", "--launcher", "moon"), "'moon'"),
         (("pick_bench", "--address", "here:1"), "applies only to a cluster; also give its --launcher"),

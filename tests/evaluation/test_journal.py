@@ -198,9 +198,11 @@ def test_the_codes_of_an_episode_are_in_the_order_of_time_or_of_their_lines(tmp_
     lines = [line(code=code, seed=seed) for code, seed in (("a", 1), ("b", 5), ("b", 1), ("a", 5))]
     noon, one = "2026-01-01T12:00:00.000+00:00", "2026-01-01T13:00:00.000+00:00"
     lines += [line(code=code, seed=7, ended=when) for code, when in (("a", one), ("b", noon))]
+    lines += [line(code=code, seed=8, ended=when) for code, when in (("a", noon), ("b", None), ("c", {}), ("d", 9))]
     path.write_text("".join([*lines, line(code="c", seed=7)]))
     found = read_episodes(path)
-    assert [found.codes("c0ffee", seed) for seed in (1, 5, 7, 9)] == [["a", "b"], ["b", "a"], ["c", "b", "a"], []]
+    orders = [["a", "b"], ["b", "a"], ["c", "b", "a"], ["b", "c", "d", "a"], []]
+    assert [found.codes("c0ffee", seed) for seed in (1, 5, 7, 8, 9)] == orders
 
 
 def test_an_episode_is_read_while_others_are_added(tmp_path: Path) -> None:

@@ -43,8 +43,10 @@ def test_ten_thousand_seeds_take_twenty_bytes_each() -> None:
     assert taken < 20 * len(found)
 
 
-def test_a_seed_that_does_not_fit_is_refused() -> None:
-    found = SeedMap()
+@pytest.mark.parametrize("held", [{}, {5: 1, 9: 2}])
+@pytest.mark.parametrize(("seed", "number"), [(2**63, 0), (-(2**63) - 1, 0), (3, 2**63), (12, -(2**63) - 1)])
+def test_a_seed_or_number_that_does_not_fit_is_refused_at_once(held: dict[int, int], seed: int, number: int) -> None:
+    found = SeedMap(held.keys(), held.values())
     with pytest.raises(OverflowError):
-        found[2**63] = 0
-    assert list(found) == []
+        found[seed] = number
+    assert (len(found), dict(found)) == (len(held), held)

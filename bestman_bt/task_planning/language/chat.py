@@ -179,7 +179,8 @@ class ReplayEndpoint(ChatEndpoint):
         asked = json.loads(json.dumps(asked))
         for name in sorted(recorded.keys() | asked.keys()):
             if recorded.get(name) != asked.get(name):
-                raise self._error(f"another question was recorded: its {name} differ")
+                fits = "a transcript replays only with the input and the version of bestman-bt that recorded it"
+                raise self._error(f"another question was recorded: its {name} differ; {fits}")
 
     def _error(self, why: str) -> TranscriptError:
         return TranscriptError(f"{self._path}:{self._line}: {why}")
