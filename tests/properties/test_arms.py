@@ -98,10 +98,15 @@ def test_a_pose_anywhere_has_a_solution_that_reaches_it_or_none(reference, x, y,
     target = Pose.from_xyz_rpy((x, y, z), (x, y, z))
     found = kinematics.solve(target, within(reference), np.random.default_rng(seed), attempts=5)
     if found.found:
-        np.testing.assert_allclose(kinematics.tool_pose(found.best).position, target.position, atol=1e-4)
+        reached = target.inverse() @ kinematics.tool_pose(found.best)
+        np.testing.assert_allclose(reached.position, 0.0, atol=1e-4)
+        assert abs(reached.quaternion[3]) > 1.0 - 1e-7
     else:
-        assert math.isfinite(found.position_error)
-        assert found.position_error + found.rotation_error > 0.0
+        shoulder, length = kinematics.reach
+        away = float(np.linalg.norm(target.position - shoulder))
+        assert away - length <= found.position_error <= away + length
+        assert max(found.position_error, found.rotation_error) > kinematics.tolerance
+        assert found.attempts == (0 if away > length else 5)
 
 
 sizes = st.floats(0.01, 0.4)

@@ -136,10 +136,10 @@ def test_scans_that_hold_nothing_give_no_place_and_no_exception(kind):
         ranges[:] = 7.999
     scan = LaserScan(ranges[: 0 if kind == "none" else None], -math.pi, 2 * math.pi / 180, 0.05, 8.0, 0.0)
     places_found = CorrelativeSearch().locate(SemanticMap(WALLS, {}), [OdometryScan(Pose2D(), scan)], Pose2D())
-    assert all(math.isfinite(place.probability) for place in places_found)
+    assert not places_found
     for walls in (np.zeros((0, 4)), WALLS[:1]):
         places_found = CorrelativeSearch().locate(SemanticMap(walls, {}), [OdometryScan(Pose2D(), scan)], Pose2D())
-        assert all(math.isfinite(place.probability) for place in places_found)
+        assert not places_found
     slam = PoseGraphSlam()
     slam.reset(Pose2D(), Pose2D())
     for turn in range(3):
@@ -147,7 +147,7 @@ def test_scans_that_hold_nothing_give_no_place_and_no_exception(kind):
         assert np.isfinite([estimate.pose.x, estimate.pose.y, estimate.pose.theta]).all()
     if kind != "far":  # a ring around every place is the same ring
         assert estimate.pose.distance_to(Pose2D(0.6, 0.0, 0.0)) < 0.3
-    assert slam.grid.data.size >= 0
+    assert (slam.grid.data == OCCUPIED).any() == (kind == "far")
 
 
 @examples(3)
@@ -176,7 +176,9 @@ def test_slam_maps_the_same_wherever_it_begins(start, seed):
     st.sampled_from([(0, 0), (60, 25), (-400, 800)]),
 )
 def test_an_exploration_leads_to_free_places_wherever_the_map_lies(solids, known_to, cells_off):
-    """The map moved by whole cells of its lattice: the views move along, and each is where the base can turn."""
+    """The map moved by whole cells of its lattice: the views move along, and see as much after as long a way; each is
+    where the base can turn.
+    """
     data = np.full((80, 100), FREE, dtype=np.int8)
     data[[0, -1], :] = data[:, [0, -1]] = OCCUPIED
     for row, column, height, width in solids:
@@ -194,5 +196,11 @@ def test_an_exploration_leads_to_free_places_wherever_the_map_lies(solids, known
             assert costmap.distance_at(np.array(view.pose.xy)) > BASE.circumscribed_radius
             assert view.gain > 0.0
             assert math.isfinite(view.distance)
-        tours.append(sorted((round(view.gain, 3), round(view.distance, 3)) for view in tour))
-    assert len(tours[0]) == len(tours[1])
+        tours.append(np.array([(view.gain, view.distance, *(view.pose.xy - origin)) for view in tour]).reshape(-1, 4))
+    one, other = tours
+    assert bool(one.size) == bool(other.size)
+    if one.size:
+        # Rays along the borders of cells see one cell or the other, which may split what is unknown differently.
+        assert one[:, 0].sum() == pytest.approx(other[:, 0].sum(), rel=0.15)
+        centres = [np.average(tour[:, 1:], axis=0, weights=tour[:, 0]) for tour in tours]
+        np.testing.assert_allclose(*centres, atol=1.5)

@@ -261,9 +261,13 @@ def test_a_stop_from_another_thread_does_not_wait_for_what_is_asked(isolated_rob
         while not stopped.is_set():
             arm.positions()
 
-    asking = threading.Thread(target=ask_until_stopped)
+    asking, stopping = threading.Thread(target=ask_until_stopped), threading.Thread(target=isolated_robot.stop)
     asking.start()
-    isolated_robot.stop()
+    stopping.start()
+    stopping.join(20.0)
+    waits = stopping.is_alive()
     stopped.set()
     asking.join()
+    assert not waits
+    assert isolated_robot.stopped
     isolated_robot.clear_stop()

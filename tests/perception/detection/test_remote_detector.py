@@ -178,8 +178,10 @@ def test_between_tries_it_waits_longer_and_longer(server: Server) -> None:
 @pytest.mark.parametrize("answer", [sleeps(1.5, reply()), drips, drips_headers], ids=["silent", "body", "headers"])
 def test_a_late_answer_is_given_up_in_time(server: Server, answer: Way) -> None:
     server.ways = [answer]
+    start = time.monotonic()
     with pytest.raises(DetectorUnreachableError, match="no whole answer after"):
         detector(server.url, timeout=0.3).find(picture(), ["cup"])
+    assert time.monotonic() - start < 20.0  # a loaded machine takes some of them
 
 
 def test_a_refused_connection_is_reported(server: Server) -> None:

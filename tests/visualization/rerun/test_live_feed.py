@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from pathlib import Path
 
 import pytest
@@ -39,10 +40,19 @@ def test_what_is_written_last_arrives_before_the_end(tmp_path: Path) -> None:
 def test_a_frozen_viewer_holds_up_nobody(tmp_path: Path) -> None:
     file = tmp_path / "recording.rrd"
     reading, writing = os.pipe()
-    with LiveFeed(file, os.fdopen(writing, "wb")), file.open("wb") as recording:
-        for _ in range(20):
-            recording.write(bytes(1 << 20))
-    os.close(reading)
+
+    def record() -> None:
+        with LiveFeed(file, os.fdopen(writing, "wb")), file.open("wb") as recording:
+            for _ in range(20):
+                recording.write(bytes(1 << 20))
+
+    recording = threading.Thread(target=record)
+    recording.start()
+    recording.join(20.0)
+    held_up = recording.is_alive()
+    os.close(reading)  # which ends the feed
+    assert not held_up
+    assert file.stat().st_size == 20 << 20
 
 
 def test_a_viewer_that_was_closed_is_no_error(tmp_path: Path) -> None:
