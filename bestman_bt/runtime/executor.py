@@ -32,7 +32,7 @@ results.
 PAUSE_POLL = 0.05
 """Seconds between checks of a paused executor for cancellation and tasks."""
 _KNOWN = (EngineError, RobotError)
-"""Errors whose message says what is wrong."""
+"""Errors whose message needs no type and place."""
 
 
 class TerminationReason(StrEnum):
