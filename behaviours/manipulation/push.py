@@ -285,7 +285,8 @@ class FindPushStand(FindStandAtFurniture):
     """Choose a base placement to push a seen object to a goal: the arm reaches behind it and along the whole push.
 
     If an obstacle occupies the place of the hand or the path of the object, ``towards`` is an intermediate place beside
-    the object from which it can then be pushed to the goal. Without such a place, or if ``towards`` is not mapped, the
+    the object from which it can then be pushed to the goal; of this second push, only the start and the end are checked
+    for reach. Without such a place, or if ``towards`` is not mapped, the
     failure names the obstacle. If the object is already at its goal, ``stand`` is the current pose of the base. Each
     further call for the same object and goal gives another placement, until none is left.
     """
@@ -321,6 +322,7 @@ class FindPushStand(FindStandAtFurniture):
         objects = self.skills.world.objects.values()
         others = [other for other in objects if other is not belief and _overlap_in_height(belief, other)]
         self._between = [other.name for other in others if not _passes(belief, other, here, there)]
+        # The second leg only has to be likely: after the first, the next call plans from where the object is then.
         round_about = (
             replace(self._straight(model, here, via), onward=self._straight(model, via, there, ends_only=True))
             for via in (self._beside_the_object(belief, there) if self.attributes.get("towards") else ())

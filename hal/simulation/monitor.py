@@ -167,8 +167,9 @@ class IntegrityCheck:
         return (*position, *quaternion)
 
 
-class ContactsBetween:
-    """Contacts in each step until the next observation, of the moving objects on which the robot hardly presses.
+class ContactsBetweenObservations:
+    """Contact forces in each step until the next observation, of moving objects on which the robot presses with less
+    than their weight.
 
     A pushed object hops: it may touch nothing at each of several observations, and touch hand and table between them.
     """
@@ -179,28 +180,32 @@ class ContactsBetween:
         self._weights = {body: GRAVITY * mass for body, mass in built.object_masses.items()}
         self._steps = 0
         self._forces: dict[int, float] = {}
-        self.touched: set[int] = set()
+        self._robot_forces: dict[int, float] = {}
 
     def begin(self, awake: Collection[int], robot_forces: Mapping[int, float]) -> None:
         """Begin after an observation; ``robot_forces``: the robot's normal force on each body, newtons."""
         weights = self._weights
-        loose = [body for body in awake if body in weights and robot_forces.get(body, 0.0) < weights[body]]
-        self._forces, self._steps = dict.fromkeys(loose, 0.0), 0
-        self.touched = set()
+        watched = [body for body in awake if body in weights and robot_forces.get(body, 0.0) < weights[body]]
+        self._forces, self._robot_forces = dict.fromkeys(watched, 0.0), dict.fromkeys(watched, 0.0)
+        self._steps = 0
 
     def watch_step(self) -> None:
         """Process the contacts of one physics step."""
         self._steps += 1
         for body in self._forces:
             for contact in self._contacts(body):
-                if contact.pressure > 0.0:
-                    self.touched.add(body)
-                    if contact.second == self._robot:
-                        self._forces[body] += contact.pressure
+                self._forces[body] += contact.pressure
+                if contact.second == self._robot:
+                    self._robot_forces[body] += contact.pressure
+
+    def touched(self) -> set[int]:
+        """Return those of these objects whose mean normal forces sum to more than a tenth of their weight."""
+        least = PRESSING_SHARE * self._steps
+        return {body for body, force in self._forces.items() if force > least * self._weights[body]}
 
     def mean_forces(self) -> dict[int, float]:
         """Return the robot's mean normal forces on these objects where it touched them, newtons."""
-        return {body: force / self._steps for body, force in self._forces.items() if force > 0.0}
+        return {body: force / self._steps for body, force in self._robot_forces.items() if force > 0.0}
 
 
 FULL_CHECK_EVERY = 60
@@ -220,7 +225,7 @@ class AuditMonitor:
         reader = simulation.reader(ReadPurpose.MONITOR)
         self._observer = Observer(simulation, reader)
         self._contacts = ContactWatcher(simulation)
-        self._between = ContactsBetween(simulation, reader)
+        self._between = ContactsBetweenObservations(simulation, reader)
         self._motions = MotionWatcher(simulation, reader)
         self._doors = DoorWatcher(simulation, world, reader)
         self._open_hand = AttachmentCheck(simulation, reader)
@@ -283,7 +288,7 @@ class AuditMonitor:
         slipping = self._forgiven("slip", observation.stamp)
         contacts.watch(observation, slipping)
         put_down = self._put_down(observation)
-        touched = contacts.touched | self._between.touched
+        touched = contacts.touched | self._between.touched()
         robot_forces = contacts.robot_forces | self._between.mean_forces()
         motions.watch(observation, touched, robot_forces, put_down)
         self._open_hand.watch(observation, robot_forces, put_down)

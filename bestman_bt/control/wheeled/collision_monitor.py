@@ -35,10 +35,6 @@ EDGE = 0.03
 """Metres beyond the minimum range within which noise may hide a hit."""
 NEAR = 1.0
 """Metres around an arm within which the heights of obstacles are checked."""
-IN_STEP = 0.05
-"""Seconds of acceleration by which a command may be ahead of the measured velocity while the motion has to follow the
-commanded curve.
-"""
 MEMORY = 30.0
 """Seconds for which points too close to be seen are remembered, so that a passing person does not block the base
 permanently.
@@ -106,6 +102,8 @@ class CollisionMonitor:
         self._wide = FootprintMotion(footprint.corners, self.slowdown_margin)
         self._points = NearPoints(self.same_surface)
         self._stamp, self._equal = -math.inf, 0
+        limits = self.base.part
+        self._rates = np.array([limits.max_acceleration, limits.max_acceleration, limits.max_angular_acceleration])
         self.use_footprint(footprint)
 
     def use_footprint(self, footprint: Footprint) -> None:
@@ -113,6 +111,7 @@ class CollisionMonitor:
 
         The upper body is kept away from obstacles that the lidar cannot see.
         """
+        self._expected: NDArray[np.float64] | None = None  # velocity after the commands so far; None: the measured one
         overhang, upper = footprint.overhang, footprint.upper
         self._above = FootprintMotion(footprint.above.corners, self.margin)
         # Outlines of what rides above have margins of their own, for how the arm sways.
@@ -140,15 +139,38 @@ class CollisionMonitor:
         tall: NDArray[np.float64] = NOTHING,
         are_tall: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None,
         unseen: Sequence[UnseenOutline] = (),
+        period: float = 0.025,
     ) -> MonitoredCommand:
         """Return the allowed part of the command ``wanted`` at the measured ``velocity``, both in the base frame.
 
         ``tall``: (N, 3) discs around people, x, y and radius in metres, in the base frame. ``are_tall``: function that
         returns which points (N, 2) of the base frame belong to obstacles as high as the arm; None: only people count.
-        ``unseen``: mapped obstacles that the lidar cannot see, in the base frame.
+        ``unseen``: mapped obstacles that the lidar cannot see, in the base frame. ``period``: seconds until the next
+        command.
         """
         if not self.enabled:
             return MonitoredCommand(wanted, MonitorAction.NONE)
+        expected = _array(velocity) if self._expected is None else self._expected
+        step = self._rates * period
+        reachable = np.sign(_array(wanted)) * expected + step
+        monitored = self._limited(wanted, velocity, odometry, tall, are_tall, unseen, reachable)
+        change = np.clip(_array(monitored.twist) - expected, -step, step)
+        self._expected = None if monitored.brake else expected + change
+        return monitored
+
+    def _limited(
+        self,
+        wanted: Twist2D,
+        velocity: Twist2D,
+        odometry: Pose2D,
+        tall: NDArray[np.float64],
+        are_tall: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None,
+        unseen: Sequence[UnseenOutline],
+        reachable: NDArray[np.float64],
+    ) -> MonitoredCommand:
+        """Return ``limit`` of a base with the speeds ``reachable`` (3,), m/s and rad/s, in the wanted directions in the
+        next period.
+        """
         if self._equal >= self.frozen_scans:
             text = "the lidar repeats the same scan"
             return MonitoredCommand(Twist2D(), MonitorAction.STOP, True, text)
@@ -172,11 +194,12 @@ class CollisionMonitor:
             return MonitoredCommand(
                 Twist2D(), MonitorAction.BUMPED, True, f"{self._words(pressed)} presses on the bumper"
             )
-        in_step, beside = self._in_step(looks, velocity, wanted)
-        if in_step < share:
-            share, what = in_step, beside
         if share < 1.0 and share * max(math.hypot(wanted.vx, wanted.vy), abs(wanted.wz)) < CREEP:
             return MonitoredCommand(Twist2D(), MonitorAction.STOP, False, f"{what} is in the way")
+        obstacle = self._beside_curve(looks, velocity, wanted)
+        share_on_curve = _share_on_curve(wanted, reachable) if obstacle else 1.0
+        if share_on_curve < share:
+            share, what = share_on_curve, obstacle
         if share < 1.0:
             return MonitoredCommand(_scaled(wanted, share), MonitorAction.APPROACH, False, f"{what} slows it down")
         return self._slowed(points, wanted)
@@ -222,28 +245,19 @@ class CollisionMonitor:
                 time, what = sooner, f"furniture of the map {_side(outline[index])}"
         return time, what, safe_share(time, reaction, braking)
 
-    def _in_step(
-        self, looks: tuple[list[_Look], list[_Entry]], velocity: Twist2D, wanted: Twist2D
-    ) -> tuple[float, str]:
-        """Return the fraction of ``wanted`` at which the base stays on its curve while it accelerates, and the obstacle
-        beside the curve; 1 without such an obstacle.
+    def _beside_curve(self, looks: tuple[list[_Look], list[_Entry]], velocity: Twist2D, wanted: Twist2D) -> str:
+        """Return the obstacle that the base could hit by leaving the commanded curve while it accelerates, or "".
 
         A base reaches its speed of turning sooner than its speed of driving, so at first it turns more than it was
         commanded: an arm ahead of a base that backs away from a wall would swing into it.
         """
-        limits = self.base.part
-        rates = np.array([limits.max_acceleration, limits.max_acceleration, limits.max_angular_acceleration])
-        now = np.array([velocity.vx, velocity.vy, velocity.wz])
-        then = np.array([wanted.vx, wanted.vy, wanted.wz])
-        soon = now + np.clip(then - now, -rates * self.reaction, rates * self.reaction)
-        if soon @ then > 0.999 * np.linalg.norm(soon) * np.linalg.norm(then):
-            return 1.0, ""
-        _, what, share = self._contact(looks, Twist2D(*soon.tolist()))
-        if share == 1.0:
-            return 1.0, ""
-        asked = then != 0.0
-        reached = np.sign(then[asked]) * now[asked] + rates[asked] * IN_STEP
-        return float(np.clip((reached / np.abs(then[asked])).min(initial=1.0), 0.0, 1.0)), what
+        now, then = _array(velocity), _array(wanted)
+        most = self._rates * self.reaction
+        next_velocity = now + np.clip(then - now, -most, most)
+        if next_velocity @ then > 0.999 * np.linalg.norm(next_velocity) * np.linalg.norm(then):
+            return ""
+        _, obstacle, share = self._contact(looks, Twist2D(*next_velocity.tolist()))
+        return obstacle if share < 1.0 else ""
 
     def _braking(self, twist: Twist2D) -> float:
         limits = self.base.part
@@ -281,6 +295,17 @@ def _side(point: NDArray[np.float64]) -> str:
 
 def _scaled(twist: Twist2D, share: float) -> Twist2D:
     return Twist2D(share * twist.vx, share * twist.vy, share * twist.wz)
+
+
+def _array(twist: Twist2D) -> NDArray[np.float64]:
+    return np.array([twist.vx, twist.vy, twist.wz])
+
+
+def _share_on_curve(wanted: Twist2D, reachable: NDArray[np.float64]) -> float:
+    """Return the largest fraction of ``wanted`` within the speeds ``reachable`` (3,), so that the curvature stays."""
+    speeds = np.abs(_array(wanted))
+    commanded = speeds > 0.0
+    return float(np.clip((reachable[commanded] / speeds[commanded]).min(initial=1.0), 0.0, 1.0))
 
 
 class NearPoints:

@@ -94,7 +94,7 @@ class VelocityGate:
         are_tall = None if known is None else (lambda points: _tall(known, pose.apply(points), self.placed))
         mapped = () if known is None or not self.placed else known.unseen
         unseen = [replace(one, corners=base_from_map.apply(one.corners)) for one in mapped]
-        monitored = self._monitor.limit(wanted, velocity, odometry, discs, are_tall, unseen)
+        monitored = self._monitor.limit(wanted, velocity, odometry, discs, are_tall, unseen, period)
         self.held_by = monitored.text or _words(velocity)
         if monitored.brake:
             self._base.stop()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -51,15 +52,21 @@ def scan_of(points: np.ndarray, pose: Pose2D, stamp: float, noise: np.random.Gen
     return LaserScan(ranges, -math.pi, 2 * math.pi / BEAMS, 0.45, 8.0, stamp)
 
 
-def drive(monitor, wanted: Twist2D, points, seconds: float = 6.0, noise=None, are_tall=None):
-    """A base whose wheels keep to its acceleration: poses, speeds, the actions taken and the texts."""
+def drive(monitor, wanted: Twist2D, points, seconds: float = 6.0, noise=None, are_tall=None, dead_band: float = 0.0):
+    """A base whose wheels keep to its acceleration: poses, speeds, the actions taken and the texts.
+
+    ``dead_band``: commands below it, m/s and rad/s, turn no wheel.
+    """
+    limits = monitor.base.part
+    acceleration = np.array([limits.max_acceleration, limits.max_acceleration, limits.max_angular_acceleration])
     pose, velocity, poses, actions, texts = Pose2D(), np.zeros(3), [], [], []
     for tick in range(int(seconds / DT)):
         if tick % 4 == 0:
             monitor.observe(scan_of(points, pose, tick * DT, noise), Pose2D(), pose)
         command = monitor.limit(wanted, Twist2D(*velocity), pose, are_tall=are_tall)
-        target = np.zeros(3) if command.brake else [command.twist.vx, command.twist.vy, command.twist.wz]
-        change = np.array([0.6, 0.6, 2.0]) * (2.0 if command.brake else 1.0) * DT
+        told = np.array([command.twist.vx, command.twist.vy, command.twist.wz])
+        target = np.zeros(3) if command.brake or np.abs(told).max() < dead_band else told
+        change = acceleration * (2.0 if command.brake else 1.0) * DT
         velocity = velocity + np.clip(target - velocity, -change, change)
         pose = pose @ Pose2D(*(velocity * DT))
         poses.append(pose)
@@ -115,21 +122,50 @@ def test_an_arm_that_stands_out_is_kept_from_what_is_tall_and_passes_over_what_i
         assert clearance(poses, posts) > 0.0
 
 
-@pytest.mark.parametrize("side", [1, -1])
-def test_an_arm_does_not_swing_into_a_wall_while_the_base_begins_to_back_away_from_it(side):
-    """The base turns faster sooner than it drives faster; again and again from rest, it would creep to the wall."""
+def arm_at_a_wall(side: int) -> tuple[np.ndarray, np.ndarray]:
+    """The outline (N, 2) of an arm ahead of a base, and a wall (M, 2) 2 mm beside its tip."""
     arm = np.array([(-0.28, -0.22), (0.28, -0.22), (0.98, -0.05), (0.98, 0.05), (0.28, 0.22), (-0.28, 0.22)])
-    outline, heading = FootprintMotion(arm, 0.0), side * math.radians(65.0)
-    from_tip = np.linspace(-1.5, 1.5, 301)
-    tip = arm @ np.array([[math.cos(heading), math.sin(heading)], [-math.sin(heading), math.cos(heading)]])
-    wall = np.column_stack([from_tip, np.full(301, side * (np.abs(tip[:, 1]).max() + 0.002))])
-    wall = Pose2D(theta=heading).inverse().apply(wall)
-    monitor = CollisionMonitor(BASE)
+    turned = Pose2D(theta=side * math.radians(65.0))
+    away = side * (np.abs(turned.apply(arm)[:, 1]).max() + 0.002)
+    return arm, turned.inverse().apply(np.column_stack([np.linspace(-1.5, 1.5, 301), np.full(301, away)]))
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(("acceleration", "dead_band"), [(0.6, 0.0), (0.6, 0.035), (0.09, 0.0), (0.09, 0.035)])
+def test_an_arm_does_not_swing_into_a_wall_while_the_base_begins_to_back_away_from_it(side, acceleration, dead_band):
+    """The base turns faster sooner than it drives faster; again and again from rest, it would creep to the wall."""
+    arm, wall = arm_at_a_wall(side)
+    outline = FootprintMotion(arm, 0.0)
+    part = dataclasses.replace(BASE.part, max_acceleration=acceleration)
+    monitor = CollisionMonitor(dataclasses.replace(BASE, part=part))
     monitor.use_footprint(Footprint(np.array(CORNERS), overhang=Overhang(arm, 0.9, 0.7)))
-    away = Twist2D(-0.6, 0.0, side * 0.34)
-    poses, velocity, *_ = drive(monitor, away, wall, 1.5, are_tall=lambda points: np.full(len(points), True))
+    away, seconds = Twist2D(-0.6, 0.0, side * 0.34), 0.6 / acceleration + 0.5
+    poses, velocity, actions, _ = drive(
+        monitor, away, wall, seconds, are_tall=lambda points: np.full(len(points), True), dead_band=dead_band
+    )
     assert min(outline.distance(pose.inverse().apply(wall)).min() for pose in poses) > 0.001
     assert velocity[0] < -0.3
+    assert MonitorAction.STOP not in actions
+
+
+def test_the_speed_that_a_base_had_in_one_drive_is_not_expected_at_the_start_of_the_next():
+    """An arm ahead of it would swing into the wall while the base gathers that speed again."""
+    arm, wall = arm_at_a_wall(1)
+    footprint = Footprint(np.array(CORNERS), overhang=Overhang(arm, 0.9, 0.7))
+    monitor, away, stamps = CollisionMonitor(BASE), Twist2D(-0.6, 0.0, 0.34), itertools.count()
+
+    def command_from_rest(pose: Pose2D) -> Twist2D:
+        monitor.observe(scan_of(wall, pose, float(next(stamps))), Pose2D(), pose)
+        return monitor.limit(away, Twist2D(), pose, are_tall=lambda points: np.full(len(points), True)).twist
+
+    monitor.use_footprint(footprint)
+    first = command_from_rest(Pose2D())
+    assert 0.0 < -first.vx <= 0.6 * DT
+    far = [command_from_rest(Pose2D(20.0)) for _ in range(60)]
+    assert far == [away] * 60
+    assert -command_from_rest(Pose2D()).vx > 0.5  # it should drive by now
+    monitor.use_footprint(footprint)  # as each drive does
+    assert command_from_rest(Pose2D()) == first
 
 
 def test_a_noisy_wall_is_approached_to_a_finger_and_not_touched():

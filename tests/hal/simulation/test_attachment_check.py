@@ -11,7 +11,7 @@ from bestman_bt.robot_model.compose import load_robot_model
 from bestman_bt.scene.draw import draw_world
 from bestman_bt.scene.load import load_scene
 from hal.simulation.bodies import BodyState
-from hal.simulation.monitor import AttachmentCheck, ContactsBetween
+from hal.simulation.monitor import AttachmentCheck, ContactsBetweenObservations
 from hal.simulation.observation import SimulationState
 from hal.simulation.simulation import Simulation
 from tests.default_engine import DefaultRobot
@@ -94,31 +94,53 @@ def test_what_is_pressed_with_a_tenth_of_its_weight_in_the_mean_of_half_a_second
     assert bool(findings(simulation, "body", 0.0, pressed)) == suspect
 
 
-def test_contacts_between_two_looks_count_for_moving_objects_that_the_robot_hardly_presses(simulation) -> None:
-    built = simulation.built
+class Contacts:
+    """Contacts of each body, as the physics engine would report them: the other body, and newtons."""
+
+    def __init__(self) -> None:
+        self.now: list[tuple[int, float]] = []
+
+    def contacts(self, body: int) -> list[SimpleNamespace]:
+        return [SimpleNamespace(second=other, pressure=force) for other, force in self.now]
+
+
+def watch(between: ContactsBetweenObservations, reader: Contacts, *steps: list[tuple[int, float]]) -> None:
+    for reader.now in steps:
+        between.watch_step()
+
+
+def test_contacts_between_observations_are_those_of_moving_objects_pressed_with_less_than_their_weight(
+    simulation,
+) -> None:
+    built, reader = simulation.built, Contacts()
     cup = built.objects["cup"]
     weight = 9.81 * built.object_masses[cup]
-    steps: list[list[tuple[int, float]]] = []
-    reader = SimpleNamespace(
-        contacts=lambda body: [SimpleNamespace(second=other, pressure=force) for other, force in steps[-1]]
-    )
-    between = ContactsBetween(simulation, reader)
-    assert (between.touched, between.mean_forces()) == (set(), {})
+    between = ContactsBetweenObservations(simulation, reader)
+    assert (between.touched(), between.mean_forces()) == (set(), {})
 
     between.begin([cup, built.robot], {cup: 0.5 * weight})
-    for touches in ([], [(built.floor, 2.0), (built.robot, 3.0)], [(built.robot, 1.0), (built.robot, 0.0)], []):
-        steps.append(touches)
-        between.watch_step()
-    assert between.touched == {cup}
+    watch(between, reader, [], [(built.floor, 2.0), (built.robot, 3.0)], [(built.robot, 1.0), (built.robot, 0.0)], [])
+    assert between.touched() == {cup}
     assert between.mean_forces() == {cup: pytest.approx(1.0)}
 
     between.begin([cup], {cup: 1.1 * weight})
-    between.watch_step()
-    steps.append([(built.floor, 1.0)])
-    between.watch_step()
-    assert between.touched == set()
+    watch(between, reader, [], [(built.floor, weight)])
+    assert between.touched() == set()
 
     between.begin([cup], {})
-    steps.append([(built.floor, 0.0)])
-    between.watch_step()
-    assert (between.touched, between.mean_forces()) == (set(), {})
+    watch(between, reader, [(built.floor, 0.0)])
+    assert (between.touched(), between.mean_forces()) == (set(), {})
+
+
+@pytest.mark.parametrize(("share", "touched"), [(1e-6, False), (0.09, False), (0.11, True)])
+def test_an_object_is_touched_between_observations_by_a_tenth_of_its_weight_in_the_mean(
+    simulation, share, touched
+) -> None:
+    """Less in one step of several cannot be what keeps it from falling."""
+    built, reader = simulation.built, Contacts()
+    cup = built.objects["cup"]
+    total = 4 * share * 9.81 * built.object_masses[cup]
+    between = ContactsBetweenObservations(simulation, reader)
+    between.begin([cup], {})
+    watch(between, reader, [], [(built.floor, 0.7 * total), (built.robot, 0.3 * total)], [], [])
+    assert (cup in between.touched()) == touched
