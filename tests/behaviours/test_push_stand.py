@@ -108,3 +108,9 @@ def test_an_object_is_not_pushed_straight_where_the_hand_would_hit_another_one_h
     assert first_way(table_with(can=(-0.27, 0.0)), goal) == pytest.approx(goal, abs=1e-9)
     first = first_way(table_with(can=(-0.27, 0.0), box=(-0.14, -0.115)), goal)
     assert np.linalg.norm(first - goal) > 0.05
+
+
+def test_an_object_is_pushed_farther_aside_where_near_by_something_is_in_the_way_of_every_second_push() -> None:
+    skills = table_with(can=(-0.28, -0.25), box=(-0.28, -0.07))
+    first = first_way(skills, (-0.28, 0.25))
+    assert np.linalg.norm(first - (-0.28, -0.25)) == pytest.approx(0.2)
