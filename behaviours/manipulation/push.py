@@ -23,7 +23,7 @@ from behaviours.parameters import PushParameters
 from behaviours.perception.surfaces import UNKNOWN_SURFACE, find_surface
 from behaviours.skill import ArmNode, Declaration, ObjectName, Skill, SkillCoroutine, SkillFailure
 from bestman_bt.engine import In, Out
-from bestman_bt.messages import Failure, MotionObstacle, MotionStage, ObjectModel, Pose
+from bestman_bt.messages import Failure, MotionErrorCode, MotionObstacle, MotionStage, ObjectModel, Pose
 from bestman_bt.messages.pose import squared_distance_to_segment
 from bestman_bt.messages.shapes import Positive
 from bestman_bt.world_model.semantic_map import MapFurniture
@@ -129,13 +129,24 @@ class Push(ArmNode, Skill):
     def _push(self, belief: ObjectBelief, plan: PushPlan) -> SkillCoroutine[None]:
         skills, name = self.skills, belief.name
         yield from approach_object(self, plan.into, skills.arm_world(self._untouched(belief)))
-        outcome: GuardedOutcome = yield skills.arm.move_until(
-            plan.direction, self.speed, plan.gap + plan.distance, self.max_force
-        )
-        pushed = max(0.0, outcome.distance - plan.gap)
+        start = skills.base_from_tool()
+        unreachable: SkillFailure | None = None
+        try:
+            outcome: GuardedOutcome = yield skills.arm.move_until(
+                plan.direction, self.speed, plan.gap + plan.distance, self.max_force
+            )
+            distance = outcome.distance
+        except SkillFailure as failure:
+            if failure.code != MotionErrorCode.UNREACHABLE:
+                raise
+            unreachable = failure  # the object has moved, and the hand still touches it
+            distance = float((skills.base_from_tool().position - start.position) @ plan.direction)
+        pushed = max(0.0, distance - plan.gap)
         self._believe(belief, pushed * plan.direction)
         self.pushed = pushed
         yield from self._withdraw(name, plan)
+        if unreachable is not None:
+            raise unreachable
         way_words = f"{100 * pushed:.0f} of {100 * plan.distance:.0f} cm"
         if outcome.touched:
             force = float(np.linalg.norm(outcome.force))

@@ -15,7 +15,7 @@ from behaviours.manipulation import push as push_module
 from behaviours.manipulation.push import Push, PushPlan
 from behaviours.parameters import SkillParameters
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
-from bestman_bt.messages import Pose
+from bestman_bt.messages import MotionErrorCode, Pose
 from bestman_bt.world_model.world_model import HeldObject, ObjectBelief
 from tests.behaviours.scripted import (
     ASKEW,
@@ -104,6 +104,17 @@ def test_a_resistance_is_reported_after_the_hand_is_back_and_how_far_it_went_is_
     assert run(skills, push(skills, goal=goal_of(skills))) == FAILURE
     assert codes(skills) == ["blocked"]
     assert skills.failures[-1].why == "the cup resists with 5 N after 5 of 12 cm"
+    assert skills.arm.asked[-1] == ("follow", "back")
+    moved = skills.world.objects["cup"].pose.position - map_from(ASKEW, 0.7, 0.0, 0.8)
+    assert np.linalg.norm(moved) == pytest.approx(0.05)
+
+
+def test_an_arm_that_reaches_no_further_is_back_before_it_fails_and_how_far_it_went_is_believed(skills: Any) -> None:
+    places = [np.array([0.5, 0.0, 0.8]), np.array([0.5, 0.0, 0.8]) + (GAP + 0.05) * WAY]
+    skills.base_from_tool = lambda: Pose(places.pop(0))
+    skills.arm.ends["move_until"] = [MotionErrorCode.UNREACHABLE]
+    assert run(skills, push(skills, goal=goal_of(skills))) == FAILURE
+    assert codes(skills) == [MotionErrorCode.UNREACHABLE]
     assert skills.arm.asked[-1] == ("follow", "back")
     moved = skills.world.objects["cup"].pose.position - map_from(ASKEW, 0.7, 0.0, 0.8)
     assert np.linalg.norm(moved) == pytest.approx(0.05)
