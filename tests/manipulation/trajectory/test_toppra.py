@@ -81,7 +81,7 @@ def test_waypoints_beside_an_end_do_not_slow_the_motion_down(arm, ready, place):
     """As where a planner's last sample is next to the goal: nearer to the end than to the waypoint between them."""
     first, second = np.eye(7)[:2]
     goal = ready + 0.5 * first
-    path = [ready, goal, goal + 1e-4 * first, goal + 1e-5 * first + 3e-5 * second][:: 1 if place else -1]
+    path = [ready, goal, goal + 1.01e-4 * first, goal + 1e-5 * first + 3e-5 * second][:: 1 if place else -1]
     trajectory = Toppra().parametrize(path, arm)
     assert np.array_equal(trajectory.positions[[0, -1]], [path[0], path[-1]])
     assert trajectory.duration == pytest.approx(Toppra().parametrize([path[0], path[-1]], arm).duration, rel=0.005)
