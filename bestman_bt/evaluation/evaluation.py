@@ -18,7 +18,7 @@ from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.seed_map import SeedMap
-from bestman_bt.evaluation.shards import ConflictingResults, KnownDurations, Shard, find_journals, merge_journals
+from bestman_bt.evaluation.shards import KnownDurations, Shard, find_journals, merge_journals
 from bestman_bt.evaluation.suite import Suite, SuiteEntry, check_targets
 from bestman_bt.evaluation.summary import Summary
 from bestman_bt.evaluation.versions import versions
@@ -47,7 +47,6 @@ class Evaluation:
         """Entry → summary of its finished episodes."""
         self.notes: list[str] = []
         """Remarks that a reader of the figures has to know."""
-        self.contradictions: list[ConflictingResults] = []
         self._folder, self._keep_old, self._shard = folder, keep_old, shard
         self._code, self._commit = code_fingerprint(), commit()
         self._configs = {entry.name: config_fingerprint(entry.config) for entry in suite.entries}
@@ -186,7 +185,7 @@ class Evaluation:
         if problems:
             raise ConfigurationError(problems)
         try:
-            self.contradictions = merge_journals(self._journal, others)
+            merge_journals(self._journal, others)
         except JournalError as error:
             self.notes.append(str(error))
             self._interrupted = True
@@ -199,14 +198,14 @@ class Evaluation:
         for entry, seed in self._missing():
             missing[entry.name].append(seed)
         entries = [{**self.entry_document(entry), "missing": missing[entry.name]} for entry in self.suite.entries]
-        names = {config: name for name, config in self._configs.items()}
+        contradictions = self._contradictions()
         return {
             "evaluation": self.suite.name,
             "description": self.suite.description,
             "file": self.suite.file,
             "until": None if self.suite.precision is None else str(self.suite.precision),
             "shard": None if self._shard is None else str(self._shard),
-            "met": all(entry["met"] for entry in entries) and not self.contradictions,
+            "met": all(entry["met"] for entry in entries) and not contradictions,
             "interrupted": self._interrupted,
             "episodes": sum(entry["episodes"] for entry in entries),
             "false_successes": sum(entry["false_successes"] for entry in entries),
@@ -215,10 +214,21 @@ class Evaluation:
             "code": self._code,
             "commit": self._commit,
             "notes": list(self.notes),
-            "contradictions": [f"{names[one.key.config]}, {one}" for one in self.contradictions],
+            "contradictions": contradictions,
             "entries": entries,
             "versions": versions(),
         }
+
+    def _contradictions(self) -> list[str]:
+        """Return which episodes that count have several results, and how these differ."""
+        known = {} if self._journal is None else self._journal.conflicts
+        return [
+            f"{entry.name}, seed {key.seed}: {conflict}"
+            for entry in self.suite.entries
+            for key, conflicts in known.items()
+            if key.config == self._configs[entry.name] and key.seed in self._finished[entry.name]
+            for conflict in conflicts
+        ]
 
     def finished_entries(self) -> list[FinishedEntry]:
         """Return the results of all entries but the controls."""

@@ -7,7 +7,7 @@ import os
 import shutil
 import time
 from array import array
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -99,6 +99,8 @@ class Journal:
         self._file: IO[bytes] | None = None
         self._lock_file: Path | None = None
         self._places: dict[tuple[str, str], SeedMap] = {}
+        self.conflicts: dict[EpisodeKey, Sequence[str]] = {}
+        """What merged journals disagreed about, by episode."""
         self._end = 0
         self._synced = 0.0
         self._made_folders: list[Path] = []
@@ -150,8 +152,8 @@ class Journal:
         entry["result"] = result.to_document()
         self.add_line(key, json.dumps(entry, allow_nan=False).encode() + b"\n")
 
-    def add_line(self, key: EpisodeKey, line: bytes) -> None:
-        """Write a finished episode as its line in another journal. Raises JournalError."""
+    def add_line(self, key: EpisodeKey, line: bytes, conflicts: Sequence[str] = ()) -> None:
+        """Write a finished episode as its line, which holds these conflicts. Raises JournalError."""
         assert self._file is not None
         try:
             self._file.write(line)
@@ -159,6 +161,8 @@ class Journal:
         except OSError as error:
             raise self._not_written(error) from error
         self._places.setdefault((key.config, key.code), SeedMap())[key.seed] = self._end
+        if conflicts:
+            self.conflicts[key] = conflicts
         self._end += len(line)
         if time.monotonic() - self._synced >= SYNC_EVERY:
             self._sync()
@@ -179,7 +183,7 @@ class Journal:
 
     def _read(self, file: IO[bytes]) -> None:
         file.seek(0)
-        self._places, damaged, self._end = _indexed(file)
+        self._places, damaged, self._end = _indexed(file, self.conflicts)
         file.truncate(self._end)  # without the torn line
         if not damaged:
             return
@@ -193,7 +197,7 @@ class Journal:
         file.flush()
         os.fsync(file)
         file.seek(0)
-        self._places, _, self._end = _indexed(file)
+        self._places, _, self._end = _indexed(file, self.conflicts)
         numbers = ", ".join(map(str, damaged))
         self.notes.append(f"{self.path}: damaged lines were left out ({numbers}); the original file: {copy}")
 
@@ -209,7 +213,7 @@ def read_episodes(path: Path) -> StoredEpisodes:
     """Return the finished episodes of a journal, even while it is being written. Raises OSError or
     ConfigurationError."""
     with path.open("rb") as file:
-        places, damaged, _ = _indexed(file)
+        places, damaged, _ = _indexed(file, {})
     if damaged:
         remedy = "; repeat the command that wrote it: it leaves such lines out and runs their episodes again"
         raise _damaged(path, damaged, remedy if places else "")
@@ -221,8 +225,12 @@ def result_of(line: bytes) -> RunResult:
     return RunResult.from_document(json.loads(line)["result"])
 
 
-def _indexed(file: IO[bytes]) -> tuple[dict[tuple[str, str], SeedMap], dict[int, Exception], int]:
-    """Return the start of each episode's line, the faults of the other lines, and the end of the last whole line."""
+def _indexed(
+    file: IO[bytes], conflicts: dict[EpisodeKey, Sequence[str]]
+) -> tuple[dict[tuple[str, str], SeedMap], dict[int, Exception], int]:
+    """Return the start of each episode's line, the faults of the other lines, and the end of the last whole line; add
+    the conflicts in the lines.
+    """
     found: dict[tuple[str, str], tuple[array[int], array[int]]] = {}
     damaged: dict[int, Exception] = {}
     end = 0
@@ -233,6 +241,7 @@ def _indexed(file: IO[bytes]) -> tuple[dict[tuple[str, str], SeedMap], dict[int,
             entry = json.loads(line)
             RunResult.from_document(entry["result"])
             config, code, seed = entry["config"], entry["code"], entry["seed"]
+            disagreement = [str(conflict) for conflict in entry.get("conflicts", ())]
             if not (isinstance(config, str) and isinstance(code, str) and type(seed) is int and abs(seed) < 2**63):
                 raise TypeError(
                     f"config and code should be text and seed an integer, got {config!r}, {code!r}, {seed!r}"
@@ -243,6 +252,8 @@ def _indexed(file: IO[bytes]) -> tuple[dict[tuple[str, str], SeedMap], dict[int,
             seeds, ends = found.setdefault((config, code), (array("q"), array("q")))
             seeds.append(seed)
             ends.append(end)
+            if disagreement:
+                conflicts[EpisodeKey(config, seed, code)] = disagreement
         end += len(line)
     return {key: SeedMap(*pairs) for key, pairs in found.items()}, damaged, end
 

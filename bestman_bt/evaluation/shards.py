@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import heapq
+import json
 import os
 import resource
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from statistics import fmean
 from typing import Any, TypeVar
@@ -90,18 +92,6 @@ class KnownDurations:
         return self._episodes.get((config, seed), self._configs.get(config, self._all))
 
 
-@dataclass(frozen=True)
-class ConflictingResults:
-    """Two different results of one episode: the simulation is not deterministic, or a disk is faulty."""
-
-    key: EpisodeKey
-    journals: tuple[str, str]
-    fields: tuple[str, ...]
-
-    def __str__(self) -> str:
-        return f"seed {self.key.seed}: {' and '.join(self.journals)} differ in {', '.join(self.fields)}"
-
-
 def find_journals(folders: Iterable[Path]) -> list[Path]:
     """Return every journal below the folders. Raises ConfigurationError if one has none."""
     found: dict[Path, None] = {}
@@ -116,27 +106,38 @@ def find_journals(folders: Iterable[Path]) -> list[Path]:
     return list(found)
 
 
-def merge_journals(journal: Journal, others: Mapping[Path, StoredEpisodes]) -> list[ConflictingResults]:
-    """Add the episodes of other journals to ``journal``, one result of each; return the conflicting results. A result
-    that ``journal`` already has is kept; which of the others is added does not depend on their order in ``others``.
+def merge_journals(journal: Journal, others: Mapping[Path, StoredEpisodes]) -> None:
+    """Add the episodes of other journals to ``journal``, one result of each, and what the journals disagree about: two
+    different results of one episode mean that the simulation is not deterministic, or that a disk is faulty.
 
-    Raises JournalError if they cannot be written.
+    A result that ``journal`` already has is kept; which of the others is added does not depend on their order in
+    ``others``. Raises JournalError if they cannot be written.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, min(hard, len(others) + SPARE_FILES)), hard))
-    contradictions: list[ConflictingResults] = []
-    added: EpisodeKey | None = None
-    first = journal.path
-    for key, line, path in _sorted_lines(others):
-        if key not in journal.results:
-            journal.add_line(key, line)
-            added, first = key, path
-        elif line != (mine := journal.line(key)) and (
-            differing := tuple(_differing(result_of(mine).to_document(), result_of(line).to_document()))
-        ):
-            paths = (str(first if key == added else journal.path), str(path))
-            contradictions.append(ConflictingResults(key, paths, differing))
-    return contradictions
+    for _, group in groupby(_sorted_lines(others), key=_identity):
+        found = list(group)
+        key = found[0][0]
+        if known := key in journal.results:
+            found.insert(0, (key, journal.line(key), journal.path))
+        conflicts = _conflicts(found) if len({line for _, line, _ in found}) > 1 else []
+        kept = found[0][1]
+        if conflicts and conflicts != (entry := json.loads(kept)).get("conflicts"):
+            journal.add_line(key, json.dumps({**entry, "conflicts": conflicts}).encode() + b"\n", conflicts)
+        elif not known:
+            journal.add_line(key, kept, json.loads(kept)["conflicts"] if b'"conflicts"' in kept else ())
+
+
+def _conflicts(found: Sequence[tuple[EpisodeKey, bytes, Path]]) -> list[str]:
+    """Return how results of one episode, as their lines, differ from the first, and what was known of that before."""
+    (_, kept, first), *others = found
+    conflicts: dict[str, None] = dict.fromkeys(json.loads(kept).get("conflicts", ()))
+    mine = result_of(kept).to_document()
+    for _, line, path in others:
+        if differing := ", ".join(_differing(mine, result_of(line).to_document())):
+            conflicts[f"{first} and {path} differ in {differing}"] = None
+        conflicts |= dict.fromkeys(json.loads(line).get("conflicts", ()))
+    return list(conflicts)
 
 
 def _sorted_lines(journals: Mapping[Path, StoredEpisodes]) -> Iterator[tuple[EpisodeKey, bytes, Path]]:
@@ -146,6 +147,10 @@ def _sorted_lines(journals: Mapping[Path, StoredEpisodes]) -> Iterator[tuple[Epi
         return ((key, line, path) for key, line in episodes.lines())
 
     return heapq.merge(*(of_one(episodes, path) for path, episodes in journals.items()), key=_place)
+
+
+def _identity(episode: tuple[EpisodeKey, bytes, Path]) -> EpisodeKey:
+    return episode[0]
 
 
 def _place(episode: tuple[EpisodeKey, bytes, Path]) -> tuple[str, str, int, bytes]:

@@ -216,8 +216,14 @@ def test_a_shard_that_contradicts_another_is_an_error(suite: Suite, keys: Sequen
     write(tmp_path / "three", keys[:1], sim_time_s=99.0)
     document = merged(suite, tmp_path / "out", tmp_path / "one", tmp_path / "two", tmp_path / "three")
     paths = [tmp_path / name / "episodes.jsonl" for name in ("one", "three")]
-    assert document["contradictions"] == [f"plain, seed {FIRST}: {paths[0]} and {paths[1]} differ in sim_time_s"]
-    assert not document["met"]
+    conflict = [f"plain, seed {FIRST}: {paths[0]} and {paths[1]} differ in sim_time_s"]
+    assert (document["contradictions"], document["met"]) == (conflict, False)
+    with Evaluation(suite, tmp_path / "out") as evaluation:
+        assert (evaluation.document()["contradictions"], evaluation.document()["met"]) == (conflict, False)
+    assert merged(suite, tmp_path / "next", tmp_path / "out")["contradictions"] == conflict
+    again = merged(suite, tmp_path / "next", tmp_path / "one", tmp_path / "out")
+    assert again["contradictions"] == conflict
+    assert again["episodes"] == len(keys)
 
 
 def test_shards_of_other_suites_and_other_code_are_refused_all_at_once(
