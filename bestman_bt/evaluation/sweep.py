@@ -13,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
+from bestman_bt.evaluation.code_version import config_fingerprint
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry
 from bestman_bt.evaluation.suite import EntryConfig, Suite
 
@@ -51,18 +52,22 @@ def sweep_suite(suite: Callable[[tuple[str, ...]], Suite], settings: Sequence[tu
     """Return one suite with the entries of ``suite(combination)`` for each combination, without controls.
 
     An entry is named by the differing settings, and its task if there are several. Raises ConfigurationError listing
-    every fault.
+    every fault, also combinations that are the same run.
     """
     constant = set.intersection(*map(set, settings))
     faults = ProblemCollector()
     entries = []
     made = None
+    fingerprints: dict[str, tuple[str, ...]] = {}
     for combination in settings:
         with faults.step():
             made = suite(combination)
             own = tuple(one for one in combination if one not in constant)
             for entry in made.entries:
                 if not entry.control:
+                    same = fingerprints.setdefault(config_fingerprint(entry.config), combination)
+                    if same is not combination:
+                        raise _problem(f"{', '.join(same)} and {', '.join(combination)} are the same run")
                     asked = entry.asked or EntryConfig()
                     told = [
                         f"{key.rpartition('.')[2]}={value}" for key, _, value in (one.partition("=") for one in own)

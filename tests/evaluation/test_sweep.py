@@ -46,6 +46,19 @@ def made(settings: tuple[str, ...]) -> Suite:
     return make_suite(["fetch_cup"], 3, 40, RunRequest(settings=settings))
 
 
+@pytest.mark.parametrize(
+    ("settings", "same"),
+    [
+        ([f"{RATE}=10,10.0"], f"{RATE}=10 and {RATE}=10.0 are the same run"),
+        ([f"{RATE}=10,20", f"{RATE}=5,6"], f"{RATE}=10, {RATE}=5 and {RATE}=20, {RATE}=5 are the same run"),
+    ],
+)
+def test_two_combinations_that_are_the_same_run_are_refused(settings: list[str], same: str) -> None:
+    with pytest.raises(ConfigurationError) as refused:
+        sweep_suite(made, combinations(settings))
+    assert f"--set: {same}" in map(str, refused.value.problems)
+
+
 def test_an_entry_is_named_after_what_differs_and_has_the_same_seeds() -> None:
     suite = sweep_suite(made, combinations([f"{FRICTION}=0.5,0.9", f"{RATE}=20 Hz"]))
     assert suite.name == "fetch_cup_sweep"
