@@ -123,10 +123,10 @@ class Collection:
 
         An episode whose workers are lost is listed as an error. Returns a sentence on the seeds of each cause.
 
-        Raises ConfigurationError if the launcher refuses the episodes, another process writes the dataset or its folder
-        cannot be made, DatasetError if it can no longer be written, LauncherLostError if the launcher is lost,
-        KeyboardInterrupt after Ctrl-C or a stopped episode. Episodes already in the dataset are kept; results that wait
-        for an earlier seed are not.
+        Raises ConfigurationError if the launcher refuses the episodes, another process writes the dataset, its folder
+        cannot be made or its list of attempts is damaged, DatasetError if it can no longer be written,
+        LauncherLostError if the launcher is lost, KeyboardInterrupt after Ctrl-C or a stopped episode. Episodes already
+        in the dataset are kept; results that wait for an earlier seed are not.
         """
         launcher = launcher or LocalProcesses()
         first, planned, lost = self._config.seed, list[int](), dict[int, str]()
@@ -292,12 +292,21 @@ class Collection:
         written = self._attempts.read()
         whole = written[: written.rfind(b"\n") + 1]
         self._attempts.truncate(len(whole))  # without a torn line
-        try:
-            lines = [json.loads(line) for line in whole.splitlines()]
-        except ValueError as error:
-            raise DatasetError(f"{self.folder / ATTEMPTS} is damaged: {error}") from error
-        listed = {(line["task"], line["seed"]) for line in lines if line["episode"] is not None}
-        ended = [(line["task"], line["seed"]) for line in lines if line["outcome"] != str(Outcome.ERROR)]
+        listed, ended, damaged = set(), [], []
+        for number, line in enumerate(whole.splitlines(), 1):
+            try:
+                attempt = json.loads(line)
+                key, outcome, episode = (attempt["task"], attempt["seed"]), attempt["outcome"], attempt["episode"]
+            except (ValueError, KeyError, TypeError):
+                why = "is damaged: remove the line; its seed is run again if the dataset lacks episodes"
+                damaged.append(Problem(str(self.folder / ATTEMPTS), number, "", why))
+                continue
+            if episode is not None:
+                listed.add(key)
+            if outcome != str(Outcome.ERROR):
+                ended.append(key)
+        if damaged:
+            raise ConfigurationError(damaged)
         success = {**dict.fromkeys(LABELS, ""), "outcome": str(Outcome.SUCCESS)}
         for dataset in (self._dataset, self._failures):
             for episode, row in enumerate(dataset.episodes):

@@ -20,7 +20,7 @@ from bestman_bt.evaluation.launchers.local import LocalProcesses
 from bestman_bt.evaluation.launchers.worker_process import LauncherLostError
 from bestman_bt.evaluation.recorded_episode import LABELS, RecordedEpisode
 from bestman_bt.evaluation.result import RunResult
-from bestman_bt.manipulation.policy.training.dataset_folder import FAILURES, DatasetFolder
+from bestman_bt.manipulation.policy.training.dataset_folder import FAILURES, DatasetError, DatasetFolder
 from tests.cli.command_line import Answer
 
 Command = Callable[..., Answer]
@@ -267,12 +267,24 @@ def test_seeds_without_a_result_are_listed_and_the_exit_code_is_130(
     assert "waited for an earlier seed" not in answer.err
 
 
-def test_a_dataset_that_cannot_be_written_is_reported_without_a_traceback(bestman_bt: Command, folder: Path) -> None:
+def test_a_damaged_list_of_attempts_is_wrong_input(bestman_bt: Command, folder: Path) -> None:
     (folder / "set").mkdir()
     (folder / "set" / ATTEMPTS).write_text("not json\n")
     answer = bestman_bt("collect", "pick_bench", "-o", "set", "--json")
+    assert answer.code == 2
+    assert f"set/{ATTEMPTS}:1: is damaged: remove the line" in answer.err
+
+
+def test_a_dataset_that_can_no_longer_be_written_is_reported_without_a_traceback(
+    bestman_bt: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise DatasetError("set/data cannot be written: No space left on device")
+
+    monkeypatch.setattr(Collection, "collect", full)
+    answer = bestman_bt("collect", "pick_bench", "-o", "set", "--json")
     assert answer.code == 130
     document = json.loads(answer.out)
-    assert f"{ATTEMPTS} is damaged" in document["interrupted"]
+    assert document["interrupted"] == "set/data cannot be written: No space left on device"
     assert document["notes"] == []
     assert "waited for an earlier seed" in answer.err

@@ -316,9 +316,13 @@ def test_a_killed_process_may_leave_a_torn_line_or_an_episode_without_one(
 
 
 def test_a_damaged_list_of_attempts_is_named(config: RunConfig, tmp_path: Path) -> None:
-    (tmp_path / ATTEMPTS).write_text("not json\n")
-    with pytest.raises(DatasetError, match=f"{ATTEMPTS} is damaged"):
-        collect(config, tmp_path, MadeUp())
+    collect(config, tmp_path, MadeUp(), episodes=1)
+    with (tmp_path / ATTEMPTS).open("ab") as file:
+        file.write(b'\xff\n{"task": "a", "seed": 1}\n')
+    with pytest.raises(ConfigurationError) as refused:
+        collect(config, tmp_path, MadeUp(), episodes=2)
+    assert [problem.line for problem in refused.value.problems] == [2, 3]
+    assert "is damaged: remove the line; its seed is run again" in str(refused.value)
 
 
 def test_a_full_disk_is_reported_and_what_was_written_before_is_kept(

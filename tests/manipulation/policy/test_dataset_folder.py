@@ -156,6 +156,27 @@ def test_a_folder_that_is_no_dataset_is_refused(tmp_path: Path, file: str, text:
     assert words in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("file", "size", "words"),
+    [
+        ("data/chunk-000/file-000.parquet", 500, "cannot be read"),
+        ("data/chunk-000/file-000.parquet", None, "cannot be read"),
+        ("meta/episodes/chunk-000/file-000.parquet", None, "meta/episodes has 0 of the 2 episodes of info.json"),
+    ],
+)
+def test_a_dataset_whose_files_are_missing_or_cut_is_refused(
+    tmp_path: Path, file: str, size: int | None, words: str
+) -> None:
+    dataset = written(tmp_path / "set", [(2, "a"), (3, "a")], replace(FORMAT, cameras={}))
+    damaged = dataset.path / file
+    kept = damaged.read_bytes()[: size or 0]
+    damaged.unlink()
+    if size is not None:
+        damaged.write_bytes(kept)
+    with pytest.raises(DatasetError, match=words):
+        DatasetFolder.read(dataset.path)
+
+
 def test_a_dataset_with_few_rows_in_a_file_grows(tmp_path: Path) -> None:
     frames = replace(FORMAT, cameras={})
     source = written(tmp_path / "set", [(1, "a"), (2, "a"), (3, "a")], frames)

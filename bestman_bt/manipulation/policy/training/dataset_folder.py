@@ -62,7 +62,9 @@ class DatasetFolder:
 
     @classmethod
     def read(cls, path: Path) -> DatasetFolder:
-        """Return the dataset in a folder. Raises DatasetError without one, MissingExtraError without pyarrow."""
+        """Return the dataset in a folder. Raises DatasetError without one or if files are missing or damaged,
+        MissingExtraError without pyarrow.
+        """
         _, parquet = import_pyarrow()
         try:
             info = json.loads((path / "meta/info.json").read_text(encoding="utf-8"))
@@ -75,6 +77,7 @@ class DatasetFolder:
             found.tasks = dict(sorted(zip(texts, tasks["task_index"], strict=True), key=lambda task: task[1]))
             for row in found.rows():
                 found._take(row)
+            found._check_files(info["total_episodes"])
         except DatasetError:
             raise
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
@@ -247,6 +250,24 @@ class DatasetFolder:
             return parquet.read_table(path)
         except (OSError, ValueError) as error:
             raise DatasetError(f"{path} cannot be read: {error}") from error
+
+    def _check_files(self, total: int) -> None:
+        """Raise DatasetError unless there are at least ``total`` episodes and the files that they name."""
+        _, parquet = import_pyarrow()
+        if (known := len(self.episodes)) < total:
+            raise DatasetError(f"{self.path}: meta/episodes has {known} of the {total} episodes of info.json")
+        for kind in (DATA, *(f"{VIDEOS}/{name}" for name in self.videos)):
+            frames: Counter[tuple[int, int]] = Counter()
+            for row in self.episodes:
+                frames[row[f"{kind}/chunk_index"], row[f"{kind}/file_index"]] += row["length"]
+            for (chunk, file), count in frames.items():
+                path = self.file(kind, {"chunk_index": chunk, "file_index": file})
+                try:
+                    found = parquet.read_metadata(path).num_rows if kind == DATA else count * bool(path.stat().st_size)
+                except (OSError, ValueError) as error:
+                    raise DatasetError(f"{path} cannot be read: {error}") from error
+                if found < count:
+                    raise DatasetError(f"{path} is damaged: it has {found} of {count} frames")
 
     def _take(self, row: dict[str, Any]) -> None:
         if row["episode_index"] != len(self.episodes):
