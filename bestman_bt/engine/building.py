@@ -421,7 +421,7 @@ class Builder:
                     setattr(conditions, _FIELDS[kind], script)
                     found = True
         except EngineError as error:
-            self._report(node, str(error), kind)
+            self._report(node, str(error), kind, may_be_missing=False)
         if found:
             node.conditions = conditions
 
@@ -434,10 +434,10 @@ class Builder:
             reason = error.reason if hasattr(error, "reason") else str(error)
             self._report(node, str(reason))
 
-    def _report(self, node: Node, message: str, field: str = "") -> None:
+    def _report(self, node: Node, message: str, field: str = "", *, may_be_missing: bool = True) -> None:
         file = self.tree.file if node.place is None else node.place.file
-        known = node.info is not None and node.info.builtin
-        self.problems.append(TreeProblem(file, node.line, node.type_id, field, message, missing=not known))
+        missing = may_be_missing and not (node.info is not None and node.info.builtin)
+        self.problems.append(TreeProblem(file, node.line, node.type_id, field, message, missing=missing))
 
     def _build_subtree(self, node: SubTree, element: Element, place: NodePlace, depth: int) -> None:
         assert self.documents is not None

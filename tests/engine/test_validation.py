@@ -22,6 +22,7 @@ from bestman_bt.engine import (
     SubstitutionRules,
     TestNodeConfig,
     TreeLoadError,
+    TreeProblem,
     build_tree,
     current_states,
     load_tree,
@@ -32,6 +33,7 @@ from bestman_bt.engine import (
     simulate,
     validate_file,
 )
+from bestman_bt.engine.models.foreign import open_tree
 from bestman_bt.engine.models.scenario import Scenario
 
 
@@ -423,6 +425,45 @@ def test_what_behaviortree_cpp_accepts_without_a_word_is_warned_of(tmp_path: Pat
         "its writes to '{size}' do not reach '@size', to which the SubTree maps it (write to '{@size}' itself)",
     ):
         assert expected in told
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ('<SubTree ID="Inner"><AlwaysFailure/></SubTree>', "<SubTree>: a <SubTree> has no children of its own"),
+        ('<SubTree ID="Nowhere"><Sleep ms="1"/></SubTree>', "<SubTree>: a <SubTree> has no children of its own"),
+        ('<Condition ID="Cold"><AlwaysSuccess/></Condition>', "<Cold>: it must not have children but has 1"),
+        ('<Action ID="Wipe"><AlwaysSuccess/></Action>', "<Wipe>: it must not have children but has 1"),
+        ('<BehaviorTree ID="C"><AlwaysSuccess/></BehaviorTree>', "<BehaviorTree>: it is not a node"),
+        ("<TreeNodesModel/>", "<TreeNodesModel>: it is not a node"),
+        ('<Wipe ID="x"/>', "<Wipe> 'ID': the attribute is not allowed here (write <Action ID=\"Wipe\">)"),
+        ('<AlwaysSuccess ID="x"/>', "'ID': the attribute is not allowed here (write <Action ID=\"AlwaysSuccess\">)"),
+        ("<x_:Wipe/>", "<x_:Wipe>: the name of a node has no ':'"),
+    ],
+)
+def test_what_is_wrong_in_every_behaviortree_cpp_is_an_error_and_drawn(
+    body: str, message: str, tmp_path: Path
+) -> None:
+    inner = '<BehaviorTree ID="Inner"><AlwaysSuccess/></BehaviorTree>'
+    path = file(tmp_path, f"<Sequence><AlwaysSuccess/>\n{body}</Sequence>", inner)
+    problems = [one for one in validate_file(path) if one.severity == "error" and not one.missing]
+    assert any(str(one).endswith(message) for one in problems), problems
+    faults: list[TreeProblem] = []
+    assert len(open_tree(path, faults=faults).nodes) > 1
+    assert any(str(one).endswith(message) for one in faults)
+    with pytest.raises(TreeLoadError):
+        load_tree(path)
+
+
+def test_a_wrong_script_of_a_node_without_code_is_reported_once(tmp_path: Path) -> None:
+    problems = validate_file(file(tmp_path, '<Wipe _skipIf="x ="/>'))
+    assert [one.field for one in problems if one.severity == "error" and not one.missing] == ["_skipIf"]
+    assert len(problems) == 2
+
+
+def test_a_node_that_version_4_renamed_is_suggested_by_its_new_name(tmp_path: Path) -> None:
+    (problem,) = validate_file(file(tmp_path, "<SequenceStar><AlwaysSuccess/></SequenceStar>"))
+    assert problem.suggestion == "version 4 calls it SequenceWithMemory"
 
 
 def test_what_no_behaviortree_cpp_takes_is_reported_as_not_portable(tmp_path: Path) -> None:

@@ -83,10 +83,10 @@ def guessed_info(name: str, uses: list[Element]) -> NodeInfo:
     """Return a description guessed from the elements that use a node."""
     kinds = [element.tag for element in uses if element.tag in KINDS]
     most = max(len(element.children) for element in uses)
-    if most:
-        kind = kinds[0] if kinds and kinds[0] in ("Control", "Decorator") else "Decorator" if most == 1 else "Control"
-    elif kinds:
+    if kinds:
         kind = kinds[0]
+    elif most:
+        kind = "Decorator" if most == 1 else "Control"
     else:
         kind = "Condition" if name.startswith(LIKE_CONDITIONS) else "Action"
     return placeholder(name, kind, seen_ports(uses), GUESS)

@@ -23,10 +23,12 @@ from bestman_bt.engine.scripting.compiler import ScriptCompiler
 from bestman_bt.engine.scripting.parser import assigns_to_no_key
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.status import NodeStatus
-from bestman_bt.engine.xml.documents import Documents, TreeDefinition
-from bestman_bt.engine.xml.elements import Element
+from bestman_bt.engine.xml.documents import RENAMED, Documents, TreeDefinition
+from bestman_bt.engine.xml.elements import NO_CHILDREN, Element
 
 EXPLICIT: Final = frozenset(("Action", "Condition", "Control", "Decorator"))
+_LEAVES: Final = ("Action", "Condition")
+_NEVER_NODES: Final = ("BehaviorTree", "TreeNodesModel")
 PRE_CONDITIONS: Final = ("_failureIf", "_successIf", "_skipIf", "_while")
 POST_CONDITIONS: Final = ("_onHalted", "_onSuccess", "_onFailure", "_post")
 SCRIPTS: Final = frozenset((*PRE_CONDITIONS, *POST_CONDITIONS))
@@ -97,6 +99,11 @@ class Checker:
         if tag == "SubTree":
             self._check_subtree(element)
             return
+        if tag in _NEVER_NODES or ":" in tag:
+            self._report(element, "", "it is not a node" if tag in _NEVER_NODES else "the name of a node has no ':'")
+            for child in element.children:
+                self._check(child)
+            return
         name = tag
         if tag in EXPLICIT:
             name = attributes.get("ID", "")
@@ -124,7 +131,10 @@ class Checker:
         count = len(children)
         if count < info.min_children or (info.max_children is not None and count > info.max_children):
             severity = "latent" if info.checked_at_tick and count else "error"
+            missing = self._missing
+            self._missing = missing and not (tag in _LEAVES and info.kind in _LEAVES)  # wrong whatever the node is
             self._report(element, "", _children_message(info, count), "", severity)
+            self._missing = missing
         if name == "ReactiveSequence" and sum(child.tag == "AsyncSequence" for child in children) > 1:
             self._report(element, "", "it cannot have more than one AsyncSequence among its children")
         if attributes:
@@ -147,6 +157,8 @@ class Checker:
 
     def _remedy(self, name: str) -> str:
         """Return a remedy for an unknown node: the file beside the tree that defines it, or the closest name."""
+        if name in RENAMED:
+            return f"version 4 calls it {RENAMED[name]}"
         if name in self.documents.trees:
             return f'it is a tree: write <SubTree ID="{name}"/>'
         for path in sorted(Path(self.file).parent.glob("*.py")):
@@ -204,7 +216,7 @@ class Checker:
             self._report(element, key, f"nothing is written: {_output_message(info, key, text)}", "", "warning")
 
     def _check_subtree(self, element: Element) -> None:
-        tree_id = element.attributes.get("ID")
+        tree_id, report = element.attributes.get("ID"), self.documents.problems.append
         if not tree_id:
             self._report(element, "ID", "the attribute is missing; it names the tree")
         elif tree_id not in self.documents.trees:
@@ -212,7 +224,10 @@ class Checker:
             self._report(element, "ID", f"there is no tree '{tree_id}'", self._tree_remedy(tree_id), self._wrong)
             self._missing = False
         if element.children:
-            self._report(element, "", "a <SubTree> has no children of its own")
+            report(TreeProblem(self.file, element.line, "SubTree", "", "a <SubTree> has no children of its own"))
+            for child in element.children:
+                self._check(child)
+            element.children = NO_CHILDREN
         element.info = self._infos["SubTree"]
         for key, text in element.attributes.items():
             if key in SCRIPTS:
@@ -229,8 +244,12 @@ class Checker:
     def _check_other(self, element: Element, info: NodeInfo, key: str, text: str) -> None:
         if key in SCRIPTS:
             self._check_script(element, key, text)
-        elif key == "ID" and element.tag in EXPLICIT:
-            return
+        elif key == "ID":
+            if element.tag not in EXPLICIT:
+                missing, self._missing = self._missing, False
+                message, suggestion = "the attribute is not allowed here", f'write <{info.kind} ID="{element.tag}">'
+                self._report(element, key, message, suggestion, self._wrong)
+                self._missing = missing
         elif key == STRICT and text not in _BOOLS:
             self._report(element, key, f"'{text}' is not a bool", "", self._wrong)
         elif key[0] != "_" and ":" not in key and "." not in key:  # these are not port names, and are ignored
