@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from bestman_bt.cli.options import Json, json_output
+from bestman_bt.cli.options import Json, json_output, writable_file
 from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.engine import TreeLoadError, TreeProblem
 from bestman_bt.engine.models.difference import compare, difference_svg, differences
@@ -19,7 +19,10 @@ from bestman_bt.engine.xml.documents import Documents, read_documents
 def command(
     before: Annotated[str, typer.Argument(metavar="OLD", help="A shipped tree or an XML file.")],
     after: Annotated[str, typer.Argument(metavar="NEW", help="Another one.")],
-    svg: Annotated[Path | None, typer.Option(metavar="FILE.svg", help="Write one picture of all that differs.")] = None,
+    svg: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.svg", help="Write one picture of all that differs.", callback=writable_file),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Show the differences between two tree files: nodes added, removed or moved, and changed ports."""

@@ -26,6 +26,7 @@ from bestman_bt.extras import EXTRA_OF_SIMULATOR
 if TYPE_CHECKING:
     from bestman_bt.configuration.run import RunRequest
     from bestman_bt.engine import NodeRegistry
+    from bestman_bt.engine.models.package import Package
     from bestman_bt.evaluation.launchers.launcher import Launcher
     from bestman_bt.messages import Pose
 
@@ -182,6 +183,15 @@ class OtherFiles:
     def paths(self) -> list[Path]:
         """Return the files and folders with further models and SubTrees, for ``Package.open``."""
         return [*(self.models or ()), *(self.search or ())]
+
+    def package(self) -> Package:
+        """Return the further files. Raises TreeLoadError if one cannot be read, or models contradict each other."""
+        from bestman_bt.configuration.data import shipped_trees
+        from bestman_bt.engine.models.package import Package
+
+        package = Package.open(self.paths, shipped_trees())
+        package.refuse_broken()
+        return package
 
     def registry(self) -> NodeRegistry:
         """Return the shipped nodes and those of the plug-ins. Raises ConfigurationError if one cannot be loaded."""

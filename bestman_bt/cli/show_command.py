@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from bestman_bt.cli.options import OtherFiles, grouped_options, is_package
+from bestman_bt.cli.options import OtherFiles, grouped_options, is_package, writable_file
 from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.engine import (
@@ -36,7 +36,10 @@ def command(
     ] = False,
     dot: Annotated[bool, typer.Option("--dot", help="Print Graphviz source.")] = False,
     tree_id: Annotated[str | None, typer.Option("--tree", metavar="ID", help="Another tree of an XML file.")] = None,
-    svg: Annotated[Path | None, typer.Option(metavar="FILE.svg", help="Write a picture; needs no Graphviz.")] = None,
+    svg: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.svg", help="Write a picture; needs no Graphviz.", callback=writable_file),
+    ] = None,
     others: OtherFiles = OtherFiles(),
 ) -> None:
     """Print a tree as text or in another format; for a folder, list its trees and which tree uses which.
@@ -44,7 +47,8 @@ def command(
     Nodes and trees without code are drawn as placeholders, dashed.
     """
     whole = is_package(tree)
-    package = Package.open([*([tree] if whole else ()), *others.paths], shipped_trees())
+    further = others.package()
+    package = Package.open([tree, *others.paths], shipped_trees()) if whole else further
     if whole and tree_id is None:
         _print(overview_svg(package) if svg else overview_dot(package) if dot else overview_text(package), svg)
         package.refuse_broken()

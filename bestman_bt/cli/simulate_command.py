@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import time
@@ -14,7 +15,16 @@ from typing import Annotated, Any
 
 import typer
 
-from bestman_bt.cli.options import Json, MonitorOptions, OtherFiles, Seed, grouped_options, is_package, json_output
+from bestman_bt.cli.options import (
+    Json,
+    MonitorOptions,
+    OtherFiles,
+    Seed,
+    grouped_options,
+    is_package,
+    json_output,
+    writable_file,
+)
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, EngineError, Tree, WallClock, render_svg
@@ -34,6 +44,12 @@ MOST_NAMES = 12
 """Largest number of paths in one line of the summary."""
 
 
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise typer.BadParameter(f"should be a finite number, got {value}")
+    return value
+
+
 @grouped_options
 def command(  # noqa: PLR0913 - its options, each by its name
     tree: Annotated[str, typer.Argument(help="A shipped tree, an XML or Python file, a folder or a .btproj.")],
@@ -43,8 +59,12 @@ def command(  # noqa: PLR0913 - its options, each by its name
     ] = None,
     seed: Seed = 0,
     runs: Annotated[int, typer.Option(min=1, help="Number of runs; their seeds are --seed and those after it.")] = 1,
-    limit: Annotated[float, typer.Option(min=0.001, help="Simulated seconds after which a run ends.")] = LIMIT,
-    period: Annotated[float, typer.Option(min=0.001, help="Simulated seconds between two ticks.")] = 0.05,
+    limit: Annotated[
+        float, typer.Option(min=0.001, help="Simulated seconds after which a run ends.", callback=_finite)
+    ] = LIMIT,
+    period: Annotated[
+        float, typer.Option(min=0.001, help="Simulated seconds between two ticks.", callback=_finite)
+    ] = 0.05,
     enums: Annotated[
         list[str] | None, typer.Option("--enum", metavar="NAME=1", help="A name that scripts and ports know.")
     ] = None,
@@ -52,7 +72,10 @@ def command(  # noqa: PLR0913 - its options, each by its name
         str | None, typer.Option("--tree", metavar="ID", help="Another tree of an XML file, or of a package.")
     ] = None,
     svg: Annotated[
-        Path | None, typer.Option(metavar="FILE.svg", help="Write a picture, coloured by the results of the runs.")
+        Path | None,
+        typer.Option(
+            metavar="FILE.svg", help="Write a picture, coloured by the results of the runs.", callback=writable_file
+        ),
     ] = None,
     page: MonitorOptions = MonitorOptions(),
     others: OtherFiles = OtherFiles(),
@@ -73,7 +96,8 @@ def command(  # noqa: PLR0913 - its options, each by its name
                 "drive": partial(run_shown, name=tree, seed=seed, period=period, limit=limit),
             }
         whole = is_package(tree)
-        package = Package.open([*([tree] if whole else ()), *others.paths], shipped_trees())
+        further = others.package()
+        package = Package.open([tree, *others.paths], shipped_trees()) if whole else further
         if whole and tree_id is None:
             what = f"{tree} is a package: name one of its trees: {package.tree_names()}"
             raise typer.BadParameter(what, param_hint="--tree")

@@ -62,8 +62,7 @@ def command(
             print(error, file=sys.stderr)
             worst = 2
     try:
-        further = Package.open(others.paths, shipped_trees())
-        further.refuse_broken()
+        further = others.package()
     except TreeLoadError as error:
         print(error, file=sys.stderr)
         sys.exit(2)

@@ -119,6 +119,54 @@ def test_simulate_many_runs_as_json(bestman_bt: Command, folder: Path) -> None:
     assert "possible endless loop: with seed 0" in endless.out
 
 
+@pytest.mark.parametrize(
+    "arguments", [("show", "t.xml"), ("show", "."), ("diff", "t.xml", "t.xml"), ("simulate", "t.xml")]
+)
+@pytest.mark.parametrize(("svg", "message"), [("gone/t.svg", "does not exist"), (".", "is a folder")])
+def test_a_picture_that_cannot_be_written_is_refused_before_the_work(
+    arguments: tuple[str, ...], svg: str, message: str, bestman_bt: Command, folder: Path
+) -> None:
+    written(folder / "t.xml", "<AlwaysSuccess/>")
+    answer = bestman_bt(*arguments, "--svg", svg)
+    assert (answer.code, answer.out) == (2, "")
+    assert message in " ".join(answer.err.split())
+
+
+@pytest.mark.parametrize("command", ["validate", "show", "simulate"])
+def test_further_files_that_are_not_there_or_hold_nothing_are_refused(
+    command: str, bestman_bt: Command, folder: Path
+) -> None:
+    written(folder / "t.xml", "<AlwaysSuccess/>")
+    (folder / "none").mkdir()
+    for kind in ("Action", "Condition"):
+        model = f'<TreeNodesModel><{kind} ID="OpenLid"/></TreeNodesModel>'
+        (folder / f"{kind}.xml").write_text(f'<root BTCPP_format="4">{model}</root>')
+    for option in ("--models", "--search"):
+        assert "does not exist" in bestman_bt(command, "t.xml", option, "gone").err
+        answer = bestman_bt(command, "t.xml", option, "none")
+        assert answer.code == 2
+        assert "there are no tree files in the folder" in answer.err
+    answer = bestman_bt(command, "t.xml", "--models", "Action.xml", "--models", "Condition.xml")
+    assert answer.code == 2
+    assert "its kind is Action at Action.xml:1, and Condition here" in answer.err
+
+
+@pytest.mark.parametrize("command", ["validate", "show"])
+def test_a_folder_without_trees_is_refused(command: str, bestman_bt: Command, folder: Path) -> None:
+    (folder / "none").mkdir()
+    answer = bestman_bt(command, "none")
+    assert answer.code == 2
+    assert "none: there are no tree files in the folder" in answer.err
+
+
+@pytest.mark.parametrize("option", ["--limit", "--period"])
+def test_simulated_times_are_finite_numbers(option: str, bestman_bt: Command, folder: Path) -> None:
+    written(folder / "t.xml", "<AlwaysSuccess/>")
+    answer = bestman_bt("simulate", "t.xml", option, "nan")
+    assert answer.code == 2
+    assert "should be a finite number" in " ".join(answer.err.split())
+
+
 def test_simulate_takes_a_tree_of_a_package(bestman_bt: Command, folder: Path) -> None:
     written(folder / "a.xml", '<SubTree ID="B"/>')
     written(folder / "b.xml", '<AlwaysSuccess name="found"/>', "B")

@@ -61,6 +61,26 @@ def test_what_a_person_should_look_at_is_reported_with_its_line() -> None:
     assert convert(b'<root>\n<BehaviorTree ID="A">\n<A _post="3"/></BehaviorTree></root>', "t.xml").notes[0][0] == 3
 
 
+@pytest.mark.parametrize(
+    "node",
+    [
+        '<BlackboardCheckString value_A="{s.x y}" value_B="it"><A/></BlackboardCheckString>',
+        '<BlackboardCheckInt value_A="{n}" value_B="{a-b}"><A/></BlackboardCheckInt>',
+        '<BlackboardCheckInt value_A="{n}" value_B="1 2"><A/></BlackboardCheckInt>',
+    ],
+)
+def test_a_check_that_no_script_can_express_stays_with_a_note(node: str) -> None:
+    text, notes = converted(node)
+    assert text == node
+    assert "rewrite it by hand" in notes[0]
+
+
+def test_a_file_of_py_trees_is_refused() -> None:
+    tree = b'<root><BehaviorTree ID="Main"><Selector memory="false"><A/></Selector></BehaviorTree></root>'
+    with pytest.raises(TreeLoadError, match="<Selector>: this is py_trees' format"):
+        convert(tree, "t.xml")
+
+
 def test_the_format_is_added_and_models_stay() -> None:
     text = b"<root>\n<TreeNodesModel><Action ID='SequenceStar'/></TreeNodesModel></root>"
     assert convert(text, "t.xml").data == text.replace(b"<root>", b'<root BTCPP_format="4">')

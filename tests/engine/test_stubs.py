@@ -56,6 +56,28 @@ def test_a_stub_loads_at_once_and_fails_as_not_implemented(folder: Path) -> None
     assert tree.nodes[1].feedback_message == "not_implemented"
 
 
+def test_defaults_that_are_no_finite_numbers_and_names_of_imports_load(folder: Path) -> None:
+    names = ("In", "Out", "Any", "StatefulAction", "float", "FAILURE")
+    leaves = "".join(f'<{name} x="{{e}}"/>' for name in names)
+    ports = "".join(
+        f'<input_port name="p{number}" type="double" default="{text}"/>'
+        for number, text in enumerate(("nan", "inf", "-inf", "1e400"))
+    )
+    models = (
+        f'<Action ID="In">{ports}<input_port name="all" type="std::vector&lt;double&gt;" default="1;inf"/></Action>'
+    )
+    (folder / "t.xml").write_text(
+        f'<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>{leaves}</Sequence></BehaviorTree>'
+        f"<TreeNodesModel>{models}</TreeNodesModel></root>"
+    )
+    assert stub(folder) == sorted(names)
+    registry = node_registry([str(folder / "leaves.py")])
+    found = registry.info("In").ports
+    assert [port.default for port in found.values() if port.name != "x"] == [None] * 5
+    assert all(name in registry for name in names)
+    assert stub(folder) == []
+
+
 def test_a_second_run_adds_what_is_new_and_changes_nothing_else(folder: Path) -> None:
     stub(folder)
     file = folder / "leaves.py"

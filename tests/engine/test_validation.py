@@ -441,9 +441,7 @@ def test_what_behaviortree_cpp_accepts_without_a_word_is_warned_of(tmp_path: Pat
         ("<x_:Wipe/>", "<x_:Wipe>: the name of a node has no ':'"),
     ],
 )
-def test_what_is_wrong_in_every_behaviortree_cpp_is_an_error_and_drawn(
-    body: str, message: str, tmp_path: Path
-) -> None:
+def test_what_is_wrong_in_every_behaviortree_cpp_is_an_error_and_drawn(body: str, message: str, tmp_path: Path) -> None:
     inner = '<BehaviorTree ID="Inner"><AlwaysSuccess/></BehaviorTree>'
     path = file(tmp_path, f"<Sequence><AlwaysSuccess/>\n{body}</Sequence>", inner)
     problems = [one for one in validate_file(path) if one.severity == "error" and not one.missing]

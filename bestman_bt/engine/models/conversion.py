@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from bestman_bt.engine.errors import TreeLoadError, TreeProblem
-from bestman_bt.engine.xml.documents import RENAMED, SIGNS
-from bestman_bt.engine.xml.elements import run_parser, safe_parser
+from bestman_bt.engine.xml.documents import RENAMED, SIGNS, find_py_trees_element, old_version
+from bestman_bt.engine.xml.elements import Element, parse_xml, run_parser, safe_parser
 from bestman_bt.engine.xml.writer import escape
 
 _PORTS: Final = {
@@ -27,6 +27,9 @@ _SCRIPTS: Final = frozenset(
 _ATTRIBUTE: Final = re.compile(rb"(\s+)([^\s=/>]+)(\s*=\s*)(\"[^\"]*\"|'[^']*')")
 _START_TAG: Final = re.compile(rb"<(?:[^>\"']++|\"[^\"]*+\"|'[^']*+')*+>")
 _TRUE: Final = ("true", "1")
+_KEY: Final = re.compile(r"[@A-Za-z_]\w*", re.ASCII)
+"""A key that a script can name."""
+_OPERAND: Final = re.compile(r"-?[\w.]+", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ def convert(data: bytes, file: str) -> Converted:
     Constructs that only BehaviorTree.CPP's parser accepts are written as valid XML, with a note for each place.
 
     Raises:
-        TreeLoadError: it is not well-formed XML, or its encoding is not a superset of ASCII.
+        TreeLoadError: it is not well-formed XML, it is a file of py_trees, or its encoding is not a superset of ASCII.
     """
     notes: list[tuple[int, str]] = []
     edits: list[tuple[int, int, bytes]] = []
@@ -69,6 +72,7 @@ def convert(data: bytes, file: str) -> Converted:
     notes.extend(tolerated)
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise TreeLoadError([TreeProblem(file, 1, "", "", "the file is in UTF-16; save it as UTF-8 to convert it")])
+    _refuse_py_trees(parse_xml(data, file), file)
 
     def start(name: str, attributes: dict[str, str]) -> None:
         nonlocal depth_of_models, is_old
@@ -99,6 +103,13 @@ def convert(data: bytes, file: str) -> Converted:
     for at, until, text in sorted(edits, reverse=True):
         data = data[:at] + text + data[until:]
     return Converted(data, notes)
+
+
+def _refuse_py_trees(root: Element, file: str) -> None:
+    sign = find_py_trees_element(root)
+    if sign is not None and old_version(root, file) is None:
+        what = "this is py_trees' format: it is read as it is, and has no conversion"
+        raise TreeLoadError([TreeProblem(file, sign.line, sign.tag, "", what)])
 
 
 def _end_of_tag(data: bytes, start: int) -> int:
@@ -162,6 +173,10 @@ def _check(tag: _Tag, kind: str) -> Iterator[str]:
         yield f"{kind} is not in version 4: write a <Precondition> or _skipIf"
         return
     is_entry = two.startswith("{") and two.endswith("}")
+    for text, form in ((one[1:-1], _KEY), (two[1:-1], _KEY) if is_entry else (two, _OPERAND)):
+        if form.fullmatch(text) is None and not (form is _OPERAND and kind.endswith("String")):
+            yield f"{kind} is not in version 4, and no script can have '{text}': rewrite it by hand"
+            return
     other = two[1:-1] if is_entry else f"'{two}'" if kind.endswith("String") else two
     tag.new_name = "Precondition"
     tag.removed |= {"value_A", "value_B", "return_on_mismatch"}

@@ -47,8 +47,11 @@ class Package:
         package, folders = cls(), tuple(search_path)
         for path in map(Path, paths):
             if path.is_dir():
+                count = len(package.files) + len(package.problems)
                 for file in _tree_files(path):
                     package._read(file, (*folders, path), named=False)
+                if len(package.files) + len(package.problems) == count:
+                    package.problems.append(TreeProblem(str(path), 0, "", "", "there are no tree files in the folder"))
             elif path.suffix == ".btproj":
                 package._read_project(path, folders)
             else:

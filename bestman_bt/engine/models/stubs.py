@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import builtins
 import io
 import keyword
+import math
 import re
 import textwrap
 import tokenize
@@ -35,6 +37,8 @@ _TYPES: Final[dict[str, Any]] = {
     "std::vector<std::string>": list[str],
 }
 _KINDS: Final = {"input": "In", "output": "Out", "inout": "InOut"}
+_ENGINE_NAMES: Final = ("Condition", "FAILURE", "In", "InOut", "Out", "StatefulAction")
+_USED: Final = (*_ENGINE_NAMES, "Any", "annotations")
 _HEAD: Final = (
     '"""Leaves of trees: implement them, and load them with --plugin."""\n\nfrom __future__ import annotations\n'
 )
@@ -59,10 +63,10 @@ def stub_source(infos: Iterable[NodeInfo], existing: bytes, file: str) -> tuple[
     added = [info for info in infos if info.kind in ("Action", "Condition") and info.name not in there]
     if not added:
         return existing, []
-    classes = [_class(info, there) for info in sorted(added, key=lambda info: info.name)]
+    taken = {*there, *imported, *_USED, *dir(builtins)}
+    classes = [_class(info, taken) for info in sorted(added, key=lambda info: info.name)]
     body = "\n\n\n".join(classes) + "\n"
-    wanted = ["Condition", "FAILURE", "In", "InOut", "Out", "StatefulAction"]
-    needed = [name for name in wanted if re.search(rf"\b{name}\b", body) and name not in imported]
+    needed = [name for name in _ENGINE_NAMES if re.search(rf"\b{name}\b", body) and name not in imported]
     imports = ["from typing import Any\n"] if re.search(r"\bAny\b", body) and "Any" not in imported else []
     if needed:
         imports.append(f"from bestman_bt.engine import {', '.join(needed)}")
@@ -195,6 +199,9 @@ def _default(port: Port, data_type: Any) -> Any:
         return str(port.default) if data_type is str else None
     try:
         converter = ConverterRegistry().converter(data_type)
-        return None if converter is None else converter(str(port.default))
+        made = None if converter is None else converter(str(port.default))
     except ConversionError:
         return None
+    numbers = made if isinstance(made, list) else [made]
+    finite = all(math.isfinite(number) for number in numbers if isinstance(number, float))
+    return made if finite else None  # a port refuses others

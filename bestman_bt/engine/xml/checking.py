@@ -95,18 +95,23 @@ class Checker:
 
     def _check(self, element: Element) -> None:
         tag = element.tag
-        attributes = element.attributes
         if tag == "SubTree":
             self._check_subtree(element)
-            return
-        if tag in _NEVER_NODES or ":" in tag:
+        elif tag in _NEVER_NODES or ":" in tag:
             self._report(element, "", "it is not a node" if tag in _NEVER_NODES else "the name of a node has no ':'")
-            for child in element.children:
-                self._check(child)
-            return
-        name = tag
+        else:
+            self._check_node(element)
+        for child in element.children:
+            self._check(child)
+        if tag == "SubTree" and element.children:
+            what = "a <SubTree> has no children of its own"
+            self.documents.problems.append(TreeProblem(self.file, element.line, tag, "", what))
+            element.children = NO_CHILDREN
+
+    def _check_node(self, element: Element) -> None:
+        name = tag = element.tag
         if tag in EXPLICIT:
-            name = attributes.get("ID", "")
+            name = element.attributes.get("ID", "")
             if not name:
                 self._report(element, "ID", "the attribute is missing; it names the node")
         info = self._infos.get(name)
@@ -119,8 +124,6 @@ class Checker:
             self._missing = not info.builtin or name in EXTENSIONS
             self._check_known(element, name, info)
         self._missing = False
-        for child in element.children:
-            self._check(child)
 
     def _check_known(self, element: Element, name: str, info: NodeInfo) -> None:
         tag, attributes, children = element.tag, element.attributes, element.children
@@ -216,18 +219,13 @@ class Checker:
             self._report(element, key, f"nothing is written: {_output_message(info, key, text)}", "", "warning")
 
     def _check_subtree(self, element: Element) -> None:
-        tree_id, report = element.attributes.get("ID"), self.documents.problems.append
+        tree_id = element.attributes.get("ID")
         if not tree_id:
             self._report(element, "ID", "the attribute is missing; it names the tree")
         elif tree_id not in self.documents.trees:
             self._missing = True
             self._report(element, "ID", f"there is no tree '{tree_id}'", self._tree_remedy(tree_id), self._wrong)
             self._missing = False
-        if element.children:
-            report(TreeProblem(self.file, element.line, "SubTree", "", "a <SubTree> has no children of its own"))
-            for child in element.children:
-                self._check(child)
-            element.children = NO_CHILDREN
         element.info = self._infos["SubTree"]
         for key, text in element.attributes.items():
             if key in SCRIPTS:
