@@ -77,7 +77,7 @@ def validate_file(
             found.extend(_unused_circles(documents, shown))
             tree = open_documents(documents, registry, models, gaps, faults=found, main_tree=shown)
             if main is not None:
-                found.extend(_unused_trees(documents, main))
+                found.extend(_unused_trees(documents, main, package))
     except TreeLoadError as error:
         found += error.problems
         return _sorted([*found, *gaps.problems, *(documents.problems if documents is not None else ())])
@@ -157,8 +157,10 @@ def _unused_circles(documents: Documents, shown: str | None) -> Iterator[TreePro
                 on_route.add(id(found))
 
 
-def _unused_trees(documents: Documents, main: str) -> Iterator[TreeProblem]:
-    used = documents.used_trees(main)
+def _unused_trees(documents: Documents, main: str, package: Package | None) -> Iterator[TreeProblem]:
+    users = {} if package is None else package.user_files
+    entered = [main, *(tree_id for tree_id in documents.trees if users.get(tree_id, set()) - {documents.file})]
+    used = {name for tree_id in entered for name in documents.used_trees(tree_id)}
     for tree_id, definition in documents.trees.items():
         if tree_id not in used and definition.file == documents.file:
             line = definition.element.line

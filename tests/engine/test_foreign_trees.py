@@ -215,6 +215,20 @@ def test_the_overview_tells_who_uses_whom(package: Path) -> None:
     assert [one.tree_id for one in found.unused()] == []
 
 
+def test_a_tree_that_another_file_uses_is_not_unused(package: Path) -> None:
+    file = package / "pick.xml"
+    more = (
+        '<BehaviorTree ID="Start"><AlwaysSuccess/></BehaviorTree><BehaviorTree ID="Old"><AlwaysFailure/></BehaviorTree>'
+    )
+    text = (
+        file.read_text().replace("<root ", '<root main_tree_to_execute="Start" ').replace("</root>", f"{more}</root>")
+    )
+    file.write_text(text)
+    told = [problem.message for problem in validate_file(file, package=Package.open([package]))]
+    assert told == ["tree 'Old' is never used"]
+    assert "tree 'Pick' is never used" in [problem.message for problem in validate_file(file)]
+
+
 def test_a_project_of_groot2_names_files_and_models(package: Path) -> None:
     project = package / "robot.btproj"
     project.write_text(f'<root BTCPP_format="4"><include path="pick.xml"/><include path="gone.xml"/>{MODEL}</root>')

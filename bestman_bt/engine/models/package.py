@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -97,6 +98,15 @@ class Package:
     def duplicates(self) -> list[list[TreeDefinition]]:
         """Return the groups of trees that share an ID."""
         return [found for found in self._by_id.values() if len(found) > 1]
+
+    @cached_property
+    def user_files(self) -> dict[str, set[str]]:
+        """Tree → the files with a SubTree that names it."""
+        files: dict[str, set[str]] = {}
+        for one in self.trees():
+            for tree_id in subtree_ids(one):
+                files.setdefault(tree_id, set()).add(one.file)
+        return files
 
     def users(self) -> dict[str, Counter[str]]:
         """Return tree → the trees that its SubTrees name, with counts."""
