@@ -478,6 +478,28 @@ def test_what_no_behaviortree_cpp_takes_is_reported_as_not_portable(tmp_path: Pa
     )
 
 
+@pytest.mark.parametrize(
+    ("node", "field"),
+    [
+        ('<Repeat num_cycles="3000000000"><AlwaysSuccess/></Repeat>', "num_cycles"),
+        ('<Sleep msec="5000000000"/>', "msec"),
+        ('<Sequence><Script code="c := 1"/>\n<Script code="{c}"/></Sequence>', "code"),
+        ('<LoopInt queue="1;2" value="="><AlwaysSuccess/></LoopInt>', "value"),
+    ],
+)
+def test_what_behaviortree_cpp_refuses_and_loads_here_is_not_portable(node: str, field: str, tmp_path: Path) -> None:
+    problems = [one for one in validate_file(file(tmp_path, node)) if "not portable" in one.message]
+    assert [(one.field, one.severity) for one in problems] == [(field, "warning")]
+    assert not validate_file(file(tmp_path, '<Delay delay_msec="4294967295"><AlwaysSuccess/></Delay>'))
+
+
+def test_utf_16_is_not_portable(tmp_path: Path) -> None:
+    path = file(tmp_path, "<AlwaysSuccess/>")
+    path.write_bytes(path.read_text().encode("utf-16"))
+    (problem,) = validate_file(path)
+    assert (problem.severity, problem.message) == ("warning", "not portable: BehaviorTree.CPP reads UTF-8")
+
+
 def test_an_error_of_a_node_has_the_way_of_the_tick(tmp_path: Path) -> None:
     body = '<Sequence name="top"><Inverter><Script name="bad" code="a := 1; a = \'x\'"/></Inverter></Sequence>'
     path = file(tmp_path, body)

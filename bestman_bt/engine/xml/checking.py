@@ -12,7 +12,7 @@ from typing import Any, Final
 from bestman_bt.engine.blackboard import key_fault
 from bestman_bt.engine.bounds import refusal
 from bestman_bt.engine.catalogue import EXTENSIONS
-from bestman_bt.engine.conversion import UNTYPED, cast, partly_read, type_name
+from bestman_bt.engine.conversion import UNTYPED, cast, partly_read, to_int, type_name
 from bestman_bt.engine.core.ports import key_of
 from bestman_bt.engine.core.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.core.strict_order import STRICT
@@ -27,6 +27,7 @@ from bestman_bt.engine.xml.documents import RENAMED, Documents, TreeDefinition
 from bestman_bt.engine.xml.elements import NO_CHILDREN, Element
 
 EXPLICIT: Final = frozenset(("Action", "Condition", "Control", "Decorator"))
+_UNSIGNED: Final = ("msec", "delay_msec")
 _LEAVES: Final = ("Action", "Condition")
 _NEVER_NODES: Final = ("BehaviorTree", "TreeNodesModel")
 PRE_CONDITIONS: Final = ("_failureIf", "_successIf", "_skipIf", "_while")
@@ -195,6 +196,7 @@ class Checker:
                     if element.entries is None:
                         element.entries = []
                     element.entries.append((key, entry, port.data_type))
+                    self._check_mapping(element, info, key, text)
                     continue
             if port.direction == "output":
                 self._check_output(element, info, key, text)
@@ -203,6 +205,14 @@ class Checker:
             elif key == "code" and info.builtin and (text or info.name != "Script"):
                 self._check_script(element, key, text)
 
+    def _check_mapping(self, element: Element, info: NodeInfo, key: str, text: str) -> None:
+        port = info.ports[key]
+        if key == "code" and info.builtin:
+            what = "not portable: BehaviorTree.CPP takes the text of the script, not an entry"
+            self._report(element, key, what, "", "warning")
+        elif text == "=" and port.direction != "input" and port.data_type not in (*UNTYPED, str):
+            self._report(element, key, "not portable: BehaviorTree.CPP refuses '='", "write {=}", "warning")
+
     def _check_literal(self, element: Element, info: NodeInfo, key: str, text: str) -> None:
         message = literal_message(info, key, text, self.registry)
         data_type = info.ports[key].data_type
@@ -210,6 +220,10 @@ class Checker:
             self._report(element, key, message, "", "latent" if data_type is NodeStatus else self._wrong)
         elif data_type in (int, float) and partly_read(text, data_type):
             self._report(element, key, f"only the beginning of '{text}' is read as a number", "", "warning")
+        elif data_type is int and info.builtin:
+            most = 2**32 - 1 if key in _UNSIGNED else 2**31 - 1
+            if to_int(text) > most:
+                self._report(element, key, f"not portable: BehaviorTree.CPP takes at most {most}", "", "warning")
 
     def _check_output(self, element: Element, info: NodeInfo, key: str, text: str) -> None:
         message = literal_message(info, key, text, self.registry) if info.ports[key].data_type is not str else ""

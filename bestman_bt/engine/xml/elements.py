@@ -105,7 +105,7 @@ def safe_parser(
     """Return an expat parser that refuses entities and external references, the bytes to feed it, and warnings.
 
     The bytes are those of ``text``; constructs that only TinyXML-2 accepts are converted to XML, and each gives a
-    warning (line, fault).
+    warning (line, fault), as does a file in UTF-16.
 
     Raises:
         TreeLoadError: the text is too long or contains NUL bytes.
@@ -117,7 +117,7 @@ def safe_parser(
     if b"\0" in data[:4096] and not wide:
         raise _failure(file, 1, "the file holds NUL bytes; it is not XML text")
     encoding = "utf-8" if isinstance(text, str) else None
-    tolerated: Sequence[tuple[int, str]] = ()
+    tolerated: Sequence[tuple[int, str]] = ((1, "not portable: BehaviorTree.CPP reads UTF-8"),) if wide else ()
     fault = None if wide else _fault_of(data, encoding)
     if fault is not None:
         as_xml = AsXml(data)
