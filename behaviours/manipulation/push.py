@@ -297,9 +297,9 @@ class FindPushStand(FindStandAtFurniture):
 
     If an obstacle occupies the place of the hand or the path of the object, ``towards`` is an intermediate place beside
     the object from which it can then be pushed to the goal; of this second push, only the start and the end are checked
-    for reach. Without such a place, or if ``towards`` is not mapped, the
-    failure names the obstacle. If the object is already at its goal, ``stand`` is the current pose of the base. Each
-    further call for the same object and goal gives another placement, until none is left.
+    for reach. Without such a place, or if ``towards`` is not mapped, the failure names the obstacle. If the object is
+    already at its goal, ``stand`` is the current pose of the base. Each further call for the same object and goal gives
+    another placement, until none is left.
     """
 
     REQUIRES = ("base", "lidar", "arm")

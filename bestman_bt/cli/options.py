@@ -184,14 +184,17 @@ class OtherFiles:
         """Return the files and folders with further models and SubTrees, for ``Package.open``."""
         return [*(self.models or ()), *(self.search or ())]
 
-    def package(self) -> Package:
-        """Return the further files. Raises TreeLoadError if one cannot be read, or models contradict each other."""
+    def package(self, tree: str | None = None) -> Package:
+        """Return the further files, with those of the package ``tree``, if given.
+
+        Raises TreeLoadError if a further file cannot be read, or their models contradict each other.
+        """
         from bestman_bt.configuration.data import shipped_trees
         from bestman_bt.engine.models.package import Package
 
-        package = Package.open(self.paths, shipped_trees())
-        package.refuse_broken()
-        return package
+        further = Package.open(self.paths, shipped_trees())
+        further.refuse_broken()
+        return further if tree is None else Package.open([tree, *self.paths], shipped_trees())
 
     def registry(self) -> NodeRegistry:
         """Return the shipped nodes and those of the plug-ins. Raises ConfigurationError if one cannot be loaded."""

@@ -47,8 +47,7 @@ def command(
     Nodes and trees without code are drawn as placeholders, dashed.
     """
     whole = is_package(tree)
-    further = others.package()
-    package = Package.open([tree, *others.paths], shipped_trees()) if whole else further
+    package = others.package(tree if whole else None)
     if whole and tree_id is None:
         _print(overview_svg(package) if svg else overview_dot(package) if dot else overview_text(package), svg)
         package.refuse_broken()

@@ -29,7 +29,6 @@ from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration.data import find_data, shipped_trees
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, EngineError, Tree, WallClock, render_svg
 from bestman_bt.engine.coverage import Coverage
-from bestman_bt.engine.models.package import Package
 from bestman_bt.engine.models.scenario import Scenario, fits
 from bestman_bt.engine.simulation import LIMIT, SimulatedRun, simulate
 from bestman_bt.engine.status import STATUS_NAMES
@@ -96,8 +95,7 @@ def command(  # noqa: PLR0913 - its options, each by its name
                 "drive": partial(run_shown, name=tree, seed=seed, period=period, limit=limit),
             }
         whole = is_package(tree)
-        further = others.package()
-        package = Package.open([tree, *others.paths], shipped_trees()) if whole else further
+        package = others.package(tree if whole else None)
         if whole and tree_id is None:
             what = f"{tree} is a package: name one of its trees: {package.tree_names()}"
             raise typer.BadParameter(what, param_hint="--tree")

@@ -9,6 +9,7 @@ import resource
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from statistics import fmean
 from typing import Any, TypeVar
@@ -115,7 +116,7 @@ def merge_journals(journal: Journal, others: Mapping[Path, StoredEpisodes]) -> N
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, min(hard, len(others) + SPARE_FILES)), hard))
-    for _, group in groupby(_sorted_lines(others), key=_identity):
+    for _, group in groupby(_sorted_lines(others), key=itemgetter(0)):
         found = list(group)
         key = found[0][0]
         if known := key in journal.results:
@@ -147,10 +148,6 @@ def _sorted_lines(journals: Mapping[Path, StoredEpisodes]) -> Iterator[tuple[Epi
         return ((key, line, path) for key, line in episodes.lines())
 
     return heapq.merge(*(of_one(episodes, path) for path, episodes in journals.items()), key=_place)
-
-
-def _identity(episode: tuple[EpisodeKey, bytes, Path]) -> EpisodeKey:
-    return episode[0]
 
 
 def _place(episode: tuple[EpisodeKey, bytes, Path]) -> tuple[str, str, int, bytes]:
